@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Build of the package, by ament_python (colcon) or by pip."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "stickslip_ros"
+SHARE = Path("share") / PACKAGE
+
+# The versions of Jazzy, from wheels: for machines without ROS.
+ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"]
+TEST = [
+    "catkin-pkg",
+    "colcon-common-extensions",
+    "colcon-ros",
+    "hypothesis",
+    "mypy==2.4.1",
+    "pytest",
+    "ruff==0.17.5",
+    "types-PyYAML",
+]
+
+
+def shared(folder: str) -> list[tuple[str, list[str]]]:
+    """Data files of a folder and the folders in it, installed under share/."""
+    files: dict[str, list[str]] = {}
+    for path in sorted(Path(folder).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            files.setdefault(str(SHARE / path.parent), []).append(str(path))
+    return sorted(files.items())
+
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(exclude=["test", "test.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (str(SHARE), ["package.xml"]),
+        *shared("config"),
+        *shared("launch"),
+        *shared("examples"),
+    ],
+    python_requires=">=3.10",
+    install_requires=["matplotlib", "numba", "numpy", "pyyaml", "rich", "scipy", "setuptools"],
+    extras_require={"ros": ROS_WHEELS, "test": TEST},
+    zip_safe=False,
+    maintainer="The stickslip_ros developers",
+    maintainer_email="stickslip-ros@example.org",
+    description="Online stick-slip monitoring of robot joints: detection, margin, gains that cure it",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "monitor = stickslip_ros.nodes.monitor:main",
+            "replay = stickslip_ros.nodes.replay:main",
+            "simulated_joint = stickslip_ros.nodes.simulated_joint:main",
+            "stickslip = stickslip_ros.cli.main:main",
+        ],
+    },
+)

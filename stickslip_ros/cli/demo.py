@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip demo`: a joint that sticks and slips, its monitor, the advice, and the cure, over real DDS.
+
+Starts a simulated joint and the monitor as two processes, waits for stick slip, sets the advised gains
+through the joint's parameter service, and waits for smooth motion. Exit status 0 only if stick slip was
+detected before and is gone after. With --recording, a recorded joint takes the simulated one's place
+and nothing is changed: then 0 means that the recording was watched to its end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from stickslip_ros.cli.processes import NodeProcess, isolate
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.recordings import find_recording, load_recording
+
+if TYPE_CHECKING:
+    from stickslip_ros.cli.demo_log import DemoListener
+
+_JOINT = "joint1"
+_CYCLES_TO_SEE = 6
+_SMOOTH_TO_SEE = 5.0  # [s]
+_START_LIMIT = 20.0
+_STICK_LIMIT = 20.0
+_SMOOTH_LIMIT = 15.0
+_LARGEST_STEP = 0.1
+_STEP_PERIOD = 0.1  # [s]
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "demo", help="stick slip detected, explained and cured, in half a minute", description=__doc__
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("stickslip_demo.png"), help="where to save the picture (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--recording",
+        metavar="NAME",
+        help="replay a recorded joint instead: a .csv or .npz file, or the beginning of a known one's name",
+    )
+    parser.add_argument(
+        "--speed",
+        type=float,
+        default=None,
+        metavar="X",
+        help="recorded seconds a second (default: so that it takes half a minute)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the demo."""
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise StickSlipError(f"the demo needs ROS 2 (rclpy): {error}; `make demo` installs it from wheels") from error
+    if options.out.suffix not in (".png", ".svg", ".pdf") or not options.out.resolve().parent.is_dir():
+        raise StickSlipError(f"--out must be a .png, .svg or .pdf in a folder that exists: {options.out}")
+    console = Console(highlight=False, soft_wrap=True)
+    domain = isolate()
+    console.print(f"[dim]ROS domain {domain}, this machine only[/]")
+    return _replay(console, options) if options.recording else _cure(console, options.out)
+
+
+def _cure(console: Console, out: Path) -> int:
+    from stickslip_ros.cli.demo_log import DemoListener
+    from stickslip_ros.cli.demo_picture import draw
+
+    with ExitStack() as stack:
+        nodes = [
+            stack.enter_context(NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]"})),
+            stack.enter_context(
+                NodeProcess(
+                    "monitor",
+                    {"joints": f"[{_JOINT}]", f"model.{_JOINT}": "puma560_joint1", "controller": "/simulated_joint"},
+                )
+            ),
+        ]
+        listener = DemoListener(_JOINT)
+        stack.callback(listener.close)
+        console.print(
+            "Two nodes started: [bold]simulated_joint[/] (PUMA 560 joint 1, the paper's friction) and [bold]monitor[/]."
+        )
+        show = _Ticker(console, listener, "rad")
+        _wait(
+            listener,
+            nodes,
+            lambda: not math.isnan(listener.now) and listener.status != "",
+            _START_LIMIT,
+            "the nodes to be heard",
+            show,
+        )
+        console.print(
+            f"The joint is told to move at {listener.value('velocity [rad/s]')} rad/s, "
+            f"k_p = {listener.value('stiffness [N*m/rad]')} N·m/rad, "
+            f"k_v = {listener.value('damping [N*m*s/rad]')} N·m·s/rad."
+        )
+        data = listener.data
+        _wait(
+            listener,
+            nodes,
+            lambda: listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE,
+            _STICK_LIMIT,
+            "stick slip",
+            show,
+        )
+        margin = data.margins[-1]["energy_margin"]
+        console.print(
+            f"[bold red]Stick slip[/]: {len(data.cycles)} cycles, the last slip "
+            f"{1e3 * data.cycles[-1]['slip_distance']:.2f} mrad after {data.cycles[-1]['dwell']:.2f} s at rest. "
+            f"Margin of Eq. (43): [red]{margin:.3g}[/] M·x˙_s² (negative)."
+        )
+        advice = listener.get_parameters("/stickslip_monitor", [f"recommended.{_JOINT}.p", f"recommended.{_JOINT}.d"])
+        console.print(f"Advice: [bold]{listener.value('recommendation')}[/].")
+        changed_at = listener.now
+        steps = _ramp(listener, advice)
+        console.print(
+            f"Gains set through the joint's parameter service while it moves, in {steps} steps: "
+            "k_p times an error is a torque."
+        )
+        smooth_since: list[float] = []
+
+        def smooth_for_long() -> bool:
+            if listener.status != "smooth":
+                smooth_since.clear()
+            elif not smooth_since:
+                smooth_since.append(listener.now)
+            return bool(smooth_since) and listener.now - smooth_since[0] >= _SMOOTH_TO_SEE
+
+        _wait(listener, nodes, smooth_for_long, _SMOOTH_LIMIT, "smooth motion", show)
+        after = data.margins[-1]["energy_margin"]
+        late = [cycle for cycle in data.cycles if cycle["arrest"] > smooth_since[0]]
+        if late or not after > 0 > margin:
+            raise StickSlipError(
+                f"not cured: {len(late)} cycles after the change, margin {margin:.3g} before and {after:.3g} after"
+            )
+        console.print(
+            f"[bold green]Smooth[/]: no cycle for {listener.now - smooth_since[0]:.0f} s. "
+            f"Margin of Eq. (43): [green]+{after:.3g}[/] M·x˙_s²."
+        )
+        draw(
+            data,
+            out,
+            title="PUMA 560 joint 1 at 5.8 mrad/s: stick slip, and its cure",
+            gains_changed_at=changed_at,
+            unit="rad",
+        )
+    console.print(f"Picture: [bold]{out}[/]")
+    return 0
+
+
+def _replay(console: Console, options: argparse.Namespace) -> int:
+    from stickslip_ros.cli.demo_log import DemoListener
+    from stickslip_ros.cli.demo_picture import draw
+
+    path = find_recording(options.recording)
+    recording = load_recording(path)
+    batch = recording.batch
+    length = float(batch.time[-1] - batch.time[0])
+    factor = options.speed if options.speed is not None else max(1.0, length / 30.0)
+    if not (math.isfinite(factor) and factor > 0):
+        raise StickSlipError(f"--speed must be > 0: {factor}")
+    with ExitStack() as stack:
+        monitor = stack.enter_context(NodeProcess("monitor", {"joints": f"[{_JOINT}]"}))
+        listener = DemoListener(_JOINT)
+        stack.callback(listener.close)
+        listener.listen(1.0)
+        _wait(
+            listener, [monitor], lambda: listener.diagnostic is not None, _START_LIMIT, "the monitor to be heard", None
+        )
+        replay = stack.enter_context(NodeProcess("replay", {"recording": path, "joint": _JOINT, "time_factor": factor}))
+        console.print(
+            f"Replaying [bold]{recording.name}[/]: {len(batch)} samples, {length:.1f} s, {factor:.3g} times as fast."
+        )
+        show = _Ticker(console, listener, recording.unit)
+        seen: dict[str, None] = {}
+
+        def ended() -> bool:
+            if listener.data.states:
+                seen.setdefault(listener.status)
+            return not replay.running
+
+        _wait(listener, [monitor], ended, length / factor + _START_LIMIT, "the end of the recording", show)
+        if replay.wait(1.0) != 0 or not listener.data.states:
+            raise StickSlipError(f"the recording was not published: {_last_line(replay.output())}")
+        cycles = listener.data.cycles
+        console.print(
+            f"Watched to its end: [bold]{len(cycles)} stick-slip cycles[/]; "
+            f"statuses on the way: {', '.join(filter(None, seen))}."
+        )
+        title = f"{recording.name}: {len(cycles)} stick-slip cycles"
+        draw(listener.data, options.out, title=title, gains_changed_at=None, unit=recording.unit)
+    console.print(f"Picture: [bold]{options.out}[/]")
+    return 0
+
+
+def _ramp(listener: DemoListener, advice: list[float]) -> int:
+    """Set the advised gains in steps of at most a tenth; returns how many."""
+    stiffness, damping = (float(listener.value(key)) for key in ("stiffness [N*m/rad]", "damping [N*m*s/rad]"))
+    # Damping may be zero now; a tenth of the advised value is as small a step.
+    ratios = [abs(math.log(advice[0] / stiffness)), abs(advice[1] - damping) / max(advice[1], damping, 1e-9)]
+    steps = max(1, math.ceil(max(ratios) / math.log(1.0 + _LARGEST_STEP)))
+    for step in range(1, steps + 1):
+        share = step / steps
+        listener.set_gains(
+            "/simulated_joint", stiffness * (advice[0] / stiffness) ** share, damping + share * (advice[1] - damping)
+        )
+        listener.listen(_STEP_PERIOD)
+    return steps
+
+
+class _Ticker:
+    """One line a second on where things stand."""
+
+    def __init__(self, console: Console, listener: DemoListener, unit: str) -> None:
+        self._unit = unit
+        self._console = console
+        self._listener = listener
+        self._next = time.monotonic() + 1.0
+        self._start = math.nan
+
+    def __call__(self) -> None:
+        listener = self._listener
+        if time.monotonic() < self._next or math.isnan(listener.now):
+            return
+        self._next = time.monotonic() + 1.0
+        self._start = listener.data.states[0][0]
+        colour = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}.get(listener.status, "dim")
+        margin = listener.data.margins[-1]["energy_margin"] if listener.data.margins else math.nan
+        text = f"margin {margin:+8.3g}" if math.isfinite(margin) else "no margin"
+        self._console.print(
+            f"  {listener.now - self._start:5.1f} s  position {1e3 * listener.data.states[-1][1]:9.2f} m{self._unit}  "
+            f"cycles {len(listener.data.cycles):3d}  {text}  [{colour}]{listener.status}[/]"
+        )
+
+
+def _wait(
+    listener: DemoListener,
+    nodes: list[NodeProcess],
+    reached: Callable[[], bool],
+    limit: float,
+    what: str,
+    show: Callable[[], None] | None,
+) -> None:
+    """Listen until the goal is reached.
+
+    Raises
+    ------
+    StickSlipError
+        If the time limit [s] has passed, or a node has ended.
+    """
+    until = time.monotonic() + limit
+    while not reached():
+        listener.listen(0.1)
+        if show is not None:
+            show()
+        for node in nodes:
+            if not node.running:
+                raise StickSlipError(f"the node {node.module} ended: {_last_line(node.output())}")
+        if time.monotonic() > until:
+            raise StickSlipError(
+                f"waited {limit:.0f} s in vain for {what}; the joint is {listener.status or 'not heard'}"
+            )
+
+
+def _last_line(text: str) -> str:
+    return text.strip().splitlines()[-1] if text.strip() else "it said nothing"

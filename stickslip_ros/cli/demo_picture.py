@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The demo's picture: position, velocity and margin over time, with the cycles marked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stickslip_ros.cli.demo_log import DemoData
+
+_BLUE, _GREY, _RED, _GREEN = "#1f5fa8", "#777777", "#c0392b", "#2e8b57"
+_MOST_POINTS = 6000
+
+
+def draw(data: DemoData, path: Path, *, title: str, gains_changed_at: float | None, unit: str) -> None:
+    """Write the picture as the file's ending says (.png, .svg, .pdf).
+
+    Parameters
+    ----------
+    gains_changed_at : stamp of the change [s], None if there was none; then the margin is left out too
+        unless there is one.
+    unit : of position, "rad" or "m".
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    states = np.array(data.states)
+    states = states[np.argsort(states[:, 0], kind="stable")]
+    states = states[:: max(1, len(states) // _MOST_POINTS)]
+    start = states[0, 0]
+    margins = [(row["time"] - start, row["energy_margin"]) for row in data.margins if np.isfinite(row["energy_margin"])]
+    has_velocity = bool(np.isfinite(states[:, 2]).any())
+    rows = 1 + has_velocity + bool(margins)
+    heights = [2.2, 1.3, 1.2][:1] + [1.3] * has_velocity + [1.2] * bool(margins)
+    figure, axes = pyplot.subplots(
+        rows, 1, figsize=(10, 2.3 + 2.1 * rows), sharex=True, height_ratios=heights, squeeze=False, layout="constrained"
+    )
+    panels = list(axes[:, 0])
+    scale, prefix = (1e3, "m") if np.ptp(states[:, 1]) < 1.0 else (1.0, "")
+    top = panels.pop(0)
+    if data.references:
+        references = np.array(data.references)
+        references = references[:: max(1, len(references) // _MOST_POINTS)]
+        top.plot(references[:, 0] - start, scale * references[:, 1], color=_GREY, linewidth=1.2, label="reference")
+    top.plot(states[:, 0] - start, scale * states[:, 1], color=_BLUE, linewidth=1.6, label="measured position")
+    for number, cycle in enumerate(data.cycles):
+        begin, end = cycle["breakaway"] - start, cycle["arrest"] - start
+        top.axvspan(
+            begin, end, color=_RED, alpha=0.12, linewidth=0, label="slip of a detected cycle" if number == 0 else None
+        )
+    top.set_ylabel(f"position [{prefix}{unit}]")
+    top.legend(loc="upper left", frameon=False)
+    top.set_title(title, loc="left")
+    if has_velocity:
+        panel = panels.pop(0)
+        panel.plot(states[:, 0] - start, scale * states[:, 2], color=_BLUE, linewidth=1.0)
+        panel.set_ylabel(f"velocity [{prefix}{unit}/s]")
+    if margins:
+        panel = panels.pop(0)
+        times, values = np.array(margins).T
+        panel.axhline(0.0, color=_GREY, linewidth=0.8)
+        panel.fill_between(times, values, 0.0, where=values > 0, color=_GREEN, alpha=0.25, linewidth=0, step="post")
+        panel.fill_between(times, values, 0.0, where=values <= 0, color=_RED, alpha=0.25, linewidth=0, step="post")
+        panel.step(times, values, where="post", color=_BLUE, linewidth=1.4)
+        smallest = np.min(np.abs(values[values != 0]), initial=1.0)
+        panel.set_yscale("symlog", linthresh=max(smallest, 1e-4), linscale=0.4)
+        panel.set_ylabel("energy margin of\nEq. (43) [$M \\dot{x}_s^2$]")
+        panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=_GREEN)
+        panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=_RED)
+    for panel in axes[:, 0]:
+        if gains_changed_at is not None:
+            panel.axvline(gains_changed_at - start, color="black", linestyle="--", linewidth=1.0)
+        panel.grid(alpha=0.25)
+        panel.spines[["top", "right"]].set_visible(False)
+    if gains_changed_at is not None:
+        top.annotate(
+            " advised gains set, in steps",
+            (gains_changed_at - start, 0.03),
+            xycoords=("data", "axes fraction"),
+            fontsize=9,
+        )
+    axes[-1, 0].set_xlabel("time [s]")
+    axes[-1, 0].set_xlim(0.0, states[-1, 0] - start)
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)

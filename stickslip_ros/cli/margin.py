@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip margin`: is this joint smooth at this speed, and by how much?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.known_joints import KnownJoint, load_joint
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.margin import StabilityMargin, change_factors, lowest_smooth_velocity, stability_margin
+
+_FRICTION = {
+    "stribeck": "F_s∞, static friction in excess of Coulomb friction [N·m]",
+    "stribeck_velocity": "Stribeck velocity [rad/s]",
+    "lag": "frictional memory τ_L [s]",
+    "rise_time": "rise time γ of static friction [s]",
+    "viscous": "viscous friction F_v [N·m·s/rad]",
+    "coulomb": "Coulomb friction F_k [N·m]; cancels from the result",
+}
+_REQUIRED = ("stribeck", "stribeck_velocity")
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser("margin", help="is this joint smooth at this speed, by Eq. (43)?", description=__doc__)
+    parser.add_argument(
+        "--joint",
+        metavar="NAME",
+        help="known joint (config/joints) or path of a joint file; other options override its values",
+    )
+    parser.add_argument("--inertia", type=float, metavar="M", help="inertia [kg·m²]")
+    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p [N·m/rad]")
+    parser.add_argument("--damping", type=float, metavar="KV", help="k_v [N·m·s/rad] (default 0)")
+    parser.add_argument("--integral", type=float, metavar="KI", help="k_i [N·m/(rad·s)] (default 0)")
+    parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
+    for name, text in _FRICTION.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the margin; exit status 0 whatever the verdict."""
+    joint, gains, velocity = _joint(options)
+    result = margin_json(joint, gains, velocity)
+    if options.json:
+        print(json.dumps(result, ensure_ascii=False))
+    else:
+        _print(result, joint, gains, velocity)
+    return 0
+
+
+def margin_json(joint: Joint, gains: Gains, velocity: float) -> dict[str, Any]:
+    """The margin as the JSON object of `margin` and `analyze`; null for what is not applicable or infinite."""
+    margin: StabilityMargin = stability_margin(joint, gains, velocity)
+    lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
+    return {
+        "applicable": margin.applicable,
+        "reason": margin.reason,
+        "smooth": margin.smooth if margin.applicable else None,
+        "energy_margin": number(margin.energy_margin),
+        "damping_ratio": number(margin.damping_ratio),
+        "critical_damping_ratio": number(margin.critical_damping_ratio),
+        "reduction_factor": number(margin.reduction_factor),
+        "steady_stribeck": number(margin.steady_stribeck),
+        "lowest_smooth_velocity": number(lowest),
+    }
+
+
+def number(value: Any) -> float | None:
+    """A number that JSON can hold, or None."""
+    return float(value) if math.isfinite(float(value)) else None
+
+
+def _joint(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
+    known: KnownJoint | None = load_joint(options.joint) if options.joint else None
+
+    def value(name: str, fallback: Any) -> float:
+        given = getattr(options, name)
+        if given is None:
+            given = fallback
+        if given is None:
+            raise InvalidParameterError(f"--{name.replace('_', '-')}", "given, or a --joint that has it", None)
+        if not math.isfinite(given):
+            raise InvalidParameterError(f"--{name.replace('_', '-')}", "a finite number", given)
+        return float(given)
+
+    friction = {
+        name: value(name, getattr(known.joint.friction, name) if known else (None if name in _REQUIRED else 0.0))
+        for name in _FRICTION
+    }
+    joint = Joint(inertia=value("inertia", known.joint.inertia if known else None), friction=Friction(**friction))
+    gains = Gains(
+        stiffness=value("stiffness", known.gains.stiffness if known else None),
+        damping=value("damping", known.gains.damping if known else 0.0),
+        integral=value("integral", known.gains.integral if known else 0.0),
+    )
+    return joint, gains, value("velocity", known.velocity if known else None)
+
+
+def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
+    console = Console(highlight=False)
+    if not result["applicable"]:
+        console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
+        return
+    verdict = "[green]smooth[/]" if result["smooth"] else "[red]stick slip[/]"
+    console.print(f"At {velocity:g} rad/s Eq. (43) predicts {verdict}.")
+    table = Table(show_header=False, box=None, padding=(0, 2))
+    rows = (
+        ("energy margin", "energy_margin", "M·x˙_s²", "positive means smooth"),
+        ("damping ratio", "damping_ratio", "", "ρ, controller and viscous friction together"),
+        ("critical damping ratio", "critical_damping_ratio", "", "ρ at which the margin is zero"),
+        ("reduction factor", "reduction_factor", "", "h of Eq. (32)"),
+        ("steady Stribeck friction", "steady_stribeck", "N·m", "F_s,ss of Eq. (39)"),
+        ("lowest smooth velocity", "lowest_smooth_velocity", "rad/s", "smooth at this and every higher speed"),
+    )
+    for label, key, unit, note in rows:
+        value = "none" if result[key] is None else f"{result[key]:.4g}"
+        table.add_row(label, value, unit, f"[dim]{note}[/]")
+    console.print(table)
+    factors = change_factors(joint, gains, velocity)
+    words = {"stiffness": "stiffness", "damping": "damping", "velocity": "speed"}
+    parts = [
+        f"{words[name]} × {float(value):.3g}"
+        for name, value in factors.items()
+        if math.isfinite(float(value)) and float(value) > 0
+    ]
+    if parts:
+        console.print(f"The verdict changes at {', or '.join(parts)}.")

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Nodes as processes of their own, which end with the command that started them, however it ends."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+from types import TracebackType
+
+_PR_SET_PDEATHSIG = 1
+_DOMAINS = range(1, 102)  # those whose ports lie below Linux's ephemeral range
+
+
+def isolate() -> int:
+    """Keep this process and its children on this machine and on a ROS domain of their own; returns the domain.
+
+    A ROS_DOMAIN_ID that the user has set is kept.
+    """
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    domain = os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().choice(_DOMAINS)))
+    return int(domain)
+
+
+def _die_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+class NodeProcess:
+    """One node run as a process; a context manager that ends it.
+
+    Parameters
+    ----------
+    module : name of a module of stickslip_ros.nodes.
+    parameters : ROS parameters, name to value in YAML.
+    remappings : ROS remappings, from to.
+    """
+
+    def __init__(self, module: str, parameters: dict[str, object], remappings: dict[str, str] | None = None) -> None:
+        self.module = module
+        arguments = [item for name, value in parameters.items() for item in ("-p", f"{name}:={value}")]
+        arguments += [item for name, value in (remappings or {}).items() for item in ("-r", f"{name}:={value}")]
+        command = [sys.executable, "-m", f"stickslip_ros.nodes.{module}", "--ros-args", *arguments]
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115
+        # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
+        self._process = subprocess.Popen(
+            command, stdout=self._log, stderr=subprocess.STDOUT, preexec_fn=_die_with_parent, start_new_session=True
+        )
+
+    def __enter__(self) -> NodeProcess:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def running(self) -> bool:
+        """Whether the process still runs."""
+        return self._process.poll() is None
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def wait(self, timeout: float) -> int:
+        """Exit status, after waiting for the end for at most ``timeout`` seconds."""
+        return self._process.wait(timeout)
+
+    def output(self) -> str:
+        """What the process has printed so far."""
+        self._log.flush()
+        self._log.seek(0)
+        return self._log.read()
+
+    def stop(self) -> int:
+        """Interrupt, and kill if that does not help; returns the exit status."""
+        for signal_number, patience in ((signal.SIGINT, 5.0), (signal.SIGKILL, 5.0)):
+            if self.running:
+                self._process.send_signal(signal_number)
+            try:
+                return self._process.wait(patience)
+            except subprocess.TimeoutExpired:
+                continue
+        raise RuntimeError(f"process {self._process.pid} ({self.module}) cannot be ended")

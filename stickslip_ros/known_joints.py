@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Joint files: identified joints are data, one small YAML file each, loaded by name or by path."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field, fields
+from os import environ
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from stickslip_ros.errors import InvalidParameterError, JointFileError, UnknownJointError
+from stickslip_ros.model._validation import require_finite, require_not_negative
+from stickslip_ros.model.friction import Friction, Gains, Joint
+
+_PACKAGE = "stickslip_ros"
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownJoint:
+    """A joint file's content.
+
+    Attributes
+    ----------
+    name : of the joint; joint : inertia and friction.
+    gains : of its controller; velocity : a speed to try [rad/s]; encoder_resolution : [rad], 0 for none.
+    assumed : names of the values that have no source.
+    """
+
+    name: str
+    joint: Joint
+    gains: Gains
+    velocity: float = 0.0
+    encoder_resolution: float = 0.0
+    assumed: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        require_finite("velocity", self.velocity)
+        require_not_negative("encoder_resolution", self.encoder_resolution)
+
+
+def config_folder() -> Path:
+    """Where the package's configuration lies: of the checkout, the ROS install space, or the Python prefix.
+
+    Raises
+    ------
+    JointFileError
+        If it is in none of these places.
+    """
+    prefixes = [Path(prefix) for prefix in environ.get("AMENT_PREFIX_PATH", "").split(":") if prefix]
+    candidates = [Path(__file__).resolve().parents[1] / "config"]
+    candidates += [prefix / "share" / _PACKAGE / "config" for prefix in [*prefixes, Path(sys.prefix)]]
+    for candidate in candidates:
+        if (candidate / "joints").is_dir():
+            return candidate
+    raise JointFileError(f"no config folder in any of: {', '.join(map(str, candidates))}")
+
+
+def known_joint_names() -> list[str]:
+    """Names that :func:`load_joint` takes."""
+    return sorted(path.stem for path in (config_folder() / "joints").glob("*.yaml"))
+
+
+def load_joint(name_or_path: str) -> KnownJoint:
+    """Load a known joint by its name, or any joint file by its path (a path ends in .yaml).
+
+    Raises
+    ------
+    UnknownJointError
+        If there is no such known joint.
+    JointFileError
+        If the file cannot be read as a joint.
+    """
+    if name_or_path.endswith((".yaml", ".yml")):
+        path = Path(name_or_path)
+    else:
+        names = known_joint_names()
+        if name_or_path not in names:
+            raise UnknownJointError(name_or_path, names)
+        path = config_folder() / "joints" / f"{name_or_path}.yaml"
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise JointFileError(f"joint file {path}: {' '.join(str(error).split())}") from error
+    try:
+        return _parse(content)
+    except InvalidParameterError as error:
+        raise JointFileError(f"joint file {path}: {error}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise JointFileError(f"joint file {path}: {_explain(error)}") from error
+
+
+def _explain(error: Exception) -> str:
+    return f"missing key {error}" if isinstance(error, KeyError) else str(error)
+
+
+def _parse(content: Any) -> KnownJoint:
+    if not isinstance(content, dict):
+        raise TypeError("must be a mapping with name, inertia, friction and gains")
+    _refuse_unknown(content, {*(entry.name for entry in fields(KnownJoint)), "inertia", "friction"} - {"joint"})
+    friction, gains = content["friction"], content["gains"]
+    _refuse_unknown(friction, {entry.name for entry in fields(Friction)})
+    _refuse_unknown(gains, {entry.name for entry in fields(Gains)})
+    return KnownJoint(
+        name=str(content["name"]),
+        joint=Joint(
+            inertia=float(content["inertia"]),
+            friction=Friction(**{key: float(value) for key, value in friction.items()}),
+        ),
+        gains=Gains(**{key: float(value) for key, value in gains.items()}),
+        velocity=float(content.get("velocity", 0.0)),
+        encoder_resolution=float(content.get("encoder_resolution", 0.0)),
+        assumed=tuple(content.get("assumed", ())),
+    )
+
+
+def _refuse_unknown(content: Any, known: set[str]) -> None:
+    if not isinstance(content, dict):
+        raise TypeError(f"expected a mapping with {', '.join(sorted(known))}, got {content!r}")
+    unknown = sorted(set(map(str, content)) - known)
+    if unknown:
+        raise ValueError(f"unknown key {', '.join(unknown)}; known: {', '.join(sorted(known))}")

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Dimensionless form of the joint, Eqs (7)-(18): five numbers describe every such joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.model.friction import Gains, Joint, Real
+
+
+@dataclass(frozen=True, kw_only=True)
+class DimensionlessGroups:
+    """The five dimensionless numbers, and the frequency that turns them back into SI units.
+
+    Attributes
+    ----------
+    natural_frequency : ω = √(k_p/M) [rad/s], Eq. (9).
+    damping_ratio : ρ = (k_v + F_v)/(2√(k_p M)). (The nomenclature prints ρ = k'_v/2ω, without the
+        mass; Eq. (14) has it right.)
+    stribeck : F*_s∞ = F_s∞/(M ω x˙_s).
+    velocity : ξ˙_d = |x˙_d|/x˙_s; both directions are alike.
+    lag : τ* = ω τ_L.
+    rise_time : γ* = ω γ.
+    """
+
+    natural_frequency: Real
+    damping_ratio: Real
+    stribeck: Real
+    velocity: Real
+    lag: Real
+    rise_time: Real
+
+
+def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> DimensionlessGroups:
+    """Dimensionless numbers of a joint under PD control at a commanded velocity [rad/s], Eqs (9)-(16).
+
+    Parameters broadcast. Where the stiffness is not positive there is no natural period, and every
+    group that needs one is NaN.
+    """
+    friction = joint.friction
+    stiffness = np.asarray(gains.stiffness, dtype=float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        natural_frequency = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / joint.inertia)
+        momentum = joint.inertia * natural_frequency
+        return DimensionlessGroups(
+            natural_frequency=natural_frequency,
+            damping_ratio=(gains.damping + friction.viscous) / (2.0 * momentum),
+            stribeck=friction.stribeck / (momentum * friction.stribeck_velocity),
+            velocity=np.abs(velocity) / friction.stribeck_velocity,
+            lag=natural_frequency * friction.lag,
+            rise_time=natural_frequency * friction.rise_time,
+        )
+
+
+def damping_for_ratio(joint: Joint, stiffness: Real, damping_ratio: Real) -> Real:
+    """k_v [N·m·s/rad] that gives a damping ratio, the inverse of the second group: 2ρ√(k_p M) − F_v."""
+    return 2.0 * damping_ratio * np.sqrt(stiffness * np.asarray(joint.inertia)) - joint.friction.viscous
+
+
+def dimensionless_energy(position: Real, velocity: Real) -> Real:
+    """E* = ½(ξ² + ξ˙²) of Eq. (18), relative to the reference; an energy in units of M x˙_s²."""
+    return 0.5 * (np.square(position) + np.square(velocity))

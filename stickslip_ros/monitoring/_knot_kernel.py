@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled first stage of detection: samples to knots, knots to slow spells.
+
+A knot is set whenever the joint has moved by one band: the encoder's resolution, or the noise if that
+is larger. Slow motion has long gaps between knots, fast motion short ones, whatever the sampling
+rate. A spell is a run of gaps much slower than the motion before it; it ends when the joint moves much
+faster again. Whether a spell was a stick is decided by :mod:`stickslip_ros.monitoring.detection`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+BLOCK = 32
+RING = 4096
+BLOCKS_KEPT = 64
+
+# Columns of a knot.
+TIME, POSITION, FLAT_END, REFERENCE, REFERENCE_FLAT_END, EFFORT_FLAT_END, SPEED = range(7)
+KNOT_COLUMNS = 7
+
+# Indices of the state vector.
+(
+    HEAD,  # knots ever set
+    LEVEL,  # the last knot's reading
+    SIGN,  # direction of the last knot
+    LAST_TIME,
+    LAST_REFERENCE,
+    LAST_EFFORT,
+    PEAK,  # fastest motion since the last rest
+    IN_SPELL,
+    LONGEST_GAP,  # knot from which the spell's longest gap runs
+    LONGEST_TIME,
+    PEAK_AFTER,  # fastest motion since the longest gap
+    SAMPLES,  # samples ever taken
+    BAND,
+    RESOLUTION,
+    NOISE,
+    MEDIAN_1,
+    MEDIAN_2,  # the two previous raw positions, the latest first
+    MEDIAN_TIME,
+    MEDIAN_REFERENCE,
+    MEDIAN_EFFORT,
+    LARGEST,
+    SPELL_TIME,  # when the spell began
+    MOTION_TIME,  # when the motion before it began
+    UPDATE,  # how often the position changes while the joint moves fast; sensors may be slower than messages
+) = range(24)
+STATE_SIZE = 24
+
+SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
+_REVERSALS_KEPT = 27  # of the 30 of a block; the largest are left out as impulses
+_REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
+_BANDS_PER_NOISE = 5.0
+_ROUNDING = 1e-10  # differences below this share of the position are arithmetic, not motion
+_STEPS_OF_SPEED = 3.0
+_HELD = 2.5
+_KNOTS_TO_LEAVE = 4
+_KNOTS_TO_WAIT = 128
+_LEAVING_SHARE = 0.2
+_MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
+
+
+@njit(cache=True)
+def measure_block(block, state, smallest, noises):
+    """Update resolution and noise from one block of raw positions, and from these the band.
+
+    ``smallest`` keeps the three smallest steps ever seen; its last one is taken as the resolution, so
+    that two odd values do no harm. Noise is taken from steps that turn back at once, which steady
+    motion, however fast, does not do; the upper quartile over the last blocks, because motion hides it.
+    """
+    largest = max(state[LARGEST], np.max(np.abs(block)))
+    state[LARGEST] = largest
+    for i in range(1, block.shape[0]):
+        step = abs(block[i] - block[i - 1])
+        if step > _ROUNDING * largest and step > 0.0:
+            if step < smallest[0]:
+                smallest[2], smallest[1], smallest[0] = smallest[1], smallest[0], step
+            elif step < smallest[1]:
+                smallest[2], smallest[1] = smallest[1], step
+            elif step < smallest[2]:
+                smallest[2] = step
+    reversals = np.empty(block.shape[0] - 2)
+    for i in range(2, block.shape[0]):
+        reversals[i - 2] = max(0.0, -(block[i] - block[i - 1]) * (block[i - 1] - block[i - 2]))
+    reversals.sort()
+    noise = np.sqrt(np.mean(reversals[:_REVERSALS_KEPT]) / _REVERSAL_OF_UNIT_NOISE)
+    noises[1:] = noises[:-1].copy()
+    noises[0] = noise
+    known = np.sort(noises[~np.isnan(noises)])
+    state[NOISE] = known[(3 * known.shape[0]) // 4]
+    resolution = smallest[2]
+    state[RESOLUTION] = resolution if np.isfinite(resolution) else 0.0
+    state[BAND] = max(state[RESOLUTION], _BANDS_PER_NOISE * state[NOISE], 4.0 * _ROUNDING * largest, 1e-15)
+
+
+@njit(cache=True)
+def _median(a, b, c):
+    return max(min(a, b), min(max(a, b), c))
+
+
+@njit(cache=True)
+def _set_knot(time, position, step, reference, effort, state, knots):
+    """Append a knot; ``step`` is the signed change of the reading since the last one."""
+    head = int(state[HEAD])
+    resolution = state[RESOLUTION]
+    sign = 1.0 if step > 0.0 else -1.0
+    knot_time, knot_position = time, position
+    if head > 0:
+        if abs(step) < state[BAND] + 0.5 * resolution and resolution >= _BANDS_PER_NOISE * state[NOISE]:
+            # One count: the joint stood on the border between two readings, in between two samples.
+            knot_time = 0.5 * (state[LAST_TIME] + time)
+            knot_position = position - 0.5 * sign * resolution
+        last = knots[(head - 1) % RING]
+        last[FLAT_END] = max(state[LAST_TIME], last[TIME])
+        last[REFERENCE_FLAT_END] = state[LAST_REFERENCE]
+        last[EFFORT_FLAT_END] = state[LAST_EFFORT]
+    knot = knots[head % RING]
+    knot[TIME] = knot_time
+    knot[POSITION] = knot_position
+    knot[FLAT_END] = knot_time
+    knot[REFERENCE] = reference
+    knot[REFERENCE_FLAT_END] = reference
+    knot[EFFORT_FLAT_END] = effort
+    knot[SPEED] = 0.0
+    if head > 0:
+        if abs(step) >= _STEPS_OF_SPEED * state[BAND]:
+            before = knots[(head - 1) % RING]
+            gap = knot_time - before[TIME]
+            if state[UPDATE] == 0.0:
+                state[UPDATE] = time - state[LAST_TIME]
+            held = gap <= _HELD * state[UPDATE]
+            elapsed = gap if held else max(time - before[FLAT_END], state[UPDATE])
+            # A running median, in steps of a tenth.
+            state[UPDATE] *= 1.1 if gap > state[UPDATE] else 1.0 / 1.1
+        else:
+            # Over two gaps, because single counts come in whole samples.
+            before = knots[max(head - 2, 0) % RING]
+            elapsed = knot_time - before[TIME]
+        if elapsed > 0.0:
+            knot[SPEED] = (knot_position - before[POSITION]) / elapsed
+    state[LEVEL] = position
+    state[SIGN] = sign
+    state[HEAD] = head + 1
+
+
+@njit(cache=True)
+def _follow_spell(state, knots):
+    """Update the spell with the gap that the newest knot has ended; True when a spell is complete."""
+    newest = int(state[HEAD]) - 1
+    if newest < 1:
+        return False
+    gap = knots[(newest - 1) % RING]
+    flat = gap[FLAT_END] - gap[TIME]
+    speed = abs(knots[newest % RING][SPEED])
+    step = abs(knots[newest % RING][POSITION] - gap[POSITION])
+    large = step >= _STEPS_OF_SPEED * state[BAND]
+    # A flat of few updates before a large step is a sensor that repeats itself.
+    stood = flat > (_HELD - 1.0) * state[UPDATE] if large else flat > 0.0
+    slow = stood and state[BAND] < SLOW * state[PEAK] * flat
+    if state[IN_SPELL] == 0.0:
+        if not slow:
+            state[PEAK] = max(state[PEAK], speed)
+            return False
+        _begin_spell(newest - 1, flat, state, knots)
+        return False
+    time = knots[newest % RING][TIME]
+    left = _has_left(time, state)
+    if left and stood and state[BAND] < SLOW * state[PEAK_AFTER] * flat:
+        return True
+    if stood and flat > state[LONGEST_TIME]:
+        state[LONGEST_GAP], state[LONGEST_TIME], state[PEAK_AFTER] = newest - 1, flat, 0.0
+        return False
+    after = newest - int(state[LONGEST_GAP])
+    # A speed over two gaps lies wholly after the longest gap from the third knot on.
+    if after >= 3 or large:
+        state[PEAK_AFTER] = max(state[PEAK_AFTER], speed)
+    if not _has_left(time, state) or after < _KNOTS_TO_LEAVE:
+        return False
+    return speed >= 0.4 * state[PEAK] or speed < 0.5 * state[PEAK_AFTER] or after >= _KNOTS_TO_WAIT
+
+
+@njit(cache=True)
+def _has_left(time, state):
+    """Whether the motion since the longest gap is much faster than that gap, and not slow beside the last motion.
+
+    The second keeps a creep at rest from passing for motion; it fades, because after a fast move the
+    joint may well stick and slip at a much lower speed.
+    """
+    if not state[BAND] < SLOW * state[PEAK_AFTER] * state[LONGEST_TIME]:
+        return False
+    if not np.isfinite(state[PEAK]):
+        return True
+    memory = _MEMORY * max(state[SPELL_TIME] - state[MOTION_TIME], 1e-9)
+    return state[PEAK_AFTER] >= _LEAVING_SHARE * state[PEAK] * np.exp(-(time - state[SPELL_TIME]) / memory)
+
+
+@njit(cache=True)
+def _begin_spell(gap, flat, state, knots):
+    state[LONGEST_GAP] = gap
+    state[LONGEST_TIME] = flat
+    state[PEAK_AFTER] = 0.0
+    state[IN_SPELL] = 1.0
+    state[SPELL_TIME] = knots[gap % RING][TIME]
+
+
+@njit(cache=True)
+def close_spell(state, knots):
+    """Begin anew after a spell; the newest gap may be the first of the next one."""
+    newest = int(state[HEAD]) - 1
+    gap = knots[(newest - 1) % RING]
+    flat = gap[FLAT_END] - gap[TIME]
+    state[MOTION_TIME] = knots[int(state[LONGEST_GAP]) % RING][FLAT_END]
+    state[PEAK] = state[PEAK_AFTER]
+    state[IN_SPELL] = 0.0
+    if newest - 1 > state[LONGEST_GAP] and flat > 0.0 and state[BAND] < SLOW * state[PEAK] * flat:
+        _begin_spell(newest - 1, flat, state, knots)
+
+
+@njit(cache=True)
+def scan(start, times, positions, travels, efforts, block, state, smallest, noises, knots):
+    """Take samples from ``start`` until a spell is complete or the samples end.
+
+    Returns the index of the next sample, and whether a spell is complete; its longest gap stands in the
+    state (``LONGEST_GAP``), its surroundings in the ring of knots.
+    """
+    for i in range(start, times.shape[0]):
+        count = int(state[SAMPLES])
+        block[count % BLOCK] = positions[i]
+        state[SAMPLES] = count + 1
+        if (count + 1) % BLOCK == 0:
+            measure_block(block, state, smallest, noises)
+        # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
+        raw = positions[i]
+        position = _median(raw, state[MEDIAN_1], state[MEDIAN_2]) if count >= 2 else state[MEDIAN_1]
+        time, reference, effort = state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT]
+        state[MEDIAN_2], state[MEDIAN_1] = state[MEDIAN_1], raw
+        state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT] = times[i], travels[i], efforts[i]
+        if count == 0:
+            continue
+        complete = False
+        if state[HEAD] == 0.0:
+            _set_knot(time, position, 0.0, reference, effort, state, knots)
+            state[SIGN] = 0.0
+        else:
+            step = position - state[LEVEL]
+            same = step * state[SIGN] >= 0.0
+            needed = state[BAND] if same else 2.0 * state[BAND]
+            if abs(step) >= needed * (1.0 - 1e-6):
+                _set_knot(time, position, step, reference, effort, state, knots)
+                complete = _follow_spell(state, knots)
+        state[LAST_TIME], state[LAST_REFERENCE], state[LAST_EFFORT] = time, reference, effort
+        if complete:
+            return i + 1, True
+    return times.shape[0], False

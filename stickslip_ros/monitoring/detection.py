@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Stick-slip cycles among the rests of a joint.
+
+Not every rest is a stick: a joint also stops where it is told to. A rest is driven if the reference
+went on meanwhile. Without a reference only regularity tells: several slips in a row, in one
+direction and at one mean speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.monitoring.rests import Rest, RestDetector, Samples
+
+_DRIVEN_SHARE = 0.1  # of the mean speed of the cycle: how fast the reference must go on during a rest
+_TRAIN_WITHOUT_REFERENCE = 3
+_SPEED_SPREAD = 4.0  # of the mean speeds of a train's cycles, largest over smallest
+_LEAST_SLIP_SHARE = 0.05  # of the usual slip; less is creep within a rest
+_USUAL_SLIPS = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cycle:
+    """A slip between two rests, with the dwell before it.
+
+    Attributes
+    ----------
+    breakaway, arrest : when the slip began and ended [s].
+    dwell : time at rest before the breakaway, t₂ of Eq. (6) [s].
+    slip_distance : signed [rad].
+    position : where the slip began [rad].
+    effort : measured effort at breakaway [N·m], NaN if unknown.
+    """
+
+    breakaway: float
+    arrest: float
+    dwell: float
+    slip_distance: float
+    position: float
+    effort: float
+
+    @property
+    def slip_duration(self) -> float:
+        """t₁ [s]."""
+        return self.arrest - self.breakaway
+
+    @property
+    def period(self) -> float:
+        """Dwell and slip together [s]."""
+        return self.dwell + self.slip_duration
+
+    @property
+    def mean_speed(self) -> float:
+        """Slip distance over period [rad/s]."""
+        return abs(self.slip_distance) / self.period
+
+
+class CycleDetector:
+    """Finds stick-slip cycles in a stream of samples.
+
+    ``detector`` is the detector of rests below; its resolution, noise and open rest are of use to others.
+    """
+
+    def __init__(self) -> None:
+        self.detector = RestDetector()
+        self.last_rest: Rest | None = None
+        self._pending: list[Cycle] = []
+        self._confirmed = False
+        self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
+
+    def feed(self, times: Samples, positions: Samples, travels: Samples, efforts: Samples) -> list[Cycle]:
+        """Take samples (see :meth:`RestDetector.feed`) and return the cycles that are now certain, oldest first."""
+        cycles: list[Cycle] = []
+        for rest in self.detector.feed(times, positions, travels, efforts):
+            cycles += self._take(rest)
+        return cycles
+
+    def _take(self, rest: Rest) -> list[Cycle]:
+        before, self.last_rest = self.last_rest, rest
+        if before is None:
+            return []
+        distance = rest.position - before.position
+        if before.direction_after != rest.direction_before or distance * rest.direction_before <= 0:
+            self._end_train()
+            return []
+        usual = float(np.median(self._slips)) if self._slips else 0.0
+        if abs(distance) < _LEAST_SLIP_SHARE * usual:
+            return []
+        self._slips.append(abs(distance))
+        cycle = Cycle(
+            breakaway=before.breakaway,
+            arrest=rest.arrest,
+            dwell=before.dwell,
+            slip_distance=distance,
+            position=before.position,
+            effort=before.effort,
+        )
+        same_before = before.direction_before == before.direction_after
+        same_after = rest.direction_before == rest.direction_after
+        if not math.isnan(rest.reference_travel):
+            return self._with_reference(cycle, before, rest, same_before, same_after)
+        return self._without_reference(cycle, same_after)
+
+    def _with_reference(
+        self, cycle: Cycle, before: Rest, rest: Rest, same_before: bool, same_after: bool
+    ) -> list[Cycle]:
+        driven = _is_driven(rest, cycle)
+        # A rest where the motion turns is no evidence of its own, but may end a train.
+        evidence = (same_after and driven) or (same_before and _is_driven(before, cycle))
+        if driven and evidence:
+            self._confirmed = True
+            return [cycle]
+        self._end_train()
+        return []
+
+    def _without_reference(self, cycle: Cycle, same_after: bool) -> list[Cycle]:
+        speeds = [other.mean_speed for other in self._pending[-_USUAL_SLIPS:]] + [cycle.mean_speed]
+        # The first dwell of a record may have begun long before it mattered.
+        steady = speeds[1:] if len(speeds) > 2 else speeds[-1:]
+        if self._pending and max(steady) > _SPEED_SPREAD * min(steady):
+            self._end_train()
+        self._pending.append(cycle)
+        certain: list[Cycle] = []
+        if self._confirmed:
+            certain = [cycle]
+        elif len(self._pending) >= _TRAIN_WITHOUT_REFERENCE:
+            self._confirmed = True
+            certain = list(self._pending)
+        self._pending = self._pending[-_USUAL_SLIPS:]
+        if not same_after:
+            self._end_train()
+        return certain
+
+    def _end_train(self) -> None:
+        self._pending = []
+        self._confirmed = False
+
+
+def _is_driven(rest: Rest, cycle: Cycle) -> bool:
+    """Whether the reference went on while the joint rested."""
+    return rest.dwell > 0 and rest.reference_travel / rest.dwell >= _DRIVEN_SHARE * cycle.mean_speed

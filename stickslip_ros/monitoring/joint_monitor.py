@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""One joint, from samples to findings; live and recorded data take this same path."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.margin import StabilityMargin, lowest_smooth_velocity, stability_margin
+from stickslip_ros.monitoring.advice import AdviceLimits, Recommendation, recommend
+from stickslip_ros.monitoring.detection import Cycle, CycleDetector
+from stickslip_ros.monitoring.motion import MotionRecord
+from stickslip_ros.monitoring.samples import Batch, SampleFilter
+from stickslip_ros.monitoring.status import Finding, Segment, Status
+
+_PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
+_PERIODS_AT_REST = 4.0  # a dwell may last so many periods before the joint is called at rest
+_CYCLES_FOR_STICK_SLIP = 2
+_LEAST_KNOTS = 20
+_RECENT_CYCLES = 5
+_SAME_SPEED = 0.01
+_DIP_AT_RISK = 0.2  # of the mean speed
+_GAP = 20.0  # sampling intervals without a sample, from which on the motion before is another story
+_LEAST_GAP = 1.0  # [s]
+_SLICE = 0.05  # [s] how finely findings are dated within a batch
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonitorOptions:
+    """How a joint is judged.
+
+    Attributes
+    ----------
+    warn_margin : relative damping reserve ρ/ρ_c − 1 below which smooth motion is at risk.
+    least_motion : motion must last so long before it is called smooth, if no period is known [s].
+    limits : what advice must reach and keep within.
+    """
+
+    warn_margin: float = 0.1
+    least_motion: float = field(default=1.0, metadata={"unit": "s"})
+    limits: AdviceLimits = field(default_factory=AdviceLimits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """Everything known of a joint at one time.
+
+    Attributes
+    ----------
+    finding : what the motion shows.
+    time : of the last sample [s], NaN before any.
+    velocity : commanded velocity, or the mean one where no reference is known [rad/s].
+    velocity_source : "reference", "mean motion" or "".
+    gains : the controller's gains, None if unknown.
+    margin : what Eq. (43) predicts, None if joint or gains are unknown.
+    margin_reason : why there is no margin, or it does not apply; "" if it does.
+    lowest_smooth_velocity : [rad/s], NaN if unknown.
+    recommendation : None if joint or gains are unknown.
+    cycles : how many were counted; last_cycle : the latest one.
+    resolution, noise : of the position [rad].
+    sample_rate : [Hz].
+    dropped : reasons for which samples were left out, and how many.
+    """
+
+    finding: Finding
+    time: float
+    velocity: float
+    velocity_source: str
+    gains: Gains | None
+    margin: StabilityMargin | None
+    margin_reason: str
+    lowest_smooth_velocity: float
+    recommendation: Recommendation | None
+    cycles: int
+    last_cycle: Cycle | None
+    resolution: float
+    noise: float
+    sample_rate: float
+    dropped: dict[str, int]
+
+
+class JointMonitor:
+    """Watches one joint.
+
+    Parameters
+    ----------
+    joint : inertia and friction, or None if unknown: the motion is judged all the same.
+    gains : the controller's, or None if unknown.
+    options : defaults to MonitorOptions().
+    """
+
+    def __init__(
+        self, joint: Joint | None = None, gains: Gains | None = None, options: MonitorOptions | None = None
+    ) -> None:
+        self.joint = joint
+        self.gains = gains
+        self.options = options or MonitorOptions()
+        self._filter = SampleFilter()
+        self._last_status = Status.UNKNOWN
+        self._advice: tuple[tuple[object, ...], float, float, Recommendation] | None = None
+        self.cycle_count = 0
+        self.segments: deque[Segment] = deque(maxlen=10_000)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Forget the motion seen so far, not what is known of the joint."""
+        self._detector = CycleDetector()
+        self._motion = MotionRecord()
+        self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
+
+    def reset(self) -> None:
+        """Forget everything that was learnt from the motion."""
+        self._begin()
+        self._filter = SampleFilter()
+        self.cycle_count = 0
+        self.segments.clear()
+
+    @property
+    def last_time(self) -> float:
+        """Stamp of the last sample used [s]; -inf before any."""
+        return self._filter.last_time
+
+    def process(self, batch: Batch) -> list[Cycle]:
+        """Take samples and return the cycles that they complete, oldest first."""
+        cycles: list[Cycle] = []
+        for restart, piece in self._filter.split(batch):
+            if restart:
+                self._begin()
+            for part in self._without_gaps(piece):
+                cycles += self._follow(part)
+        return cycles
+
+    def _without_gaps(self, batch: Batch) -> list[Batch]:
+        """The samples cut at long silences, after each of which the motion is followed anew."""
+        interval = self._motion.sample_interval
+        longest = max(_LEAST_GAP, _GAP * interval) if math.isfinite(interval) else math.inf
+        before = self._motion.last_time if math.isfinite(self._motion.last_time) else batch.time[0]
+        steps = np.diff(batch.time, prepend=before)
+        parts = []
+        for indices in np.split(np.arange(len(batch)), np.flatnonzero(steps > longest)):
+            if len(indices):
+                parts.append(batch.where(slice(int(indices[0]), int(indices[-1]) + 1)))
+        if parts and steps[0] > longest:
+            self._begin()
+        return parts
+
+    def _follow(self, batch: Batch) -> list[Cycle]:
+        """Feed the detector in slices that do not depend on how the samples were batched."""
+        cycles: list[Cycle] = []
+        slices = np.floor(batch.time / _SLICE)
+        for indices in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(slices)) + 1):
+            part = batch.where(slice(int(indices[0]), int(indices[-1]) + 1))
+            travels = self._motion.take(part)
+            found = self._detector.feed(part.time, part.position, travels, part.effort)
+            self._recent.extend(found)
+            self.cycle_count += len(found)
+            cycles += found
+            self._motion.follow_direction(self._detector.detector)
+            self._extend_segments(part)
+        return cycles
+
+    def _extend_segments(self, batch: Batch) -> None:
+        status = self.finding().status
+        start, end = float(batch.time[0]), float(batch.time[-1])
+        if self.segments and self.segments[-1].status is status and start - self.segments[-1].end < _LEAST_GAP:
+            last = self.segments.pop()
+            way = last.velocity * (last.end - last.start) + self._motion.last_way
+            start = last.start
+        else:
+            way = self._motion.last_way
+        velocity = way / (end - start) if end > start else 0.0
+        self.segments.append(Segment(start=start, end=end, status=status, velocity=velocity))
+
+    def finding(self) -> Finding:
+        """What the motion shows at the last sample."""
+        detector, now = self._detector.detector, self._motion.last_time
+        if not math.isfinite(now):
+            missing = "; ".join(self._filter.dropped) or "no samples yet"
+            return Finding(status=Status.UNKNOWN, reason=missing)
+        if not detector.ready:
+            return Finding(status=Status.NOT_JUDGED, reason="too few samples")
+        if self._sticks(now):
+            return Finding(status=Status.STICK_SLIP)
+        rest_since = detector.open_rest()
+        if rest_since is not None or detector.knots <= 1:
+            return self._at_rest(rest_since if rest_since is not None else self._motion.first_time, now)
+        moving_for = now - max(self._motion.turned, self._motion_began())
+        needed = self._needed_motion()
+        if moving_for < needed or detector.knots < _LEAST_KNOTS:
+            if self._motion.turned > self._motion_began():
+                return Finding(status=Status.NOT_JUDGED, reason="reversing")
+            return Finding(status=Status.NOT_JUDGED, reason=f"too short a motion: {moving_for:.2f} s of {needed:.2f} s")
+        return self._smooth(needed)
+
+    def _sticks(self, now: float) -> bool:
+        """Whether stick-slip cycles go on."""
+        if len(self._recent) < _CYCLES_FOR_STICK_SLIP:
+            return False
+        period = max(cycle.period for cycle in self._recent)
+        # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
+        since = max(self._recent[-1].arrest, self._motion_began())
+        patience = _PERIODS_TO_TRUST if self._detector.detector.open_rest() is None else _PERIODS_AT_REST
+        return now - since <= patience * period
+
+    def _at_rest(self, since: float, now: float) -> Finding:
+        travel = self._motion.reference_travel_since(since)
+        if travel > 10.0 * self._detector.detector.band:
+            return Finding(
+                status=Status.AT_REST,
+                reason=f"stuck for {now - since:.1f} s while the reference moved by {travel:.3g} rad",
+            )
+        return Finding(status=Status.AT_REST)
+
+    def _motion_began(self) -> float:
+        last_rest = self._detector.last_rest
+        return last_rest.breakaway if last_rest else self._motion.first_time
+
+    def _needed_motion(self) -> float:
+        """How long motion without a rest must last before it is called smooth [s]."""
+        needed = self.options.least_motion
+        if self._recent:
+            needed = max(needed, _PERIODS_TO_TRUST * max(cycle.period for cycle in self._recent))
+        elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
+            natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
+            needed = max(needed, _PERIODS_TO_TRUST * natural_period)
+        return needed
+
+    def _smooth(self, window: float) -> Finding:
+        # The start from rest is no dip.
+        since = max(self._motion.last_time - window, self._motion_began() + 0.25 * window)
+        dip = self._detector.detector.slowest_share(since)
+        if dip < _DIP_AT_RISK:
+            return Finding(status=Status.AT_RISK, reason=f"the speed falls to {100 * dip:.0f} % of its mean")
+        margin, _ = self._margin()
+        if margin is not None and margin.applicable:
+            reserve = _reserve(margin)
+            if reserve < self.options.warn_margin:
+                return Finding(status=Status.AT_RISK, reason=f"damping reserve {100 * reserve:.0f} % by Eq. (43)")
+        return Finding(status=Status.SMOOTH)
+
+    def velocity(self) -> tuple[float, str]:
+        """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
+        window = self.options.least_motion
+        reference = self._motion.reference_velocity(window)
+        if math.isfinite(reference):
+            return reference, "reference"
+        if self._sticks(self._motion.last_time):
+            cycles = list(self._recent)
+            way = sum(cycle.slip_distance for cycle in cycles)
+            return way / sum(cycle.period for cycle in cycles), "mean motion"
+        mean = self._motion.mean_velocity(window)
+        return mean, "mean motion" if math.isfinite(mean) else ""
+
+    def _margin(self) -> tuple[StabilityMargin | None, str]:
+        if self.joint is None:
+            return None, "inertia and friction of the joint are not configured"
+        if self.gains is None:
+            return None, "the controller's gains are not known"
+        velocity, source = self.velocity()
+        if not source:
+            return None, "the commanded velocity is not known"
+        margin = stability_margin(self.joint, self.gains, velocity)
+        return margin, str(margin.reason or "")
+
+    def _advise(self, velocity: float) -> tuple[float, Recommendation]:
+        """Lowest smooth velocity and advice; kept while what they depend on changes by less than a per cent."""
+        assert self.joint is not None
+        assert self.gains is not None
+        speed = abs(velocity)
+        key = (self.joint, self.gains, self.options.limits)
+        if self._advice is not None:
+            known, known_speed, lowest, recommendation = self._advice
+            if known == key and abs(speed - known_speed) <= _SAME_SPEED * known_speed:
+                return lowest, recommendation
+            if known != key:
+                lowest = float(lowest_smooth_velocity(self.joint, self.gains))
+        else:
+            lowest = float(lowest_smooth_velocity(self.joint, self.gains))
+        self._advice = (key, speed, lowest, recommend(self.joint, self.gains, speed, self.options.limits))
+        return self._advice[2:]
+
+    def assessment(self) -> Assessment:
+        """Everything known of the joint now."""
+        velocity, source = self.velocity()
+        margin, reason = self._margin()
+        lowest, recommendation = math.nan, None
+        if margin is not None:
+            lowest, recommendation = self._advise(velocity)
+        detector = self._detector.detector
+        return Assessment(
+            finding=self.finding(),
+            time=self._motion.last_time if math.isfinite(self._motion.last_time) else math.nan,
+            velocity=velocity,
+            velocity_source=source,
+            gains=self.gains,
+            margin=margin,
+            margin_reason=reason,
+            lowest_smooth_velocity=lowest,
+            recommendation=recommendation,
+            cycles=self.cycle_count,
+            last_cycle=self._recent[-1] if self._recent else None,
+            resolution=detector.resolution,
+            noise=detector.noise,
+            sample_rate=1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan,
+            dropped=dict(self._filter.dropped),
+        )
+
+
+def _reserve(margin: StabilityMargin) -> float:
+    """Relative damping reserve ρ/ρ_c − 1; infinite where no damping is needed."""
+    critical = float(margin.critical_damping_ratio)
+    return float(margin.damping_ratio) / critical - 1.0 if critical > 0 else math.inf

@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""When a joint came to rest and when it left: arrests and breakaways from position alone.
+
+The position is read as an encoder or a noisy sensor gives it. Resolution and noise are measured on the
+signal itself and set the band whose crossings (knots) carry the motion; a stretch much slower than the
+motion on both sides of it is a candidate. Its ends are extrapolated, since a joint comes to rest with
+finite deceleration (x_a − x ∝ (t_a − t)²) and leaves gently (x − x_a ∝ (t − t_b)³ while the friction
+still remembers rest), so that the first count can come late. If that extrapolation leaves no dwell the
+joint slowed down without stopping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.monitoring import _knot_kernel as kernel
+
+Samples = NDArray[np.float64]
+
+_WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
+_WINDOW_KNOTS = 6
+_ENOUGH_KNOTS = 3
+_LEAST_SLIP_BANDS = 3.0
+_RECENT_KNOTS = 64
+_GAPS_AT_REST = 3.0
+_NEAREST_KNOTS = 5
+_WINDOW_SHARE = 0.3
+_LEAST_DWELL = 0.085  # of the span of the knots that it is extrapolated from
+_CREEP = 2.5  # a rest is crept through if it lasts so much longer than the longest stop in it
+_BAND_SHARE = 0.3  # of the way that braking takes: what may be crept at rest, or
+_CREEP_SHARE = 0.015  # of the way travelled before it, but not more than all the way that braking takes
+_FRACTIONS = np.linspace(0.02, 0.98, 17)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """A rest between two motions.
+
+    Attributes
+    ----------
+    arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
+    position : [rad].
+    direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
+    speed_before, speed_after : fastest motion on either side [rad/s].
+    band : resolution of the motion there [rad].
+    reference_travel : way that the reference went while the joint was at rest [rad], NaN if unknown.
+    effort : measured effort at breakaway [N·m], NaN if unknown.
+    """
+
+    arrest: float
+    breakaway: float
+    position: float
+    direction_before: int
+    direction_after: int
+    speed_before: float
+    speed_after: float
+    band: float
+    reference_travel: float
+    effort: float
+
+    @property
+    def dwell(self) -> float:
+        """Time at rest [s]."""
+        return self.breakaway - self.arrest
+
+
+class RestDetector:
+    """Finds the rests in a stream of samples; how the stream is cut into batches makes no difference."""
+
+    def __init__(self) -> None:
+        self._block = np.zeros(kernel.BLOCK)
+        self._state = np.zeros(kernel.STATE_SIZE)
+        self._state[kernel.PEAK] = np.inf
+        self._smallest = np.full(3, np.inf)
+        self._noises = np.full(kernel.BLOCKS_KEPT, np.nan)
+        self._knots = np.zeros((kernel.RING, kernel.KNOT_COLUMNS))
+        self._waiting: list[tuple[Samples, ...]] = []
+        self._waiting_count = 0
+        self._rest_end = 0
+
+    def feed(self, times: Samples, positions: Samples, travels: Samples, efforts: Samples) -> list[Rest]:
+        """Take samples and return the rests completed by them.
+
+        Parameters
+        ----------
+        times : [s], strictly rising and finite; positions : [rad], finite.
+        travels : way that the reference has gone so far [rad], NaN if unknown.
+        efforts : [N·m], NaN if unknown.
+            All of shape (n,).
+        """
+        if self._waiting_count < kernel.BLOCK:
+            self._waiting.append((times, positions, travels, efforts))
+            self._waiting_count += len(times)
+            if self._waiting_count < kernel.BLOCK:
+                return []
+            times, positions, travels, efforts = (np.concatenate(part) for part in zip(*self._waiting, strict=True))
+            self._waiting = []
+            # The first block is measured before it is used, or its first samples would have no band.
+            kernel.measure_block(positions[: kernel.BLOCK].copy(), self._state, self._smallest, self._noises)
+        rests = []
+        index = 0
+        while index < len(times):
+            index, complete = kernel.scan(
+                index, times, positions, travels, efforts,
+                self._block, self._state, self._smallest, self._noises, self._knots,
+            )  # fmt: skip
+            if complete:
+                rest = self._judge()
+                if rest is not None:
+                    rests.append(rest)
+                kernel.close_spell(self._state, self._knots)
+        return rests
+
+    @property
+    def ready(self) -> bool:
+        """Whether enough samples came to know resolution and noise."""
+        return self._waiting_count >= kernel.BLOCK
+
+    @property
+    def band(self) -> float:
+        """The smallest motion told from rest [rad]: resolution or a multiple of the noise."""
+        return float(self._state[kernel.BAND])
+
+    @property
+    def resolution(self) -> float:
+        """Smallest step of the signal [rad]."""
+        return float(self._state[kernel.RESOLUTION])
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the position's noise [rad]."""
+        return float(self._state[kernel.NOISE])
+
+    @property
+    def knots(self) -> int:
+        """How many bands the joint has moved through."""
+        return int(self._state[kernel.HEAD])
+
+    @property
+    def last_knot_time(self) -> float:
+        """When the joint was last seen to move by a band [s]; -inf if never."""
+        head = int(self._state[kernel.HEAD])
+        return float(self._knots[(head - 1) % kernel.RING, kernel.TIME]) if head else -np.inf
+
+    @property
+    def direction(self) -> int:
+        """Direction of the last motion seen: ±1, or 0."""
+        return int(self._state[kernel.SIGN])
+
+    def open_rest(self) -> float | None:
+        """Since when the joint has been at rest [s], if by now that can be told from slow motion; else None."""
+        head = int(self._state[kernel.HEAD])
+        if head < 2:
+            return self.last_knot_time if head else None
+        recent = self._between(max(0, head - _RECENT_KNOTS), head - 1)
+        flat = float(self._state[kernel.LAST_TIME]) - self.last_knot_time
+        usual = max(float(np.median(np.diff(recent[:, kernel.TIME]))), float(self._state[kernel.UPDATE]))
+        stands = flat > _GAPS_AT_REST * usual and self.band < kernel.SLOW * _fastest(recent[1:]) * flat
+        return self.last_knot_time if stands else None
+
+    def slowest_share(self, since: float) -> float:
+        """Slowest motion since a time over the mean there, 0 to 1; 1 if there is too little to tell."""
+        head = int(self._state[kernel.HEAD])
+        knots = self._between(max(0, head - kernel.RING), head - 1) if head else self._knots[:0]
+        knots = knots[knots[:, kernel.TIME] >= since]
+        if len(knots) < 2 * _WINDOW_KNOTS:
+            return 1.0
+        # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed.
+        ways = np.abs(knots[_ENOUGH_KNOTS:, kernel.POSITION] - knots[:-_ENOUGH_KNOTS, kernel.POSITION])
+        speeds = ways / (knots[_ENOUGH_KNOTS:, kernel.TIME] - knots[:-_ENOUGH_KNOTS, kernel.TIME])
+        mean = abs(knots[-1, kernel.POSITION] - knots[0, kernel.POSITION]) / (
+            knots[-1, kernel.TIME] - knots[0, kernel.TIME]
+        )
+        # Slowing down at the end is no dip before the motion has picked up again.
+        recovered = np.flatnonzero(speeds >= 0.5 * mean)
+        if mean == 0 or len(recovered) == 0:
+            return 1.0
+        return float(min(np.min(speeds[: recovered[-1] + 1]) / mean, 1.0))
+
+    def _between(self, first: int, last: int) -> NDArray[np.float64]:
+        knots: NDArray[np.float64] = self._knots[np.arange(first, last + 1) % kernel.RING]
+        return knots
+
+    def _judge(self) -> Rest | None:
+        """Decide whether the spell just completed was a rest, and when it began and ended."""
+        newest = int(self._state[kernel.HEAD]) - 1
+        longest = int(self._state[kernel.LONGEST_GAP])
+        oldest = max(self._rest_end, newest - kernel.RING + 1)
+        if longest < oldest:
+            return None
+        fine = self._between(oldest, newest)
+        speed_after = float(self._state[kernel.PEAK_AFTER])
+        knots, indices, band = _coarsened(fine, longest - oldest, self.band, speed_after)
+        flats = knots[:-1, kernel.FLAT_END] - knots[:-1, kernel.TIME]
+        core = int(
+            np.argmax(
+                np.where(indices[:-1] >= indices[np.searchsorted(indices, longest - oldest, "right") - 1], flats, -1.0)
+            )
+        )
+        before, after = knots[: core + 1], knots[core + 1 :]
+        rest_begin, rest_end = float(before[-1, kernel.TIME]), float(before[-1, kernel.FLAT_END])
+        initial = oldest == 0 and core == 0
+        travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
+        if not initial and travelled < _LEAST_SLIP_BANDS * band:
+            return None
+        speed_before = np.inf if initial else _fastest(before[1:])
+        if not band < kernel.SLOW * min(speed_before, speed_after) * (rest_end - rest_begin):
+            return None
+        direction_after = 1 if float(after[-1, kernel.POSITION] - before[-1, kernel.POSITION]) > 0 else -1
+        direction_before = 0
+        if not initial:
+            direction_before = (
+                1 if float(before[-1, kernel.POSITION] - before[max(-4, -len(before)), kernel.POSITION]) > 0 else -1
+            )
+        left = before[:0] if initial else _window(before[::-1], speed_before)
+        right = _window(after, speed_after)
+        fractions = _FRACTIONS
+        if band > self.band:
+            middle = fine[fine[:, kernel.TIME] <= 0.5 * (rest_begin + rest_end)][-1, kernel.POSITION]
+            fractions = np.array([min(abs(float(middle - before[-1, kernel.POSITION])) / band, 1.0)])
+        elif direction_before * direction_after < 0:
+            fractions = np.array([0.5])
+        arrest, breakaway, certain = _ends(left, right, before[-1], fractions * band, direction_before, direction_after)
+        if breakaway <= arrest:
+            return None
+        if certain:
+            span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
+            if breakaway - arrest < _LEAST_DWELL * span:
+                return None
+        self._rest_end = oldest + int(indices[core]) + 1
+        return Rest(
+            arrest=arrest,
+            breakaway=breakaway,
+            position=float(before[-1, kernel.POSITION]),
+            direction_before=direction_before,
+            direction_after=direction_after,
+            speed_before=0.0 if initial else speed_before,
+            speed_after=speed_after,
+            band=band,
+            reference_travel=float(before[-1, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
+            effort=float(before[-1, kernel.EFFORT_FLAT_END]),
+        )
+
+
+def _coarsened(
+    knots: NDArray[np.float64], longest: int, band: float, speed_after: float
+) -> tuple[NDArray[np.float64], NDArray[np.intp], float]:
+    """The knots thinned to a band in proportion to the motion, their indices, and that band.
+
+    With a fine encoder a joint at rest creeps through many bands, and braking takes hundreds; what
+    counts as standing still is a small share of the way that braking takes.
+    """
+    speeds = np.abs(knots[:, kernel.SPEED])
+    before = knots[: longest + 1]
+    if len(before) > _ENOUGH_KNOTS:
+        fast = np.flatnonzero(speeds[: longest + 1] >= _WINDOW_SPEED * _fastest(before[1:]))
+        way = abs(float(knots[longest, kernel.POSITION] - knots[fast[-1], kernel.POSITION]))
+    else:
+        fast = longest + 2 + np.flatnonzero(speeds[longest + 2 :] >= _WINDOW_SPEED * speed_after)
+        way = abs(float(knots[fast[0], kernel.POSITION] - knots[longest, kernel.POSITION])) if len(fast) else 0.0
+    travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
+    wanted = min(way, max(_BAND_SHARE * way, _CREEP_SHARE * travelled))
+    if wanted <= 2.0 * band:
+        return knots, np.arange(len(knots)), band
+    positions = knots[:, kernel.POSITION]
+    kept = [0]
+    for index in range(1, len(knots)):
+        if abs(positions[index] - positions[kept[-1]]) >= wanted:
+            kept.append(index)
+    indices = np.array(kept)
+    coarse = knots[indices]
+    last_within = np.append(indices[1:] - 1, len(knots) - 1)
+    for column in (kernel.FLAT_END, kernel.REFERENCE_FLAT_END, kernel.EFFORT_FLAT_END):
+        coarse[:, column] = knots[last_within, column]
+    flats = coarse[:-1, kernel.FLAT_END] - coarse[:-1, kernel.TIME]
+    longest_flat = knots[longest, kernel.FLAT_END] - knots[longest, kernel.TIME]
+    if len(flats) == 0 or flats.max() < _CREEP * longest_flat:
+        return knots, np.arange(len(knots)), band
+    return coarse, indices, wanted
+
+
+def _fastest(knots: NDArray[np.float64]) -> float:
+    """Fastest motion at these knots, without the few outliers that noise and jittered stamps make [rad/s]."""
+    return float(np.quantile(np.abs(knots[:, kernel.SPEED]), 0.9))
+
+
+def _window(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
+    """The knots next to the rest, while the motion is still slow; evenly thinned."""
+    fast = np.flatnonzero(np.abs(knots[:, kernel.SPEED]) > _WINDOW_SPEED * fastest)
+    # Not before the third knot: the speed of the first spans the rest itself.
+    fast = fast[fast >= _ENOUGH_KNOTS]
+    end = int(fast[0]) if len(fast) else len(knots)
+    way = np.abs(knots[:end, kernel.POSITION] - knots[0, kernel.POSITION])
+    end = max(min(end, _NEAREST_KNOTS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
+    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, _WINDOW_KNOTS)).astype(int))
+    window: NDArray[np.float64] = knots[chosen]
+    return window
+
+
+def _ends(
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
+    core: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+    direction_before: int,
+    direction_after: int,
+) -> tuple[float, float, bool]:
+    """Arrest, breakaway and whether both are extrapolated.
+
+    The joint rests at one of the offsets from the knot before the rest; the one that fits both sides
+    best is taken. If none does, the joint did not rest, and the arrest returned is after the breakaway.
+    """
+    begin, flat_begin, flat_end = (float(core[column]) for column in (kernel.POSITION, kernel.TIME, kernel.FLAT_END))
+    arrest, breakaway = None, None
+    residual = np.zeros(len(offsets))
+    if len(left) >= _ENOUGH_KNOTS:
+        way = direction_before * (begin - left[:, kernel.POSITION])
+        arrest, error = _extrapolate(left[:, kernel.TIME], way, offsets, 1.0 / 2.0, -1.0)
+        residual = residual + np.where(arrest < flat_end, error, np.inf)
+    if len(right) >= _ENOUGH_KNOTS:
+        way = direction_after * (right[:, kernel.POSITION] - begin)
+        breakaway, error = _extrapolate(right[:, kernel.TIME], way, -offsets, 1.0 / 3.0, 1.0)
+        residual = residual + np.where(breakaway > flat_begin, error, np.inf)
+    best = int(np.argmin(residual))
+    if not np.isfinite(residual[best]):
+        return flat_end, flat_begin, True
+    arrest_time = flat_begin if arrest is None else max(float(arrest[best]), flat_begin)
+    breakaway_time = flat_end if breakaway is None else min(float(breakaway[best]), float(right[0, kernel.TIME]))
+    return float(arrest_time), float(breakaway_time), arrest is not None and breakaway is not None
+
+
+def _extrapolate(
+    times: NDArray[np.float64], ways: NDArray[np.float64], offsets: NDArray[np.float64], power: float, sign: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where t = t_0 ± c (way + offset)^power meets zero way, for each offset, and the squared residuals."""
+    z = np.maximum(ways[None, :] + offsets[:, None], 0.0) ** power
+    t = times - times[0]
+    z_centred = z - z.mean(axis=1, keepdims=True)
+    t_centred = t - t.mean()
+    slope = (z_centred @ t_centred) / np.maximum((z_centred**2).sum(axis=1), 1e-300)
+    error = ((t_centred[None, :] - slope[:, None] * z_centred) ** 2).sum(axis=1)
+    error = np.where(sign * slope > 0, error, np.inf)
+    return times[0] + t.mean() - slope * z.mean(axis=1), error

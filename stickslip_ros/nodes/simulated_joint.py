@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The node `simulated_joint`: joints with friction under PID control, in place of hardware and controller."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.simulation import JointSimulation
+from stickslip_ros.nodes.conversion import stamp
+from stickslip_ros.nodes.running import run
+
+_GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
+_PROFILES = ("hold", "move", "reverse")
+_TIMER_PERIOD = 0.005
+_LONGEST_CATCH_UP = 0.1  # [s] after a pause of the process, the rest of the time is skipped
+
+
+class Reference:
+    """Desired position of one joint: holds, moves, or moves to and fro."""
+
+    def __init__(self) -> None:
+        self.position = 0.0
+        self.velocity = 0.0
+        self.profile = "move"
+        self.reversal_period = 10.0
+        self._phase = 0.0
+
+    def advance(self, period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions at the start of each of ``count`` periods [rad], and the velocities during them [rad/s]."""
+        if self.profile == "hold":
+            velocities = np.zeros(count)
+        elif self.profile == "move":
+            velocities = np.full(count, self.velocity)
+        else:
+            phases = (self._phase + period * np.arange(count)) % (2.0 * self.reversal_period)
+            velocities = np.where(phases < self.reversal_period, self.velocity, -self.velocity)
+            self._phase = (self._phase + period * count) % (2.0 * self.reversal_period)
+        ways = period * velocities
+        positions = self.position + np.concatenate(([0.0], np.cumsum(ways)[:-1]))
+        self.position = float(positions[-1] + ways[-1])
+        return positions, velocities
+
+
+class SimulatedJoint(Node):
+    """Integrates Eqs (4)-(6) and publishes what a robot's driver and controller would."""
+
+    def __init__(self) -> None:
+        super().__init__("simulated_joint")
+        self._declare("joints", ["joint1"], "names of the joints", read_only=True)
+        self._declare("rate", 1000.0, "samples a second [Hz]", read_only=True)
+        self._declare(
+            "time_factor", 1.0, "simulated seconds a second; if not 1, /clock is published [1]", read_only=True
+        )
+        self._declare("seed", 1, "of the noise", read_only=True)
+        self._names: list[str] = list(self.get_parameter("joints").value)
+        self._period = 1.0 / float(self.get_parameter("rate").value)
+        self._time_factor = float(self.get_parameter("time_factor").value)
+        if not (math.isfinite(self._period) and self._period > 0 and self._time_factor > 0):
+            raise ValueError(f"rate and time_factor must be > 0: {1 / self._period}, {self._time_factor}")
+        self._random = np.random.default_rng(self.get_parameter("seed").value)
+        self._references = {name: Reference() for name in self._names}
+        self._simulations = {name: self._create(name) for name in self._names}
+        self.add_on_set_parameters_callback(self._check)
+        self.add_post_set_parameters_callback(self._apply)
+        self._apply([])
+        # Compiled before the clock starts, or the first second would be missing.
+        period, nothing = self._period, np.zeros(0)
+        for simulation in self._simulations.values():
+            simulation.advance(period, nothing, nothing)
+        qos = QoSProfile(depth=1000)
+        self._states = self.create_publisher(JointState, "joint_states", qos)
+        self._desired = self.create_publisher(JointState, "joint_references", qos)
+        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10) if self._time_factor != 1.0 else None
+        self._count = 0
+        self._start_stamp = 1.0 if self._clock_publisher else time.time()
+        self._start = time.monotonic()
+        self.create_timer(_TIMER_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _declare(self, name: str, default: object, text: str, *, read_only: bool = False) -> None:
+        self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=read_only))
+
+    def _create(self, name: str) -> JointSimulation:
+        self._declare(f"model.{name}", "puma560_joint1", "known joint or path of a joint file", read_only=True)
+        known = load_joint(self.get_parameter(f"model.{name}").value)
+        self._declare(f"gains.{name}.p", float(known.gains.stiffness), "stiffness [N*m/rad]")
+        self._declare(f"gains.{name}.i", float(known.gains.integral), "integral gain [N*m/(rad*s)]")
+        self._declare(f"gains.{name}.d", float(known.gains.damping), "damping [N*m*s/rad]")
+        self._declare(f"velocity.{name}", known.velocity, "commanded velocity [rad/s]")
+        self._declare(f"profile.{name}", "move", f"one of {', '.join(_PROFILES)}")
+        self._declare(f"reversal_period.{name}", 10.0, "how long the profile 'reverse' moves one way [s]")
+        self._declare(f"encoder_resolution.{name}", known.encoder_resolution, "of the position; 0: exact [rad]")
+        self._declare(f"velocity_noise.{name}", 0.0, "standard deviation [rad/s]")
+        self._declare(f"effort_noise.{name}", 0.0, "standard deviation [N*m]")
+        self._declare(f"load.{name}", 0.0, "constant torque against the controller [N*m]", read_only=True)
+        return JointSimulation(known.joint, known.gains, load=float(self.get_parameter(f"load.{name}").value))
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse what no controller or encoder could be."""
+        for parameter in parameters:
+            kind, _, _ = parameter.name.partition(".")
+            value = parameter.value
+            if kind == "profile" and value not in _PROFILES:
+                return SetParametersResult(
+                    successful=False, reason=f"{parameter.name} must be one of {', '.join(_PROFILES)}: {value}"
+                )
+            if kind in ("gains", "velocity") and not math.isfinite(value):
+                return SetParametersResult(successful=False, reason=f"{parameter.name} must be finite: {value}")
+            if kind in ("encoder_resolution", "velocity_noise", "effort_noise") and not (
+                math.isfinite(value) and value >= 0
+            ):
+                return SetParametersResult(
+                    successful=False, reason=f"{parameter.name} must be finite and >= 0: {value}"
+                )
+            if kind == "reversal_period" and not (math.isfinite(value) and value > 0):
+                return SetParametersResult(successful=False, reason=f"{parameter.name} must be finite and > 0: {value}")
+        return SetParametersResult(successful=True)
+
+    def _apply(self, _: list[Parameter]) -> None:
+        for name, simulation in self._simulations.items():
+            for key, field in _GAIN_FIELDS.items():
+                value = float(self._value(f"gains.{name}.{key}"))
+                if getattr(simulation.gains, field) != value:
+                    simulation.gains = replace(simulation.gains, **{field: value})
+            reference = self._references[name]
+            reference.velocity = float(self._value(f"velocity.{name}"))
+            reference.profile = str(self._value(f"profile.{name}"))
+            reference.reversal_period = float(self._value(f"reversal_period.{name}"))
+
+    def _value(self, name: str) -> float | str:
+        return self.get_parameter(name).value  # type: ignore[no-any-return]
+
+    def _tick(self) -> None:
+        """Simulate and publish up to now."""
+        due = int(self._time_factor * (time.monotonic() - self._start) / self._period) - self._count
+        most = max(1, int(_LONGEST_CATCH_UP * self._time_factor / self._period))
+        if due > most:
+            self._start += (due - most) * self._period / self._time_factor
+            due = most
+        if due <= 0:
+            return
+        columns = {name: self._advance(name, due) for name in self._names}
+        states, desired = JointState(name=self._names), JointState(name=self._names)
+        for index in range(due):
+            self._count += 1
+            now = stamp(self._start_stamp + self._count * self._period)
+            if self._clock_publisher is not None:
+                self._clock_publisher.publish(ClockMessage(clock=now))
+            desired.header.stamp = states.header.stamp = now
+            desired.position, desired.velocity, states.position, states.velocity, states.effort = (
+                [columns[name][column][index] for name in self._names] for column in range(5)
+            )
+            self._desired.publish(desired)
+            self._states.publish(states)
+
+    def _advance(self, name: str, count: int) -> tuple[list[float], ...]:
+        """Desired position and velocity, measured position, velocity and effort at the ends of the next periods."""
+        positions, velocities = self._references[name].advance(self._period, count)
+        trajectory = self._simulations[name].advance(self._period, positions, velocities)
+        resolution = float(self._value(f"encoder_resolution.{name}"))
+        measured = trajectory.position
+        if resolution > 0:
+            measured = resolution * np.round(measured / resolution)
+        velocity_noise = float(self._value(f"velocity_noise.{name}")) * self._random.standard_normal(count)
+        effort_noise = float(self._value(f"effort_noise.{name}")) * self._random.standard_normal(count)
+        columns = (
+            positions + self._period * velocities,
+            velocities,
+            measured,
+            trajectory.velocity + velocity_noise,
+            trajectory.effort + effort_noise,
+        )
+        return tuple(column.tolist() for column in columns)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until it is interrupted."""
+    return run(SimulatedJoint, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
