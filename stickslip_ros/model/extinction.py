@@ -90,8 +90,9 @@ def reduction_factor(velocity: Real, lag: Real) -> Real:
     h = ξ˙_d²(1 − cos τ*)² / (ξ˙_d²(1 − cos τ*)² + 1). Without lag it is 0: friction arrives at rest
     fully risen. (34) is its limit for small τ* and small velocity.
     """
-    term = np.square(velocity * (1.0 - np.cos(lag)))
-    return _unwrap(np.asarray(term / (term + 1.0)))
+    with np.errstate(invalid="ignore"):
+        term = np.square(velocity * (1.0 - np.cos(lag)))
+        return _unwrap(np.asarray(term / (term + 1.0)))
 
 
 def approximate_reduction_factor(velocity: Real, lag: Real) -> Real:

@@ -159,7 +159,7 @@ def least_smooth_stiffness(
     )
     shape = np.broadcast_shapes(np.shape(own), np.shape(velocity), np.shape(damping), np.shape(friction.lag))
     centre = np.broadcast_to(joint.inertia * own * own, shape)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         limit = joint.inertia * np.square(2 * np.pi / np.asarray(friction.lag, dtype=float)) * (1 - 1e-12)
     high = np.minimum(centre * 10.0**_STIFFNESS_DECADES, limit)
     low = high * 10.0 ** (-2 * _STIFFNESS_DECADES)
@@ -179,7 +179,7 @@ def change_factors(joint: Joint, gains: Gains, velocity: Real) -> dict[str, Real
     helps) and negative where even k_v = 0 is smooth.
     """
     margin = stability_margin(joint, gains, velocity)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         needed = (
             2 * np.asarray(margin.critical_damping_ratio) * joint.inertia * np.asarray(margin.natural_frequency)
             - joint.friction.viscous

@@ -18,6 +18,7 @@ import numpy as np
 from stickslip_ros.monitoring.rests import Rest, RestDetector, Samples
 
 _DRIVEN_SHARE = 0.1  # of the mean speed of the cycle: how fast the reference must go on during a rest
+_LEAST_STEP = 0.1  # of the way that the reference goes during the next rest
 _TRAIN_WITHOUT_REFERENCE = 3
 _SPEED_SPREAD = 4.0  # of the mean speeds of a train's cycles, largest over smallest
 _LEAST_SLIP_SHARE = 0.05  # of the usual slip; less is creep within a rest
@@ -69,6 +70,8 @@ class CycleDetector:
     def __init__(self) -> None:
         self.detector = RestDetector()
         self.last_rest: Rest | None = None
+        self._closed: Rest | None = None
+        self._way = 0.0
         self._pending: list[Cycle] = []
         self._confirmed = False
         self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
@@ -80,16 +83,24 @@ class CycleDetector:
             cycles += self._take(rest)
         return cycles
 
+    def finish(self) -> list[Cycle]:
+        """The cycle that ended in a rest which still lasts, if the samples end there."""
+        rest = self.detector.unfinished_rest()
+        if rest is None or self._closed is not None:
+            return []
+        cycles = self._take(rest)
+        self._closed = rest
+        return cycles
+
     def _take(self, rest: Rest) -> list[Cycle]:
         before, self.last_rest = self.last_rest, rest
-        if before is None:
+        closed, self._closed = self._closed, None
+        if before is None or (closed is not None and rest.arrest < closed.breakaway):
             return []
         distance = rest.position - before.position
-        if before.direction_after != rest.direction_before or distance * rest.direction_before <= 0:
-            self._end_train()
-            return []
+        way_before, self._way = self._way, distance
         usual = float(np.median(self._slips)) if self._slips else 0.0
-        if abs(distance) < _LEAST_SLIP_SHARE * usual:
+        if distance == 0 or abs(distance) < _LEAST_SLIP_SHARE * usual:
             return []
         self._slips.append(abs(distance))
         cycle = Cycle(
@@ -100,25 +111,25 @@ class CycleDetector:
             position=before.position,
             effort=before.effort,
         )
-        same_before = before.direction_before == before.direction_after
-        same_after = rest.direction_before == rest.direction_after
+        # By the net way, since a lightly damped joint bounces back before it rests.
+        goes_on = rest.direction_after * distance > 0
+        went_on = way_before * distance > 0
         if not math.isnan(rest.reference_travel):
-            return self._with_reference(cycle, before, rest, same_before, same_after)
-        return self._without_reference(cycle, same_after)
+            return self._with_reference(cycle, before, rest, went_on, goes_on)
+        return self._without_reference(cycle, went_on, goes_on)
 
-    def _with_reference(
-        self, cycle: Cycle, before: Rest, rest: Rest, same_before: bool, same_after: bool
-    ) -> list[Cycle]:
-        driven = _is_driven(rest, cycle)
+    def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, went_on: bool, goes_on: bool) -> list[Cycle]:
+        # A hop that leaves the joint far behind is the start of a motion, not a step of a staircase.
+        keeps_up = abs(cycle.slip_distance) >= _LEAST_STEP * rest.reference_travel
+        driven = keeps_up and _is_driven(rest, cycle)
         # A rest where the motion turns is no evidence of its own, but may end a train.
-        evidence = (same_after and driven) or (same_before and _is_driven(before, cycle))
-        if driven and evidence:
-            self._confirmed = True
+        if driven and (goes_on or (went_on and _is_driven(before, cycle))):
             return [cycle]
-        self._end_train()
         return []
 
-    def _without_reference(self, cycle: Cycle, same_after: bool) -> list[Cycle]:
+    def _without_reference(self, cycle: Cycle, went_on: bool, goes_on: bool) -> list[Cycle]:
+        if not went_on:
+            self._end_train()
         speeds = [other.mean_speed for other in self._pending[-_USUAL_SLIPS:]] + [cycle.mean_speed]
         # The first dwell of a record may have begun long before it mattered.
         steady = speeds[1:] if len(speeds) > 2 else speeds[-1:]
@@ -132,7 +143,7 @@ class CycleDetector:
             self._confirmed = True
             certain = list(self._pending)
         self._pending = self._pending[-_USUAL_SLIPS:]
-        if not same_after:
+        if not goes_on:
             self._end_train()
         return certain
 

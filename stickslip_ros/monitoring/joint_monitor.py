@@ -130,9 +130,17 @@ class JointMonitor:
         cycles: list[Cycle] = []
         for restart, piece in self._filter.split(batch):
             if restart:
+                cycles += self.finish()
                 self._begin()
             for part in self._without_gaps(piece):
                 cycles += self._follow(part)
+        return cycles
+
+    def finish(self) -> list[Cycle]:
+        """Return the cycle that ended in the present rest: call when no more samples come."""
+        cycles = self._detector.finish()
+        self._recent.extend(cycles)
+        self.cycle_count += len(cycles)
         return cycles
 
     def _without_gaps(self, batch: Batch) -> list[Batch]:

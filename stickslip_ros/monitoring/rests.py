@@ -5,8 +5,8 @@
 The position is read as an encoder or a noisy sensor gives it. Resolution and noise are measured on the
 signal itself and set the band whose crossings (knots) carry the motion; a stretch much slower than the
 motion on both sides of it is a candidate. Its ends are extrapolated, since a joint comes to rest with
-finite deceleration (x_a − x ∝ (t_a − t)²) and leaves gently (x − x_a ∝ (t − t_b)³ while the friction
-still remembers rest), so that the first count can come late. If that extrapolation leaves no dwell the
+finite deceleration, x_a − x ∝ (t_a − t)², and leaves gently, x − x_a ∝ (t − t_b)³ while the friction
+still remembers rest, so that the first count can come late. If that extrapolation leaves no dwell the
 joint slowed down without stopping.
 """
 
@@ -33,6 +33,11 @@ _LEAST_DWELL = 0.085  # of the span of the knots that it is extrapolated from
 _CREEP = 2.5  # a rest is crept through if it lasts so much longer than the longest stop in it
 _BAND_SHARE = 0.3  # of the way that braking takes: what may be crept at rest, or
 _CREEP_SHARE = 0.015  # of the way travelled before it, but not more than all the way that braking takes
+_NEARNESS = 0.5
+# Exactly at the rest the powers of the way are 1/2 and 1/3. Over the knots that an encoder gives, the
+# deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
+_ARREST_POWER = 0.45
+_BREAKAWAY_POWER = 0.36
 _FRACTIONS = np.linspace(0.02, 0.98, 17)
 
 
@@ -161,6 +166,47 @@ class RestDetector:
         usual = max(float(np.median(np.diff(recent[:, kernel.TIME]))), float(self._state[kernel.UPDATE]))
         stands = flat > _GAPS_AT_REST * usual and self.band < kernel.SLOW * _fastest(recent[1:]) * flat
         return self.last_knot_time if stands else None
+
+    def unfinished_rest(self) -> Rest | None:
+        """The rest that lasts at the last sample, as if it ended there; None if the joint moves."""
+        head = int(self._state[kernel.HEAD])
+        oldest = max(self._rest_end, head - kernel.RING)
+        if head - oldest < 2:
+            return None
+        newest = self._knots[(head - 1) % kernel.RING]
+        newest[[kernel.FLAT_END, kernel.REFERENCE_FLAT_END, kernel.EFFORT_FLAT_END]] = self._state[
+            [kernel.LAST_TIME, kernel.LAST_REFERENCE, kernel.LAST_EFFORT]
+        ]
+        last = head - 1
+        longest = int(self._state[kernel.LONGEST_GAP])
+        if (
+            self._state[kernel.IN_SPELL]
+            and longest > oldest
+            and self._state[kernel.LONGEST_TIME] > newest[kernel.FLAT_END] - newest[kernel.TIME]
+        ):
+            last = longest
+        before = self._between(oldest, last)
+        core = before[-1]
+        if abs(float(core[kernel.POSITION] - before[0, kernel.POSITION])) < _LEAST_SLIP_BANDS * self.band:
+            return None
+        speed = _fastest(before[1:])
+        direction = 1 if float(core[kernel.POSITION] - before[0, kernel.POSITION]) > 0 else -1
+        if not self.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
+            return None
+        left = _window(before[::-1], speed)
+        arrest, _, _ = _ends(left, before[:0], core, np.array([0.5 * self.band]), direction, 0)
+        return Rest(
+            arrest=arrest,
+            breakaway=float(core[kernel.FLAT_END]),
+            position=float(core[kernel.POSITION]),
+            direction_before=direction,
+            direction_after=0,
+            speed_before=speed,
+            speed_after=0.0,
+            band=self.band,
+            reference_travel=float(core[kernel.REFERENCE_FLAT_END] - core[kernel.REFERENCE]),
+            effort=float(core[kernel.EFFORT_FLAT_END]),
+        )
 
     def slowest_share(self, since: float) -> float:
         """Slowest motion since a time over the mean there, 0 to 1; 1 if there is too little to tell."""
@@ -319,11 +365,11 @@ def _ends(
     residual = np.zeros(len(offsets))
     if len(left) >= _ENOUGH_KNOTS:
         way = direction_before * (begin - left[:, kernel.POSITION])
-        arrest, error = _extrapolate(left[:, kernel.TIME], way, offsets, 1.0 / 2.0, -1.0)
+        arrest, error = _extrapolate(left[:, kernel.TIME], way, offsets, _ARREST_POWER, -1.0)
         residual = residual + np.where(arrest < flat_end, error, np.inf)
     if len(right) >= _ENOUGH_KNOTS:
         way = direction_after * (right[:, kernel.POSITION] - begin)
-        breakaway, error = _extrapolate(right[:, kernel.TIME], way, -offsets, 1.0 / 3.0, 1.0)
+        breakaway, error = _extrapolate(right[:, kernel.TIME], way, -offsets, _BREAKAWAY_POWER, 1.0)
         residual = residual + np.where(breakaway > flat_begin, error, np.inf)
     best = int(np.argmin(residual))
     if not np.isfinite(residual[best]):
@@ -339,9 +385,12 @@ def _extrapolate(
     """Where t = t_0 ± c (way + offset)^power meets zero way, for each offset, and the squared residuals."""
     z = np.maximum(ways[None, :] + offsets[:, None], 0.0) ** power
     t = times - times[0]
-    z_centred = z - z.mean(axis=1, keepdims=True)
-    t_centred = t - t.mean()
-    slope = (z_centred @ t_centred) / np.maximum((z_centred**2).sum(axis=1), 1e-300)
-    error = ((t_centred[None, :] - slope[:, None] * z_centred) ** 2).sum(axis=1)
+    # The power laws hold at the rest itself; the farther, the less.
+    weights = _NEARNESS ** np.arange(len(t))
+    weights /= weights.sum()
+    z_mean, t_mean = z @ weights, float(t @ weights)
+    z_centred, t_centred = z - z_mean[:, None], t - t_mean
+    slope = (z_centred * weights) @ t_centred / np.maximum((z_centred**2) @ weights, 1e-300)
+    error = ((t_centred[None, :] - slope[:, None] * z_centred) ** 2) @ weights
     error = np.where(sign * slope > 0, error, np.inf)
-    return times[0] + t.mean() - slope * z.mean(axis=1), error
+    return times[0] + t_mean - slope * z_mean, error

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the tests share: the paper's joint, the real recordings, a ROS domain of one's own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.recordings import load_recording
+
+ROOT = Path(__file__).resolve().parents[1]
+RECORDINGS = Path(os.environ.get("STICKSLIP_RECORDINGS", ROOT.parent / "shared" / "data"))
+
+_domains = itertools.count(os.getpid() * 13)
+
+
+@pytest.fixture
+def puma() -> Joint:
+    """The paper's robot, joint 1."""
+    return load_joint("puma560_joint1").joint
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    """A ROS domain for this test alone, on this machine only."""
+    domain = 1 + next(_domains) % 101
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return domain
+
+
+def recording(name: str) -> Batch:
+    """A real recording; the test is skipped where the recordings are not at hand."""
+    files = [path for path in RECORDINGS.glob(f"{name}*") if path.suffix in (".csv", ".npz")]
+    if not files:
+        pytest.skip(f"recording {name} is not in {RECORDINGS} (set STICKSLIP_RECORDINGS)")
+    if files[0].suffix == ".csv":
+        return load_recording(files[0]).batch
+    return slider(files[0])
+
+
+def slider(path: Path) -> Batch:
+    """A slider's file: spring force over weight, pulled at the speed in the file's name through 168 N/m."""
+    speed = 1e-6 * float(path.stem.rsplit("_v", 1)[1])
+    with np.load(path) as archive:
+        time, force_over_weight = archive["time_s"], archive["force_over_weight"].astype(float)
+    reference = speed * time
+    return Batch(
+        time=time, position=reference - 0.0307 * 9.81 * force_over_weight / 168.0, reference_position=reference
+    )

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""One joint's findings under bad input, gaps, restarts and change."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support import record
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice import AdviceLimits
+from stickslip_ros.monitoring.joint_monitor import JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.status import Status
+
+STICKING = Gains(stiffness=630.0)
+
+
+def test_before_any_sample_nothing_is_claimed(puma: Joint) -> None:
+    """Issue 2: no data is `unknown`, with the reason."""
+    assessment = JointMonitor(puma, STICKING).assessment()
+    assert assessment.finding.status is Status.UNKNOWN
+    assert assessment.finding.reason == "no samples yet"
+    assert math.isnan(assessment.time)
+
+
+def test_positions_that_are_missing_are_named(puma: Joint) -> None:
+    """Issue 2: NaN positions leave the joint `unknown`, and say so."""
+    monitor = JointMonitor(puma, STICKING)
+    monitor.process(Batch(time=np.arange(5.0), position=np.full(5, np.nan)))
+    finding = monitor.finding()
+    assert finding.status is Status.UNKNOWN
+    assert "position is missing" in finding.reason
+
+
+def test_few_samples_are_not_judged() -> None:
+    """Issue 2: too few samples are `not_judged`."""
+    monitor = JointMonitor()
+    monitor.process(Batch(time=1e-3 * np.arange(20), position=np.zeros(20)))
+    assert monitor.finding().status is Status.NOT_JUDGED
+
+
+def test_holding_is_at_rest_and_moving_on_says_stuck() -> None:
+    """Issue 2: at rest; with the reference leaving, the reason says that the joint is stuck."""
+    time = 1e-2 * np.arange(1000)
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=np.full(1000, 0.5), reference_position=0.5 + 0.01 * time))
+    finding = monitor.finding()
+    assert finding.status is Status.AT_REST
+    assert "stuck" in finding.reason
+
+
+def test_sine_is_not_judged_for_reversing() -> None:
+    """Issue 2: motion that turns before it can be judged is `not_judged: reversing`."""
+    time = 1e-3 * np.arange(20_000)
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=1e-5 * np.round(0.2 * np.sin(4 * time) / 1e-5)))
+    assert {segment.status for segment in monitor.segments} <= {Status.NOT_JUDGED, Status.AT_REST}
+    assert monitor.finding().reason == "reversing"
+
+
+def test_smooth_with_a_thin_margin_is_at_risk(puma: Joint) -> None:
+    """Issue 2: smooth motion whose margin is thin is `at_risk`."""
+    time = 1e-3 * np.arange(5000)
+    position = 2.5e-5 * np.round(0.0058 * time / 2.5e-5)
+    batch = Batch(time=time, position=position, reference_velocity=np.full(5000, 0.0058))
+    monitor = JointMonitor(puma, STICKING)
+    monitor.process(batch)
+    assert monitor.finding().status is Status.AT_RISK
+    safe = JointMonitor(puma, Gains(stiffness=9000.0, damping=100.0))
+    safe.process(batch)
+    assert safe.finding().status is Status.SMOOTH
+
+
+def test_cure_is_seen(puma: Joint) -> None:
+    """Issue 2: stick slip, then the advised gains, then smooth: status and margin follow."""
+    before = record(puma, STICKING, 0.0058, duration=15.0, hold=0.0)
+    monitor = JointMonitor(puma, STICKING)
+    monitor.process(before.batch)
+    sick = monitor.assessment()
+    assert sick.finding.status is Status.STICK_SLIP
+    assert sick.margin is not None
+    assert sick.margin.energy_margin < 0
+    assert sick.recommendation is not None
+    advised = Gains(stiffness=sick.recommendation.stiffness, damping=sick.recommendation.damping)
+    after = record(puma, advised, 0.0058, duration=15.0, hold=0.0).batch
+    monitor.gains = advised
+    shift = before.batch.time[-1]
+    monitor.process(
+        Batch(
+            time=after.time + shift,
+            position=after.position + before.batch.position[-1],
+            reference_position=after.reference_position + before.batch.position[-1],
+            reference_velocity=after.reference_velocity,
+        )
+    )
+    cured = monitor.assessment()
+    assert cured.finding.status is Status.SMOOTH
+    assert cured.margin is not None
+    assert cured.margin.energy_margin > 0
+
+
+def test_without_gains_or_joint_the_motion_is_judged_all_the_same(puma: Joint) -> None:
+    """Issue 2: status needs neither gains nor friction; the margin says what it lacks."""
+    batch = record(puma, STICKING, 0.0058, duration=10.0).batch
+    for joint, gains, word in ((None, STICKING, "friction"), (puma, None, "gains")):
+        monitor = JointMonitor(joint, gains)
+        monitor.process(batch)
+        assessment = monitor.assessment()
+        assert assessment.finding.status is Status.STICK_SLIP
+        assert assessment.margin is None
+        assert word in assessment.margin_reason
+
+
+@pytest.mark.parametrize(("stiffness", "word"), [(0.0, "stiffness"), (-10.0, "stiffness")])
+def test_zero_or_negative_stiffness(puma: Joint, stiffness: float, word: str) -> None:
+    """Issue 2: no stiffness, no Eq. (43), with the reason; no advice, with the reason."""
+    monitor = JointMonitor(puma, Gains(stiffness=stiffness))
+    monitor.process(record(puma, STICKING, 0.0058, duration=10.0).batch)
+    assessment = monitor.assessment()
+    assert assessment.margin is not None
+    assert not assessment.margin.applicable
+    assert word in assessment.margin_reason
+    assert assessment.recommendation is not None
+    assert not assessment.recommendation.found
+
+
+def test_bad_stamps_are_dropped_and_counted(puma: Joint) -> None:
+    """Issue 2: stamps that stand still, go back or are not finite cost samples, are counted, and change no finding."""
+    clean = record(puma, STICKING, 0.0058, duration=12.0).batch
+    generator = np.random.default_rng(0)
+    insert = np.sort(generator.choice(np.arange(100, len(clean)), 60, replace=False))
+    time, position = clean.time.copy(), clean.position.copy()
+    bad_times = np.where(
+        np.arange(60) % 3 == 0, time[insert - 1], np.where(np.arange(60) % 3 == 1, time[insert] - 0.05, np.nan)
+    )
+    spoilt = Batch(
+        time=np.insert(time, insert, bad_times),
+        position=np.insert(position, insert, 77.0),
+        reference_position=np.insert(clean.reference_position, insert, 99.0),
+        reference_velocity=np.insert(clean.reference_velocity, insert, 99.0),
+    )
+    monitor, reference = JointMonitor(), JointMonitor()
+    cycles, expected = monitor.process(spoilt), reference.process(clean)
+    assert [cycle.breakaway for cycle in cycles] == [cycle.breakaway for cycle in expected]
+    assert monitor.assessment().dropped == {
+        "time is not finite": 20,
+        "stamp stands still": 20,
+        "stamp goes backwards": 20,
+    }
+
+
+def test_time_that_begins_anew_begins_a_new_recording(puma: Joint) -> None:
+    """Issue 2: a bag that loops goes on being counted, and no cycle spans the seam."""
+    batch = record(puma, STICKING, 0.0058, duration=12.0).batch
+    once = JointMonitor()
+    first = once.process(batch) + once.finish()
+    monitor = JointMonitor()
+    cycles = monitor.process(batch) + monitor.process(batch) + monitor.finish()
+    assert len(cycles) == 2 * len(first)
+    assert monitor.finding().status is Status.STICK_SLIP
+
+
+def test_a_silence_is_no_dwell() -> None:
+    """Issue 2: a long gap in smooth motion is neither a stick nor a slip."""
+    time = np.concatenate([1e-3 * np.arange(4000), 10.0 + 1e-3 * np.arange(4000)])
+    monitor = JointMonitor()
+    assert monitor.process(Batch(time=time, position=2.5e-5 * np.round(0.02 * time / 2.5e-5))) == []
+    assert Status.STICK_SLIP not in {segment.status for segment in monitor.segments}
+
+
+def test_reset_forgets(puma: Joint) -> None:
+    """Issue 2: reset forgets what was learnt, not the joint."""
+    monitor = JointMonitor(puma, STICKING, MonitorOptions(limits=AdviceLimits(wanted_margin=0.5)))
+    monitor.process(record(puma, STICKING, 0.0058, duration=12.0).batch)
+    monitor.reset()
+    assert monitor.cycle_count == 0
+    assert monitor.finding().status is Status.UNKNOWN
+    assert monitor.joint is puma
+
+
+def test_shapes_must_agree() -> None:
+    """Issue 2: arrays of unequal length are refused with both shapes."""
+    with pytest.raises(ValueError, match=r"position has shape \(3,\) but time has \(2,\)"):
+        Batch(time=np.zeros(2), position=np.zeros(3))

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The floors: imports only go down. The package: its parts agree with each other."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import yaml
+from conftest import ROOT
+
+import stickslip_ros
+from stickslip_ros.errors import JointFileError, UnknownJointError
+from stickslip_ros.known_joints import known_joint_names, load_joint
+
+PACKAGE = ROOT / "stickslip_ros"
+ALLOWED = {
+    "model": {"stickslip_ros.model", "stickslip_ros.errors", "numpy", "numba", "scipy"},
+    "monitoring": {
+        "stickslip_ros.monitoring",
+        "stickslip_ros.model",
+        "stickslip_ros.errors",
+        "numpy",
+        "numba",
+        "scipy",
+    },
+}
+
+
+def imports(path: Path) -> set[str]:
+    """Names of the modules that a file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.add(node.module or "")
+    return found
+
+
+@pytest.mark.parametrize("floor", ALLOWED)
+def test_imports_only_go_down(floor: str) -> None:
+    """Issue 2: model and monitoring import no ROS, no files, no terminal, nothing from above."""
+    for path in (PACKAGE / floor).rglob("*.py"):
+        for name in imports(path):
+            allowed = name.split(".")[0] in sys.stdlib_module_names or any(
+                name == part or name.startswith(part + ".") for part in ALLOWED[floor]
+            )
+            assert allowed, f"{path.relative_to(ROOT)} imports {name}"
+
+
+def test_the_command_line_starts_without_ros() -> None:
+    """Issue 2: `stickslip margin` needs no ROS."""
+    code = (
+        "import sys; sys.modules['rclpy'] = None; from stickslip_ros.cli.main import main; "
+        "sys.exit(main(['margin', '--joint', 'puma560_joint1', '--json']))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, timeout=60).returncode == 0
+
+
+def test_versions_agree() -> None:
+    """Issue 2: setup.py, package.xml, the package and the changelog have one version."""
+    in_setup = re.search(r'version="([^"]+)"', (ROOT / "setup.py").read_text()).group(1)
+    in_manifest = ET.parse(ROOT / "package.xml").getroot().findtext("version")
+    in_changelog = re.search(r"^(\d+\.\d+\.\d+)", (ROOT / "CHANGELOG.rst").read_text(), re.MULTILINE).group(1)
+    assert in_setup == in_manifest == stickslip_ros.__version__ == in_changelog
+
+
+def test_every_source_file_names_its_licence() -> None:
+    """Issue 2: Apache-2.0, in two lines on top of every file."""
+    for path in [
+        *ROOT.glob("*.py"),
+        *(p for folder in ("stickslip_ros", "test", "launch", "benchmarks") for p in (ROOT / folder).rglob("*.py")),
+    ]:
+        assert path.read_text(encoding="utf-8").startswith("# SPDX-License-Identifier: Apache-2.0\n# Copyright"), path
+
+
+def test_known_joints_load_and_the_unknown_is_refused() -> None:
+    """Issue 2: joint files are found by name; an unknown name lists the known ones."""
+    for name in known_joint_names():
+        assert load_joint(name).name == name
+    with pytest.raises(UnknownJointError, match=r"unknown joint 'puma'; known joints: .*puma560_joint1"):
+        load_joint("puma")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"inertia": -1.0}, "'inertia' must be finite and > 0: -1.0"),
+        ({"frction": {}}, "unknown key frction"),
+        ({"friction": None}, "expected a mapping"),
+        ({"gains": {"p": 1.0}}, "unknown key p"),
+        ({"velocity": "fast"}, "could not convert string to float"),
+    ],
+)
+def test_bad_joint_files_are_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:
+    """Issue 2: what is wrong in a joint file is named, with the file."""
+    content = yaml.safe_load((ROOT / "config" / "joints" / "puma560_joint1.yaml").read_text())
+    path = tmp_path / "joint.yaml"
+    path.write_text(yaml.safe_dump({**content, **change}))
+    with pytest.raises(JointFileError, match=re.escape(message)):
+        load_joint(str(path))
+    with pytest.raises(JointFileError, match="No such file"):
+        load_joint(str(tmp_path / "other.yaml"))
