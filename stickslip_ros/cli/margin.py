@@ -61,6 +61,10 @@ def run(options: argparse.Namespace) -> int:
 def margin_json(joint: Joint, gains: Gains, velocity: float) -> dict[str, Any]:
     """The margin as the JSON object of `margin` and `analyze`; null for what is not applicable or infinite."""
     margin: StabilityMargin = stability_margin(joint, gains, velocity)
+    # Imported here: the compiler behind it takes longer to load than all the rest.
+    from stickslip_ros.model.exact import exact_verdict
+
+    exact = exact_verdict(joint, gains, velocity)
     lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
     return {
         "applicable": margin.applicable,
@@ -72,6 +76,7 @@ def margin_json(joint: Joint, gains: Gains, velocity: float) -> dict[str, Any]:
         "reduction_factor": number(margin.reduction_factor),
         "steady_stribeck": number(margin.steady_stribeck),
         "lowest_smooth_velocity": number(lowest),
+        "exact": {"smooth": exact.smooth, "critical_damping_ratio": number(exact.critical_damping_ratio)},
     }
 
 
@@ -107,7 +112,7 @@ def _joint(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
 
 
 def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     if not result["applicable"]:
         console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
         return
@@ -126,6 +131,10 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
         value = "none" if result[key] is None else f"{result[key]:.4g}"
         table.add_row(label, value, unit, f"[dim]{note}[/]")
     console.print(table)
+    exact = result["exact"]
+    if exact["smooth"] is not None:
+        word = "[green]smooth[/]" if exact["smooth"] else "[red]stick slip[/]"
+        console.print(f"Integrated exactly: {word}; critical damping ratio {exact['critical_damping_ratio']:.4g}.")
     factors = change_factors(joint, gains, velocity)
     words = {"stiffness": "stiffness", "damping": "damping", "velocity": "speed"}
     parts = [

@@ -59,6 +59,7 @@ class NodeProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.stop()
+        self._log.close()
 
     @property
     def running(self) -> bool:

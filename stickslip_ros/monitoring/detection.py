@@ -18,7 +18,7 @@ import numpy as np
 from stickslip_ros.monitoring.rests import Rest, RestDetector, Samples
 
 _DRIVEN_SHARE = 0.1  # of the mean speed of the cycle: how fast the reference must go on during a rest
-_LEAST_STEP = 0.1  # of the way that the reference goes during the next rest
+_LEAST_STEP = 0.2  # of the way that the reference goes during the next rest
 _TRAIN_WITHOUT_REFERENCE = 3
 _SPEED_SPREAD = 4.0  # of the mean speeds of a train's cycles, largest over smallest
 _LEAST_SLIP_SHARE = 0.05  # of the usual slip; less is creep within a rest

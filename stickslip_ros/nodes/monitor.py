@@ -8,6 +8,8 @@ import math
 import re
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -58,7 +60,7 @@ class Monitor(Node):
         self._pairings: dict[str, ReferencePairing] = {}
         self._heard: dict[str, float] = {}
         self._refused: Counter[str] = Counter()
-        self._writing_advice = False
+        self._changing = False
         self._declare()
         names = [name for name in self.get_parameter("joints").value if name]
         self._all_joints = not names
@@ -99,10 +101,20 @@ class Monitor(Node):
         parameter("least_motion", 1.0, "how long motion must last before it is called smooth [s]")
 
     def _add_joint(self, name: str) -> None:
-        joint_parameters.declare(self, name)
+        with self._own_change():
+            joint_parameters.declare(self, name)
         settings = joint_parameters.read(self, name)
         self._monitors[name] = JointMonitor(settings.joint, settings.gains, self._options(settings.limits))
         self._pairings[name] = ReferencePairing()
+
+    @contextmanager
+    def _own_change(self) -> Iterator[None]:
+        """Lets the node itself set what others may not."""
+        self._changing = True
+        try:
+            yield
+        finally:
+            self._changing = False
 
     def _options(self, limits: AdviceLimits, changes: dict[str, Parameter] | None = None) -> MonitorOptions:
         def value(name: str) -> float:
@@ -115,7 +127,7 @@ class Monitor(Node):
         """Refuse what would make no joint, with the reason; nothing is changed here."""
         changes = {parameter.name: parameter for parameter in parameters}
         for name in changes:
-            if name.startswith("recommended.") and not self._writing_advice:
+            if name.startswith("recommended.") and not self._changing:
                 return SetParametersResult(
                     successful=False,
                     reason=f"{name} is the monitor's advice and cannot be set; set the controller's gains instead",
@@ -129,7 +141,7 @@ class Monitor(Node):
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        if self._writing_advice:
+        if self._changing:
             return
         for name, monitor in self._monitors.items():
             settings = joint_parameters.read(self, name)
@@ -264,11 +276,8 @@ class Monitor(Node):
                 if old != value and not (math.isnan(old) and math.isnan(value)):
                     changed.append(Parameter(parameter, Parameter.Type.DOUBLE, value))
         if changed:
-            self._writing_advice = True
-            try:
+            with self._own_change():
                 self.set_parameters(changed)
-            finally:
-                self._writing_advice = False
 
     def _own_status(self) -> DiagnosticStatus:
         """The node's own health: what it refused, where the gains come from."""

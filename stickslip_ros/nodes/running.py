@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
@@ -25,7 +26,7 @@ def run(create: Callable[[], Node], args: list[str] | None) -> int:
             node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except StickSlipError as error:
+    except (StickSlipError, ParameterException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     finally:

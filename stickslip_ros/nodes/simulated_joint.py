@@ -18,6 +18,7 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 
+from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.simulation import JointSimulation
 from stickslip_ros.nodes.conversion import stamp
@@ -67,10 +68,11 @@ class SimulatedJoint(Node):
         )
         self._declare("seed", 1, "of the noise", read_only=True)
         self._names: list[str] = list(self.get_parameter("joints").value)
-        self._period = 1.0 / float(self.get_parameter("rate").value)
+        rate = float(self.get_parameter("rate").value)
+        self._period = 1.0 / rate if rate > 0 else math.nan
         self._time_factor = float(self.get_parameter("time_factor").value)
         if not (math.isfinite(self._period) and self._period > 0 and self._time_factor > 0):
-            raise ValueError(f"rate and time_factor must be > 0: {1 / self._period}, {self._time_factor}")
+            raise InvalidParameterError("rate and time_factor", "finite and > 0", (rate, self._time_factor))
         self._random = np.random.default_rng(self.get_parameter("seed").value)
         self._references = {name: Reference() for name in self._names}
         self._simulations = {name: self._create(name) for name in self._names}

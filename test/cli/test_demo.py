@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip demo`, as a process of its own with its nodes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from matplotlib.image import imread
+
+COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "demo"]
+
+
+def processes_on(domain: int) -> list[str]:
+    """Command lines of nodes of ours that run with this ROS_DOMAIN_ID."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            environment = (folder / "environ").read_bytes()
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue
+        if f"ROS_DOMAIN_ID={domain}\0".encode() in environment and "stickslip_ros.nodes" in command:
+            found.append(command)
+    return found
+
+
+def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 2: stick slip, advice, gains set, smooth, a picture, exit status 0, within 60 s, no process left."""
+    picture = tmp_path / "demo.png"
+    begin = time.monotonic()
+    done = subprocess.run([*COMMAND, "--out", picture], capture_output=True, text=True, timeout=90, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert time.monotonic() - begin < 60.0
+    for text in ("Stick slip: ", "Advice: raise the", "Smooth: no cycle", str(picture)):
+        assert text in done.stdout
+    assert imread(picture).shape[0] > 500
+    assert processes_on(ros_domain) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_interrupted_it_leaves_no_process_behind(ros_domain: int, tmp_path: Path, number: signal.Signals) -> None:
+    """Issue 2: Ctrl-C (or worse) ends the nodes too."""
+    process = subprocess.Popen(
+        [*COMMAND, "--out", tmp_path / "demo.png"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    until = time.monotonic() + 30.0
+    while len(processes_on(ros_domain)) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    process.send_signal(number)
+    assert process.wait(20.0) != 0
+    until = time.monotonic() + 10.0
+    while processes_on(ros_domain):
+        assert time.monotonic() < until, processes_on(ros_domain)
+        time.sleep(0.05)
+
+
+def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 2: `stickslip demo --recording` shows a real machine."""
+    picture = tmp_path / "slider.png"
+    done = subprocess.run(
+        [*COMMAND, "--recording", "slider", "--speed", "3", "--out", picture],
+        capture_output=True, text=True, timeout=90, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "stick-slip cycles" in done.stdout
+    assert picture.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--recording", "nothing"], "no recording begins with 'nothing': "),
+        (["--recording", "/no/such/file.csv"], "No such file"),
+        (["--out", "/no/such/folder/a.png"], "in a folder that exists"),
+        (["--out", "picture.bmp"], "must be a .png"),
+    ],
+)
+def test_bad_arguments_are_one_line(arguments: list[str], text: str) -> None:
+    """Issue 2: what cannot be done is said in one line, with status 2."""
+    done = subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, timeout=30, check=False, env=os.environ
+    )
+    assert done.returncode == 2
+    assert text in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip margin`."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from stickslip_ros.cli.main import main
+
+PAPER = (
+    "margin --inertia 6.3 --stiffness 2016 --damping 0 --velocity 0.00493 --stribeck 1.6 --stribeck-velocity 0.0058 "
+    "--lag 0.05 --rise-time 0.264 --viscous 4.94 --json"
+)
+
+
+def answer(capsys: pytest.CaptureFixture[str], command: str) -> dict[str, object]:
+    assert main(command.split()) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    result = json.loads(captured.out)
+    assert isinstance(result, dict)
+    return result
+
+
+def test_the_papers_joint(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 2: the JSON of design.md, with the numbers of physics.md at ξ˙_d = 0.85, k_p/M = 320."""
+    result = answer(capsys, PAPER)
+    assert result["applicable"] is True
+    assert result["reason"] is None
+    assert result["smooth"] is False
+    assert result["energy_margin"] == pytest.approx(-1.91484, abs=1e-5)
+    assert result["damping_ratio"] == pytest.approx(0.0219170, abs=1e-6)
+    assert result["critical_damping_ratio"] == pytest.approx(0.4437245, abs=1e-6)
+    assert result["reduction_factor"] == pytest.approx(0.0917999, abs=1e-6)
+    assert result["steady_stribeck"] == pytest.approx(1.4795647, abs=1e-6)
+    assert result["lowest_smooth_velocity"] == pytest.approx(0.012927, abs=1e-6)
+    assert result["exact"] == {"smooth": False, "critical_damping_ratio": pytest.approx(0.1628, rel=0.005)}
+
+
+def test_a_known_joint_and_overrides(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 2: --joint loads config/joints; other options override its values."""
+    same = answer(capsys, "margin --joint puma560_joint1 --stiffness 2016 --velocity 0.00493 --json")
+    assert same == answer(capsys, PAPER)
+    # Between the exact boundary and the paper's, the two verdicts differ.
+    between = answer(capsys, "margin --joint puma560_joint1 --stiffness 2016 --velocity 0.00493 --damping 50 --json")
+    assert between["smooth"] is False
+    assert between["exact"]["smooth"] is True
+
+
+def test_not_applicable_has_a_reason_and_no_number(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 2: outside the domain every number is null and the reason is given."""
+    result = answer(capsys, "margin --joint puma560_joint1 --velocity 0 --json")
+    assert result["applicable"] is False
+    assert "velocity is zero" in str(result["reason"])
+    assert all(value is None for key, value in result.items() if key not in ("applicable", "reason", "exact"))
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        ("margin --joint nothing", "unknown joint 'nothing'; known joints: puma560_joint1"),
+        ("margin --inertia 6.3", "'--stribeck' must be given"),
+        ("margin --joint puma560_joint1 --inertia -1", "'inertia' must be finite and > 0: -1.0"),
+        ("margin --joint puma560_joint1 --velocity nan", "'--velocity' must be a finite number"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str], command: str, text: str) -> None:
+    """Issue 2: exit status 2, the reason in one line on stderr, nothing on stdout."""
+    assert main(command.split()) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert text in captured.err
+    assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["margin --inertia heavy", "nonsense", ""])
+def test_bad_usage_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    """Issue 2: bad usage too."""
+    with pytest.raises(SystemExit) as stop:
+        main(command.split())
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 2: without --json a verdict, numbers with units, and what would change it."""
+    assert main(PAPER.replace(" --json", "").split()) == 0
+    text = capsys.readouterr().out
+    assert "predicts stick slip" in text
+    assert "N·m" in text
+    assert "stiffness × 2.7" in text

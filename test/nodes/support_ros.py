@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A node that listens to the monitor under test; all waiting is bounded."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from stickslip_ros.nodes.conversion import MARGIN_FIELDS, stamp
+
+
+class Probe:
+    """Publishes what a robot would, and remembers what the monitor says."""
+
+    def __init__(self) -> None:
+        self.node = Node("probe")
+        self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
+        self.margins: dict[str, dict[str, float]] = {}
+        self.margin_times: list[tuple[float, float]] = []
+        self.recommended: Float64MultiArray | None = None
+        self.cycles: list[dict[str, str]] = []
+        qos = QoSProfile(depth=5000)
+        self.states = self.node.create_publisher(JointState, "joint_states", qos)
+        self.references = self.node.create_publisher(JointState, "joint_references", qos)
+        self.gains = self.node.create_publisher(Float64MultiArray, "pd_gains", 10)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos)
+        self.node.create_subscription(DiagnosticArray, "/stickslip_monitor/cycles", self._on_cycles, qos)
+        self.node.create_subscription(Float64MultiArray, "/stickslip_monitor/margins", self._on_margins, qos)
+        self.node.create_subscription(Float64MultiArray, "/stickslip_monitor/recommended_gains", self._on_advice, qos)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.diagnostics[status.hardware_id] = (status.level, status.message, values)
+
+    def _on_cycles(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.cycles.append({"joint": status.hardware_id, **{pair.key: pair.value for pair in status.values}})
+
+    def _on_margins(self, message: Float64MultiArray) -> None:
+        width = message.layout.dim[1].size
+        assert message.layout.dim[1].label == ",".join(MARGIN_FIELDS)
+        for index, joint in enumerate(message.layout.dim[0].label.split(",")):
+            row = message.data[index * width : (index + 1) * width]
+            self.margins[joint] = dict(zip(MARGIN_FIELDS, row, strict=True))
+            self.margin_times.append((time.monotonic(), self.margins[joint]["stiffness"]))
+
+    def _on_advice(self, message: Float64MultiArray) -> None:
+        self.recommended = message
+
+    def status(self, joint: str) -> str:
+        """The joint's status word, "" before the first."""
+        return self.diagnostics[joint][2].get("status", "") if joint in self.diagnostics else ""
+
+    def wait(self, reached: Callable[[], bool], limit: float, what: str) -> None:
+        """Spin until the goal is reached; fails after the limit [s]."""
+        until = time.monotonic() + limit
+        while not reached():
+            assert time.monotonic() < until, f"waited {limit} s for {what}; diagnostics: {self.diagnostics}"
+            rclpy.spin_once(self.node, timeout_sec=0.02)
+
+    def wait_for_monitor(self) -> None:
+        """Wait until the monitor listens and is heard."""
+        self.wait(
+            lambda: self.states.get_subscription_count() > 0 and "stickslip_monitor" in self.diagnostics,
+            30.0,
+            "the monitor",
+        )
+
+    def publish(self, names: list[str], at: float, **fields: list[float]) -> None:
+        """One JointState with a stamp in seconds."""
+        message = JointState(name=names, **fields)
+        message.header.stamp = stamp(at)
+        self.states.publish(message)
+
+    def set_parameters(self, node: str, values: dict[str, object]) -> list[str]:
+        """Set parameters; returns the reasons of refusal, "" for what was taken."""
+        client = AsyncParameterClient(self.node, node)
+        self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
+        future = client.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+        self.wait(future.done, 10.0, f"the answer of {node}")
+        return ["" if result.successful else result.reason or "refused" for result in future.result().results]
+
+    def get_parameters(self, node: str, names: list[str]) -> list[float]:
+        """Double parameters of a node."""
+        client = AsyncParameterClient(self.node, node)
+        self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
+        future = client.get_parameters(names)
+        self.wait(future.done, 10.0, f"the answer of {node}")
+        return [value.double_value for value in future.result().values]
+
+
+@contextmanager
+def probe() -> Iterator[Probe]:
+    """A probe on the domain of the environment."""
+    rclpy.init(args=[])
+    one = Probe()
+    try:
+        yield one
+    finally:
+        one.node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def staircase(count: int, *, rate: float = 200.0) -> tuple[list[float], list[float]]:
+    """Times and positions of an unmistakable staircase, at 0.01 rad/s, one step of 0.01 rad a second."""
+    times = [index / rate for index in range(count)]
+    positions = []
+    for time_ in times:
+        phase = min(max((time_ % 1.0 - 0.6) / 0.4, 0.0), 1.0)
+        positions.append(
+            1e-5 * round((0.01 * (math.floor(time_) + phase**3 * (10 - 15 * phase + 6 * phase**2))) / 1e-5)
+        )
+    return times, positions

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Messages to arrays and back, and the refusal of those that mean nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.nodes.conversion import MessageError, gains_from_message, joint_rows, seconds, stamp, table
+from stickslip_ros.nodes.reference_pairing import ReferencePairing
+
+NAMES = st.lists(st.text("abcdefgh_123", min_size=1, max_size=8), min_size=1, max_size=6, unique=True)
+
+
+@settings(deadline=None)
+@given(NAMES, st.booleans(), st.booleans())
+def test_any_order_of_names_and_empty_arrays(names: list[str], velocity: bool, effort: bool) -> None:
+    """Issue 2: names in any order, empty arrays for what is missing."""
+    numbers = [float(index) for index in range(len(names))]
+    message = JointState(
+        name=names, position=numbers, velocity=numbers if velocity else [], effort=numbers if effort else []
+    )
+    rows = joint_rows(message)
+    for name, number in zip(names, numbers, strict=True):
+        assert rows[name][0] == number
+        assert rows[name][1] == number if velocity else math.isnan(rows[name][1])
+        assert rows[name][2] == number if effort else math.isnan(rows[name][2])
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"position": [1.0]}, "position has 1 values for 2 names"),
+        ({"position": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "velocity has 3 values for 2 names"),
+    ],
+)
+def test_unequal_lengths_are_refused(fields: dict[str, list[float]], text: str) -> None:
+    """Issue 2: arrays of unequal length are refused, with both lengths."""
+    with pytest.raises(MessageError, match=text):
+        joint_rows(JointState(name=["a", "b"], **fields))
+
+
+def test_a_name_twice_is_refused() -> None:
+    """Issue 2: one joint cannot have two positions."""
+    with pytest.raises(MessageError, match="occurs twice"):
+        joint_rows(JointState(name=["a", "a"], position=[1.0, 2.0]))
+
+
+@given(st.integers(0, 2**31 - 1), st.integers(0, 999_999_999))
+def test_stamps_survive(sec: int, nanosec: int) -> None:
+    """Issue 2: stamps to seconds and back, to the resolution of a double."""
+    time = seconds(stamp(sec + 1e-9 * nanosec))
+    assert time == pytest.approx(sec + 1e-9 * nanosec, abs=5e-7)
+
+
+def test_gains_with_and_without_integral() -> None:
+    """Issue 2: `pd_gains` with "p,d" or "p,i,d"."""
+    assert gains_from_message(table(["a", "b"], ["p", "d"], [1, 2, 3, 4]))["b"] == Gains(stiffness=3.0, damping=4.0)
+    with_integral = gains_from_message(table(["a"], ["p", "i", "d"], [1, 2, 3]))["a"]
+    assert with_integral == Gains(stiffness=1.0, integral=2.0, damping=3.0)
+
+
+@pytest.mark.parametrize(
+    ("joints", "kinds", "values", "text"),
+    [
+        (["a"], ["d", "p"], [1, 2], "must be 'p,d' or 'p,i,d'"),
+        (["a"], ["p", "d"], [1], "needs 2 values"),
+        (["a"], ["p", "d"], [1, math.nan], "gain d of a must be finite: nan"),
+    ],
+)
+def test_bad_gains_are_refused(joints: list[str], kinds: list[str], values: list[float], text: str) -> None:
+    """Issue 2: gains that mean nothing are refused with a reason."""
+    with pytest.raises(MessageError, match=text):
+        gains_from_message(table(joints, kinds, values))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 7), st.integers(0, 30), st.randoms(use_true_random=False))
+def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: object) -> None:
+    """Issue 2: samples meet the reference of their own stamp, whichever topic is ahead."""
+    pairing = ReferencePairing()
+    times = [0.01 * index for index in range(100)]
+    batches = []
+    reference_at = 0
+    for index, time in enumerate(times):
+        while reference_at < min(index + lead - 15, 100):
+            pairing.add_reference(times[reference_at], 2.0 * times[reference_at], 2.0)
+            reference_at += 1
+        pairing.add_sample(time, time, math.nan, math.nan)
+        if index % chunk == 0:
+            batches.append(pairing.take())
+    for rest in range(reference_at, 100):
+        pairing.add_reference(times[rest], 2.0 * times[rest], 2.0)
+    batches.append(pairing.take())
+    taken = [batch for batch in batches if batch is not None]
+    np.testing.assert_array_equal(np.concatenate([batch.time for batch in taken]), times)
+    position = np.concatenate([batch.reference_position for batch in taken])
+    known = np.isfinite(position)
+    np.testing.assert_allclose(position[known], 2.0 * np.array(times)[known], atol=1e-12)
+    assert known.sum() >= 80
+
+
+def test_a_stale_reference_says_nothing() -> None:
+    """Issue 2: a reference that has ended is not held for ever."""
+    pairing = ReferencePairing()
+    pairing.add_reference(0.0, 1.0, 0.0)
+    pairing.add_sample(0.5, 0.0, math.nan, math.nan)
+    pairing.add_sample(5.0, 0.0, math.nan, math.nan)
+    batch = pairing.take()
+    assert batch is not None
+    assert batch.reference_position[0] == 1.0
+    assert math.isnan(batch.reference_position[1])

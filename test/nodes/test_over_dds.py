@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Real processes over real DDS: the monitor beside a controller, bad input, recordings."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+
+import pytest
+from conftest import recording
+from support_ros import probe, staircase
+
+from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.nodes.conversion import table
+from stickslip_ros.recordings import load_recording
+
+PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1"}
+
+
+def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> None:
+    """Issue 2: from parameter change to published margin within 0.5 s, with the controller in another process."""
+    with (
+        NodeProcess("simulated_joint", {}),
+        NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}),
+        probe() as one,
+    ):
+        one.wait_for_monitor()
+        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
+        one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
+        assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 9000.0, "gains.joint1.d": 50.0}) == ["", ""]
+        changed = time.monotonic()
+        one.wait(
+            lambda: one.margins["joint1"]["stiffness"] == 9000.0 and one.margins["joint1"]["damping"] == 50.0,
+            5.0,
+            "the new gains",
+        )
+        assert time.monotonic() - changed < 0.5
+        assert one.margins["joint1"]["energy_margin"] > 0
+        # Gains that no controller should have are refused there, and change nothing here.
+        assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
+
+
+def test_gains_from_a_topic_and_the_advice(ros_domain: int) -> None:
+    """Issue 2: `pd_gains` in; `~/recommended_gains` and the parameters `recommended.<joint>.p/.d` out, read-only."""
+    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", PUMA), probe() as one:
+        one.wait_for_monitor()
+        one.wait(lambda: one.gains.get_subscription_count() > 0, 10.0, "the listener to gains")
+        one.gains.publish(table(["joint1"], ["p", "d"], [630.0, 0.0]))
+        one.wait(lambda: one.recommended is not None, 10.0, "advice")
+        assert one.recommended is not None
+        assert [dim.label for dim in one.recommended.layout.dim] == ["joint1", "p,d"]
+        stiffness, damping = one.recommended.data
+        assert one.get_parameters(
+            "/stickslip_monitor", ["recommended.joint1.p", "recommended.joint1.d"]
+        ) == pytest.approx([stiffness, damping], rel=0.05)
+        (reason,) = one.set_parameters("/stickslip_monitor", {"recommended.joint1.p": 1.0})
+        assert "cannot be set" in reason
+        # What was published can be fed back as gains.
+        one.gains.publish(one.recommended)
+        one.wait(lambda: one.margins["joint1"]["energy_margin"] > 0, 10.0, "a positive margin")
+
+
+def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int) -> None:
+    """Issue 2, bad input: every kind has its answer, while a healthy joint goes on being judged."""
+    with NodeProcess("monitor", {"joints": "['']"}) as monitor, probe() as one:
+        one.wait_for_monitor()
+        times, positions = staircase(2400)
+        for index, (at, position) in enumerate(zip(times, positions, strict=True)):
+            names, values = ["good", "bad"], [position, math.nan if index % 2 else math.inf]
+            if index % 3 == 0:
+                names, values = names[::-1], values[::-1]
+            if 1000 < index < 1200:
+                names, values = ["good"], [position]
+            one.publish(names, 100.0 + at, position=values)
+            if index % 50 == 0:
+                one.publish(["good", "bad"], 100.0 + at, position=[1.0])
+                one.publish(["good", "bad"], 100.0 + at - 0.02, position=[5.0, 5.0])
+                one.publish(["good", "bad"], 100.0 + at, position=[5.0, 5.0])
+                one.publish(["no such name!"], 100.0 + at, position=[5.0])
+                one.gains.publish(table(["nobody"], ["p", "d"], [1.0, 1.0]))
+                one.gains.publish(table(["good"], ["p", "d"], [math.nan, 1.0]))
+                one.wait(lambda: True, 1.0, "")
+            if index % 10 == 0:
+                time.sleep(0.004)
+        one.publish(["zero"], 0.0, position=[1.0])
+        one.wait(
+            lambda: one.status("good") == "stick_slip" and "zero" in one.diagnostics, 20.0, "the healthy joint's status"
+        )
+        assert monitor.running
+        own = one.diagnostics["stickslip_monitor"][2]
+        refused = " | ".join(own)
+        for text in (
+            "position has 1 values for 2 names",
+            "unknown joint 'nobody'",
+            "gain p of good must be finite",
+            "stamp is zero",
+            "characters other than",
+        ):
+            assert text in refused
+        assert "position is missing or not finite" in one.diagnostics["bad"][2]["samples left out"]
+        assert one.status("bad") != "stick_slip"
+        dropped = one.diagnostics["good"][2]["samples left out"]
+        assert "stamp stands still" in dropped
+        assert "stamp goes backwards" in dropped
+        # The same stairs alone give the same number of cycles.
+        assert len([cycle for cycle in one.cycles if cycle["joint"] == "good"]) >= 8
+        # Silence is STALE.
+        one.wait(lambda: one.diagnostics["good"][0] == b"\x03", 5.0, "STALE")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"friction.joint1.stribeck_velocity": -1.0}, "'stribeck_velocity' must be finite and > 0"),
+        ({"inertia.joint1": 0.0}, "'inertia' must be finite and > 0"),
+        ({"wanted_margin": -0.5}, "'wanted_margin' must be finite and >= 0"),
+        ({"limits.joint1.p_max": -3.0}, "stiffness_range"),
+        ({"model.joint1": "other"}, "read-only"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(ros_domain: int, values: dict[str, object], text: str) -> None:
+    """Issue 2, bad input: a parameter out of range is refused with a reason, and the node stays up."""
+    with NodeProcess("monitor", PUMA) as monitor, probe() as one:
+        one.wait_for_monitor()
+        (reason,) = one.set_parameters("/stickslip_monitor", values)
+        assert text in reason.replace("read only", "read-only")
+        assert monitor.running
+
+
+def test_an_unknown_model_ends_the_node_with_one_line(ros_domain: int) -> None:
+    """Issue 2, bad input: a model that does not exist is refused at start, with those that do."""
+    with NodeProcess("monitor", {"joints": "[joint1]", "model.joint1": "puma"}) as monitor:
+        assert monitor.wait(20.0) == 2
+        assert "unknown joint 'puma'; known joints: " in monitor.output()
+
+
+@pytest.mark.parametrize(
+    "name", ["kinova_gen3_joint7_0.03rad_s", "openarm_joint3_tracking", "fairino_joint3_line_slow", "slider"]
+)
+def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, name: str) -> None:
+    """Issue 2: a recording published to the monitor and the same given to JointMonitor: the same cycles."""
+    if name == "slider":
+        from conftest import ROOT
+
+        path = ROOT / "examples" / "recordings" / "slider_1100um_per_s.npz"
+    else:
+        from conftest import RECORDINGS
+
+        recording(name)
+        path = next(RECORDINGS.glob(f"{name}*"))
+    batch = load_recording(path).batch
+    expected = JointMonitor().process(batch)
+    factor = max(1.0, (batch.time[-1] - batch.time[0]) / 8.0)
+    with NodeProcess("monitor", {"joints": "[joint1]"}), probe() as one:
+        one.wait_for_monitor()
+        with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
+            one.wait(lambda: not replay.running, 40.0, "the end of the recording")
+            assert replay.wait(5.0) == 0
+        one.wait(lambda: len(one.cycles) >= len(expected), 5.0, f"{len(expected)} cycles; {len(one.cycles)} came")
+    heard = one.cycles[: len(expected)]
+    offset = 1.0
+    assert [float(cycle["breakaway [s]"]) - offset for cycle in heard] == pytest.approx(
+        [c.breakaway for c in expected], abs=1e-6
+    )
+    assert [float(cycle["slip_distance [rad]"]) for cycle in heard] == pytest.approx(
+        [c.slip_distance for c in expected], abs=1e-12
+    )
+
+
+def test_interrupt_ends_every_node_quietly(ros_domain: int) -> None:
+    """Issue 2: SIGINT ends each node with status 0 and no traceback."""
+    with NodeProcess("simulated_joint", {}) as joint, NodeProcess("monitor", PUMA) as monitor, probe() as one:
+        one.wait_for_monitor()
+        for node in (joint, monitor):
+            assert node.stop() == 0
+            assert "Traceback" not in node.output()
+
+
+def test_simulated_joint_profiles_and_faster_time(ros_domain: int) -> None:
+    """Issue 2: two joints, hold and reverse, ten times as fast on /clock, with noise."""
+    parameters = {
+        "joints": "[a, b]", "time_factor": 10.0, "profile.b": "reverse", "reversal_period.b": 2.0, "profile.a": "hold",
+        "velocity_noise.a": 0.001, "gains.b.p": 6000.0, "gains.b.d": 100.0,
+    }  # fmt: skip
+    with NodeProcess("simulated_joint", parameters), probe() as one:
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import JointState
+
+        clocks, states = [], []
+        one.node.create_subscription(Clock, "/clock", clocks.append, 100)
+        one.node.create_subscription(JointState, "joint_states", states.append, 5000)
+        one.wait(lambda: len(states) > 4000, 30.0, "samples")
+        first, last = states[0].header.stamp, states[-1].header.stamp
+        assert clocks
+        assert last.sec - first.sec >= 3
+        positions_a, positions_b = ([message.position[index] for message in states] for index in (0, 1))
+        assert set(positions_a) == {0.0}
+        assert len({message.velocity[0] for message in states}) > 100
+        turns = [b - a for a, b in itertools.pairwise(positions_b)]
+        assert max(turns) > 0
+        assert min(turns) < 0

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""colcon builds the package as ros.ament_python, and its executables start from the install space."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+from nodes.support_ros import probe
+
+TRACKED = [
+    "package.xml",
+    "setup.py",
+    "setup.cfg",
+    "resource",
+    "stickslip_ros",
+    "config",
+    "launch",
+    "examples",
+    "LICENSE",
+]
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A colcon workspace with the package built in it."""
+    folder = tmp_path_factory.mktemp("workspace")
+    source = folder / "src" / "stickslip_ros"
+    source.mkdir(parents=True)
+    for name in TRACKED:
+        path = ROOT / name
+        if path.is_dir():
+            shutil.copytree(path, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+        elif path.exists():
+            shutil.copy(path, source / name)
+    colcon = Path(sys.executable).with_name("colcon")
+    listed = subprocess.run([colcon, "list"], cwd=folder, capture_output=True, text=True, timeout=120, check=True)
+    assert "(ros.ament_python)" in listed.stdout
+    built = subprocess.run(
+        [colcon, "build"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**os.environ, "PYTHONWARNINGS": "ignore", "PATH": f"{colcon.parent}:{os.environ['PATH']}"},
+    )
+    assert built.returncode == 0, built.stdout + built.stderr
+    return folder / "install" / "stickslip_ros"
+
+
+def test_the_install_space_is_what_ros2_looks_for(workspace: Path) -> None:
+    """Issue 2: executables in lib/, ament index marker, joints and parameters in share/."""
+    for name in ("monitor", "simulated_joint", "replay", "stickslip"):
+        assert os.access(workspace / "lib" / "stickslip_ros" / name, os.X_OK)
+    assert (workspace / "share" / "ament_index" / "resource_index" / "packages" / "stickslip_ros").exists()
+    share = workspace / "share" / "stickslip_ros"
+    for name in ("package.xml", "config/monitor.yaml", "config/joints/puma560_joint1.yaml", "launch/demo.launch.py"):
+        assert (share / name).exists()
+
+
+def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: int) -> None:
+    """Issue 2: lib/stickslip_ros/monitor runs with the installed parameter file and is heard."""
+    site = next(workspace.glob("lib/python*/site-packages"))
+    environment = {**os.environ, "PYTHONPATH": str(site), "AMENT_PREFIX_PATH": str(workspace)}
+    command = [
+        workspace / "lib" / "stickslip_ros" / "monitor",
+        "--ros-args",
+        "--params-file",
+        workspace / "share" / "stickslip_ros" / "config" / "monitor.yaml",
+    ]
+    process = subprocess.Popen(
+        command, env=environment, cwd=workspace, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    try:
+        with probe() as one:
+            one.wait_for_monitor()
+            one.wait(lambda: "joint1" in one.diagnostics, 10.0, "joint1")
+        process.terminate()
+        assert process.wait(10.0) == 0
+    finally:
+        process.kill()
+        process.communicate()
