@@ -71,7 +71,7 @@ def cycle_persists(joint: Joint, gains: Gains, velocity: float) -> bool:
     last_event = 0.0
     for _ in range(_MOST_PERIODS // _PERIODS_AT_ONCE):
         trajectory = simulation.advance(
-            period, reference + speed * (simulation.time + period * np.arange(count)), np.full(count, speed)
+            period, reference + speed * (simulation.time + period * np.arange(float(count))), np.full(count, speed)
         )
         for event in trajectory.events:
             last_event = event.time
@@ -96,7 +96,7 @@ def _settled(levels: list[float]) -> bool:
 
 
 def exact_critical_damping_ratio(joint: Joint, gains: Gains, velocity: float) -> float:
-    """ρ at which the cycle just dies, by bisection at the given stiffness, to a relative 1e-3; 0 if it dies undamped."""
+    """ρ at which the cycle just dies at the given stiffness, by bisection to a relative 1e-3; 0 if undamped it dies."""
 
     def persists(ratio: float) -> bool:
         damping = float(damping_for_ratio(joint, gains.stiffness, ratio))

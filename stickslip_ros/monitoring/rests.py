@@ -30,14 +30,16 @@ _GAPS_AT_REST = 3.0
 _NEAREST_KNOTS = 5
 _WINDOW_SHARE = 0.3
 _LEAST_DWELL = 0.085  # of the span of the knots that it is extrapolated from
-_CREEP = 2.5  # a rest is crept through if it lasts so much longer than the longest stop in it
-_BAND_SHARE = 0.3  # of the way that braking takes: what may be crept at rest, or
-_CREEP_SHARE = 0.015  # of the way travelled before it, but not more than all the way that braking takes
+_CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
+_CREEP_OF_COUNTS = 0.025
+_FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
+_CREPT = 0.2  # of the slip before: a joint at rest may creep so far
 _NEARNESS = 0.5
 # Exactly at the rest the powers of the way are 1/2 and 1/3. Over the knots that an encoder gives, the
 # deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
 _ARREST_POWER = 0.45
 _BREAKAWAY_POWER = 0.36
+_EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
 _FRACTIONS = np.linspace(0.02, 0.98, 17)
 
 
@@ -194,7 +196,9 @@ class RestDetector:
         if not self.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
             return None
         left = _window(before[::-1], speed)
-        arrest, _, _ = _ends(left, before[:0], core, np.array([0.5 * self.band]), direction, 0)
+        begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
+        place = np.full((1, 2), float(core[kernel.POSITION]) + 0.5 * direction * self.band)
+        arrest, _, _ = _ends(left, before[:0], place, begin, end, direction, 0)
         return Rest(
             arrest=arrest,
             breakaway=float(core[kernel.FLAT_END]),
@@ -238,95 +242,86 @@ class RestDetector:
         oldest = max(self._rest_end, newest - kernel.RING + 1)
         if longest < oldest:
             return None
-        fine = self._between(oldest, newest)
+        knots = self._between(oldest, newest)
+        initial = oldest == 0 and longest == 0
+        speed_before = np.inf if initial else _fastest(knots[1 : longest - oldest + 1]) if longest > oldest else 0.0
         speed_after = float(self._state[kernel.PEAK_AFTER])
-        knots, indices, band = _coarsened(fine, longest - oldest, self.band, speed_after)
-        flats = knots[:-1, kernel.FLAT_END] - knots[:-1, kernel.TIME]
-        core = int(
-            np.argmax(
-                np.where(indices[:-1] >= indices[np.searchsorted(indices, longest - oldest, "right") - 1], flats, -1.0)
-            )
-        )
-        before, after = knots[: core + 1], knots[core + 1 :]
-        rest_begin, rest_end = float(before[-1, kernel.TIME]), float(before[-1, kernel.FLAT_END])
-        initial = oldest == 0 and core == 0
+        slowest = min(speed_before, speed_after)
+        travel = abs(float(knots[longest - oldest, kernel.POSITION] - knots[0, kernel.POSITION]))
+        # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
+        creep = _CREEP if travel > _FINE * self.band else _CREEP_OF_COUNTS
+        first, last = _core(knots, longest - oldest, self.band, creep * slowest, _CREPT * travel)
+        before, after = knots[: first + 1], knots[last + 1 :]
         travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
-        if not initial and travelled < _LEAST_SLIP_BANDS * band:
+        if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.band):
             return None
-        speed_before = np.inf if initial else _fastest(before[1:])
-        if not band < kernel.SLOW * min(speed_before, speed_after) * (rest_end - rest_begin):
+        rest_begin, rest_end = float(before[-1, kernel.TIME]), float(knots[last, kernel.FLAT_END])
+        crept = abs(float(knots[last, kernel.POSITION] - before[-1, kernel.POSITION]))
+        if not max(self.band, crept) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
-        direction_after = 1 if float(after[-1, kernel.POSITION] - before[-1, kernel.POSITION]) > 0 else -1
+        direction_after = 1 if float(after[-1, kernel.POSITION] - knots[last, kernel.POSITION]) > 0 else -1
         direction_before = 0
         if not initial:
-            direction_before = (
-                1 if float(before[-1, kernel.POSITION] - before[max(-4, -len(before)), kernel.POSITION]) > 0 else -1
-            )
+            back = before[max(-4, -len(before)), kernel.POSITION]
+            direction_before = 1 if float(before[-1, kernel.POSITION] - back) > 0 else -1
         left = before[:0] if initial else _window(before[::-1], speed_before)
         right = _window(after, speed_after)
-        fractions = _FRACTIONS
-        if band > self.band:
-            middle = fine[fine[:, kernel.TIME] <= 0.5 * (rest_begin + rest_end)][-1, kernel.POSITION]
-            fractions = np.array([min(abs(float(middle - before[-1, kernel.POSITION])) / band, 1.0)])
+        begin = float(before[-1, kernel.POSITION])
+        if last > first:
+            # The joint crept: where it came to rest and where it left is known, and not the same.
+            edges = rest_begin + np.array([_EDGE, 1.0 - _EDGE]) * (rest_end - rest_begin)
+            at = np.searchsorted(knots[:, kernel.TIME], edges, side="right") - 1
+            places = knots[at, kernel.POSITION][None, :]
         elif direction_before * direction_after < 0:
-            fractions = np.array([0.5])
-        arrest, breakaway, certain = _ends(left, right, before[-1], fractions * band, direction_before, direction_after)
+            places = np.full((1, 2), begin + 0.5 * direction_before * self.band)
+        else:
+            places = np.repeat(begin + direction_after * _FRACTIONS[:, None] * self.band, 2, axis=1)
+        arrest, breakaway, certain = _ends(left, right, places, rest_begin, rest_end, direction_before, direction_after)
         if breakaway <= arrest:
             return None
         if certain:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
             if breakaway - arrest < _LEAST_DWELL * span:
                 return None
-        self._rest_end = oldest + int(indices[core]) + 1
+        self._rest_end = oldest + last + 1
         return Rest(
             arrest=arrest,
             breakaway=breakaway,
-            position=float(before[-1, kernel.POSITION]),
+            position=float(0.5 * (begin + knots[last, kernel.POSITION])),
             direction_before=direction_before,
             direction_after=direction_after,
             speed_before=0.0 if initial else speed_before,
             speed_after=speed_after,
-            band=band,
-            reference_travel=float(before[-1, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
-            effort=float(before[-1, kernel.EFFORT_FLAT_END]),
+            band=self.band,
+            reference_travel=float(knots[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
+            effort=float(knots[last, kernel.EFFORT_FLAT_END]),
         )
 
 
-def _coarsened(
-    knots: NDArray[np.float64], longest: int, band: float, speed_after: float
-) -> tuple[NDArray[np.float64], NDArray[np.intp], float]:
-    """The knots thinned to a band in proportion to the motion, their indices, and that band.
+def _core(knots: NDArray[np.float64], longest: int, band: float, limit: float, farthest: float) -> tuple[int, int]:
+    """First and last gap of the rest around the longest gap: joints creep at rest, and encoders flicker.
 
-    With a fine encoder a joint at rest creeps through many bands, and braking takes hundreds; what
-    counts as standing still is a small share of the way that braking takes.
+    The rest goes on as long as the mean speed from its present end stays below the limit [rad/s], and
+    it stays within ``farthest`` of the longest gap [rad].
     """
-    speeds = np.abs(knots[:, kernel.SPEED])
-    before = knots[: longest + 1]
-    if len(before) > _ENOUGH_KNOTS:
-        fast = np.flatnonzero(speeds[: longest + 1] >= _WINDOW_SPEED * _fastest(before[1:]))
-        way = abs(float(knots[longest, kernel.POSITION] - knots[fast[-1], kernel.POSITION]))
-    else:
-        fast = longest + 2 + np.flatnonzero(speeds[longest + 2 :] >= _WINDOW_SPEED * speed_after)
-        way = abs(float(knots[fast[0], kernel.POSITION] - knots[longest, kernel.POSITION])) if len(fast) else 0.0
-    travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
-    wanted = min(way, max(_BAND_SHARE * way, _CREEP_SHARE * travelled))
-    if wanted <= 2.0 * band:
-        return knots, np.arange(len(knots)), band
-    positions = knots[:, kernel.POSITION]
-    kept = [0]
-    for index in range(1, len(knots)):
-        if abs(positions[index] - positions[kept[-1]]) >= wanted:
-            kept.append(index)
-    indices = np.array(kept)
-    coarse = knots[indices]
-    last_within = np.append(indices[1:] - 1, len(knots) - 1)
-    for column in (kernel.FLAT_END, kernel.REFERENCE_FLAT_END, kernel.EFFORT_FLAT_END):
-        coarse[:, column] = knots[last_within, column]
-    flats = coarse[:-1, kernel.FLAT_END] - coarse[:-1, kernel.TIME]
-    longest_flat = knots[longest, kernel.FLAT_END] - knots[longest, kernel.TIME]
-    if len(flats) == 0 or flats.max() < _CREEP * longest_flat:
-        return knots, np.arange(len(knots)), band
-    return coarse, indices, wanted
+    times, positions = knots[:, kernel.TIME], knots[:, kernel.POSITION]
+    first = last = longest
+    grown = True
+    while grown:
+        grown = False
+        ways = np.maximum(np.abs(positions[last + 2 :] - positions[last + 1]), band)
+        near = np.logical_and.accumulate(np.abs(positions[last + 2 :] - positions[longest]) <= farthest)
+        slow = np.flatnonzero(near & (ways <= limit * (times[last + 2 :] - times[last + 1])))
+        if len(slow):
+            last += int(slow[-1]) + 1
+            grown = True
+        ways = np.maximum(np.abs(positions[:first] - positions[first]), band)
+        near = np.logical_and.accumulate(np.abs(positions[:first][::-1] - positions[longest]) <= farthest)[::-1]
+        slow = np.flatnonzero(near & (ways <= limit * (times[first] - times[:first])))
+        if len(slow):
+            first = int(slow[0])
+            grown = True
+    return first, last
 
 
 def _fastest(knots: NDArray[np.float64]) -> float:
@@ -340,6 +335,10 @@ def _window(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
     # Not before the third knot: the speed of the first spans the rest itself.
     fast = fast[fast >= _ENOUGH_KNOTS]
     end = int(fast[0]) if len(fast) else len(knots)
+    # Nor beyond a turn: a lightly damped joint bounces back before it rests.
+    steps = np.diff(knots[:end, kernel.POSITION])
+    turned = np.flatnonzero(steps * steps[0] < 0) if len(steps) else steps
+    end = int(turned[0]) + 1 if len(turned) else end
     way = np.abs(knots[:end, kernel.POSITION] - knots[0, kernel.POSITION])
     end = max(min(end, _NEAREST_KNOTS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
     chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, _WINDOW_KNOTS)).astype(int))
@@ -350,40 +349,42 @@ def _window(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
 def _ends(
     left: NDArray[np.float64],
     right: NDArray[np.float64],
-    core: NDArray[np.float64],
-    offsets: NDArray[np.float64],
+    places: NDArray[np.float64],
+    flat_begin: float,
+    flat_end: float,
     direction_before: int,
     direction_after: int,
 ) -> tuple[float, float, bool]:
     """Arrest, breakaway and whether both are extrapolated.
 
-    The joint rests at one of the offsets from the knot before the rest; the one that fits both sides
-    best is taken. If none does, the joint did not rest, and the arrest returned is after the breakaway.
+    Each row of ``places`` is where the joint may have come to rest and where it may have left; the row
+    that fits the motion on both sides best is taken. If none does and the stop is short, the joint did
+    not rest, and the arrest returned is after the breakaway.
     """
-    begin, flat_begin, flat_end = (float(core[column]) for column in (kernel.POSITION, kernel.TIME, kernel.FLAT_END))
     arrest, breakaway = None, None
-    residual = np.zeros(len(offsets))
+    residual = np.zeros(len(places))
     if len(left) >= _ENOUGH_KNOTS:
-        way = direction_before * (begin - left[:, kernel.POSITION])
-        arrest, error = _extrapolate(left[:, kernel.TIME], way, offsets, _ARREST_POWER, -1.0)
+        way = direction_before * (places[:, :1] - left[None, :, kernel.POSITION])
+        arrest, error = _extrapolate(left[:, kernel.TIME], way, _ARREST_POWER, -1.0)
         residual = residual + np.where(arrest < flat_end, error, np.inf)
     if len(right) >= _ENOUGH_KNOTS:
-        way = direction_after * (right[:, kernel.POSITION] - begin)
-        breakaway, error = _extrapolate(right[:, kernel.TIME], way, -offsets, _BREAKAWAY_POWER, 1.0)
+        way = direction_after * (right[None, :, kernel.POSITION] - places[:, 1:])
+        breakaway, error = _extrapolate(right[:, kernel.TIME], way, _BREAKAWAY_POWER, 1.0)
         residual = residual + np.where(breakaway > flat_begin, error, np.inf)
     best = int(np.argmin(residual))
     if not np.isfinite(residual[best]):
-        return flat_end, flat_begin, True
+        span = sum(float(np.ptp(side[:, kernel.TIME])) for side in (left, right) if len(side))
+        return (flat_begin, flat_end, False) if flat_end - flat_begin > span else (flat_end, flat_begin, True)
     arrest_time = flat_begin if arrest is None else max(float(arrest[best]), flat_begin)
     breakaway_time = flat_end if breakaway is None else min(float(breakaway[best]), float(right[0, kernel.TIME]))
-    return float(arrest_time), float(breakaway_time), arrest is not None and breakaway is not None
+    return arrest_time, breakaway_time, arrest is not None and breakaway is not None
 
 
 def _extrapolate(
-    times: NDArray[np.float64], ways: NDArray[np.float64], offsets: NDArray[np.float64], power: float, sign: float
+    times: NDArray[np.float64], ways: NDArray[np.float64], power: float, sign: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where t = t_0 ± c (way + offset)^power meets zero way, for each offset, and the squared residuals."""
-    z = np.maximum(ways[None, :] + offsets[:, None], 0.0) ** power
+    """Where t = t_0 ± c way^power meets zero way, for each row of ways, and the squared residuals [s], [s²]."""
+    z = np.maximum(ways, 0.0) ** power
     t = times - times[0]
     # The power laws hold at the rest itself; the farther, the less.
     weights = _NEARNESS ** np.arange(len(t))
