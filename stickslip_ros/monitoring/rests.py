@@ -29,7 +29,7 @@ _RECENT_KNOTS = 64
 _GAPS_AT_REST = 3.0
 _NEAREST_KNOTS = 5
 _WINDOW_SHARE = 0.3
-_LEAST_DWELL = 0.085  # of the span of the knots that it is extrapolated from
+_LEAST_DWELL = 0.105  # of the span of the knots that it is extrapolated from
 _CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025
 _FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
@@ -39,6 +39,7 @@ _NEARNESS = 0.5
 # deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
 _ARREST_POWER = 0.45
 _BREAKAWAY_POWER = 0.36
+_FEW_GAPS = 2
 _EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
 _FRACTIONS = np.linspace(0.02, 0.98, 17)
 
@@ -256,8 +257,8 @@ class RestDetector:
         if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.band):
             return None
         rest_begin, rest_end = float(before[-1, kernel.TIME]), float(knots[last, kernel.FLAT_END])
-        crept = abs(float(knots[last, kernel.POSITION] - before[-1, kernel.POSITION]))
-        if not max(self.band, crept) < kernel.SLOW * slowest * (rest_end - rest_begin):
+        moved = abs(float(knots[last, kernel.POSITION] - before[-1, kernel.POSITION]))
+        if not max(self.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
         direction_after = 1 if float(after[-1, kernel.POSITION] - knots[last, kernel.POSITION]) > 0 else -1
         direction_before = 0
@@ -267,7 +268,8 @@ class RestDetector:
         left = before[:0] if initial else _window(before[::-1], speed_before)
         right = _window(after, speed_after)
         begin = float(before[-1, kernel.POSITION])
-        if last > first:
+        crept = direction_after * float(knots[last, kernel.POSITION] - begin)
+        if last - first > _FEW_GAPS or crept < 0:
             # The joint crept: where it came to rest and where it left is known, and not the same.
             edges = rest_begin + np.array([_EDGE, 1.0 - _EDGE]) * (rest_end - rest_begin)
             at = np.searchsorted(knots[:, kernel.TIME], edges, side="right") - 1
@@ -275,7 +277,8 @@ class RestDetector:
         elif direction_before * direction_after < 0:
             places = np.full((1, 2), begin + 0.5 * direction_before * self.band)
         else:
-            places = np.repeat(begin + direction_after * _FRACTIONS[:, None] * self.band, 2, axis=1)
+            width = crept + self.band
+            places = np.repeat(begin + direction_after * _FRACTIONS[:, None] * width, 2, axis=1)
         arrest, breakaway, certain = _ends(left, right, places, rest_begin, rest_end, direction_before, direction_after)
         if breakaway <= arrest:
             return None
