@@ -21,7 +21,7 @@ PUMA = load_joint("puma560_joint1").joint
 COUNT = 2.5e-5
 
 
-def measure(damping: float, resolution: float) -> str:
+def measure(damping: float, resolution: float, *, with_velocity: bool = False) -> str:
     """One row of the table: all stiffnesses, speeds and directions at one damping and resolution."""
     arrests, breakaways, sticks, missed, invented = [], [], 0, 0, 0
     generator = np.random.default_rng(1)
@@ -32,9 +32,12 @@ def measure(damping: float, resolution: float) -> str:
         gains = Gains(stiffness=stiffness * 6.3, damping=damping)
         trajectory = simulate(PUMA, gains, references, np.where(time >= 0.5, velocity, 0.0))
         unknown = np.full(len(time), np.nan)
+        velocities = trajectory.velocity if with_velocity else unknown
         positions = resolution * np.round(trajectory.position / resolution)
         rests = [
-            rest for rest in RestDetector().feed(trajectory.time, positions, unknown, unknown) if rest.direction_before
+            rest
+            for rest in RestDetector().feed(trajectory.time, positions, velocities, unknown, unknown)
+            if rest.direction_before
         ]
         true = [
             (one.time, other.time)
@@ -54,7 +57,7 @@ def measure(damping: float, resolution: float) -> str:
     low, high = 1e3 * np.percentile(arrests, [0, 100])
     early, late = 100 * np.percentile(breakaways, [0, 100])
     return (
-        f"| {damping:g} | {resolution:g} | {sticks} | {missed} | {invented} "
+        f"| {damping:g} | {resolution:g}{' and velocity' if with_velocity else ''} | {sticks} | {missed} | {invented} "
         f"| {low:+.0f} to {high:+.0f} | {early:+.1f} to {late:+.1f} |"
     )
 
@@ -64,3 +67,5 @@ if __name__ == "__main__":
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for damping, resolution in ((0.0, COUNT), (20.0, COUNT), (60.0, COUNT), (0.0, 1e-4), (0.0, 1e-6)):
         print(measure(damping, resolution))
+    for damping, resolution in ((20.0, COUNT), (0.0, 1e-6)):
+        print(measure(damping, resolution, with_velocity=True))

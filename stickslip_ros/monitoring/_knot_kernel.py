@@ -18,8 +18,8 @@ RING = 4096
 BLOCKS_KEPT = 64
 
 # Columns of a knot.
-TIME, POSITION, FLAT_END, REFERENCE, REFERENCE_FLAT_END, EFFORT_FLAT_END, SPEED = range(7)
-KNOT_COLUMNS = 7
+TIME, POSITION, FLAT_END, REFERENCE, REFERENCE_FLAT_END, EFFORT_FLAT_END, SPEED, SLOWEST = range(8)
+KNOT_COLUMNS = 8
 
 # Indices of the state vector.
 (
@@ -47,8 +47,11 @@ KNOT_COLUMNS = 7
     SPELL_TIME,  # when the spell began
     MOTION_TIME,  # when the motion before it began
     UPDATE,  # how often the position changes while the joint moves fast; sensors may be slower than messages
-) = range(24)
-STATE_SIZE = 24
+    VELOCITY_1,
+    VELOCITY_2,  # the two previous measured velocities, the latest first
+    SLOWEST_VELOCITY,  # measured since the last knot
+) = range(27)
+STATE_SIZE = 27
 
 SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
 _REVERSALS_KEPT = 27  # of the 30 of a block; the largest are left out as impulses
@@ -117,6 +120,8 @@ def _set_knot(time, position, step, reference, effort, state, knots):
         last[FLAT_END] = max(state[LAST_TIME], last[TIME])
         last[REFERENCE_FLAT_END] = state[LAST_REFERENCE]
         last[EFFORT_FLAT_END] = state[LAST_EFFORT]
+        last[SLOWEST] = state[SLOWEST_VELOCITY]
+    state[SLOWEST_VELOCITY] = np.nan
     knot = knots[head % RING]
     knot[TIME] = knot_time
     knot[POSITION] = knot_position
@@ -124,6 +129,7 @@ def _set_knot(time, position, step, reference, effort, state, knots):
     knot[REFERENCE] = reference
     knot[REFERENCE_FLAT_END] = reference
     knot[EFFORT_FLAT_END] = effort
+    knot[SLOWEST] = np.nan
     knot[SPEED] = 0.0
     if head > 0:
         if abs(step) >= _STEPS_OF_SPEED * state[BAND]:
@@ -220,7 +226,23 @@ def close_spell(state, knots):
 
 
 @njit(cache=True)
-def scan(start, times, positions, travels, efforts, block, state, smallest, noises, knots):
+def scan(
+    start,
+    times,
+    positions,
+    velocities,
+    travels,
+    efforts,
+    block,
+    state,
+    smallest,
+    noises,
+    velocity_block,
+    velocity_state,
+    velocity_smallest,
+    velocity_noises,
+    knots,
+):
     """Take samples from ``start`` until a spell is complete or the samples end.
 
     Returns the index of the next sample, and whether a spell is complete; its longest gap stands in the
@@ -229,9 +251,12 @@ def scan(start, times, positions, travels, efforts, block, state, smallest, nois
     for i in range(start, times.shape[0]):
         count = int(state[SAMPLES])
         block[count % BLOCK] = positions[i]
+        velocity_block[count % BLOCK] = velocities[i]
         state[SAMPLES] = count + 1
         if (count + 1) % BLOCK == 0:
             measure_block(block, state, smallest, noises)
+            if np.isfinite(velocity_block).all():
+                measure_block(velocity_block, velocity_state, velocity_smallest, velocity_noises)
         # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
         raw = positions[i]
         position = _median(raw, state[MEDIAN_1], state[MEDIAN_2]) if count >= 2 else state[MEDIAN_1]
@@ -251,6 +276,11 @@ def scan(start, times, positions, travels, efforts, block, state, smallest, nois
             if abs(step) >= needed * (1.0 - 1e-6):
                 _set_knot(time, position, step, reference, effort, state, knots)
                 complete = _follow_spell(state, knots)
+        # The slowest that a velocity sensor saw since the last knot, impulses left out.
+        pace = abs(_median(velocities[i], state[VELOCITY_1], state[VELOCITY_2])) if count >= 2 else np.nan
+        state[VELOCITY_2], state[VELOCITY_1] = state[VELOCITY_1], velocities[i]
+        if not pace >= state[SLOWEST_VELOCITY]:
+            state[SLOWEST_VELOCITY] = pace
         state[LAST_TIME], state[LAST_REFERENCE], state[LAST_EFFORT] = time, reference, effort
         if complete:
             return i + 1, True

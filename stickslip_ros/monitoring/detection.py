@@ -76,10 +76,12 @@ class CycleDetector:
         self._confirmed = False
         self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
 
-    def feed(self, times: Samples, positions: Samples, travels: Samples, efforts: Samples) -> list[Cycle]:
+    def feed(
+        self, times: Samples, positions: Samples, velocities: Samples, travels: Samples, efforts: Samples
+    ) -> list[Cycle]:
         """Take samples (see :meth:`RestDetector.feed`) and return the cycles that are now certain, oldest first."""
         cycles: list[Cycle] = []
-        for rest in self.detector.feed(times, positions, travels, efforts):
+        for rest in self.detector.feed(times, positions, velocities, travels, efforts):
             cycles += self._take(rest)
         return cycles
 

@@ -164,7 +164,7 @@ class JointMonitor:
         for indices in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(slices)) + 1):
             part = batch.where(slice(int(indices[0]), int(indices[-1]) + 1))
             travels = self._motion.take(part)
-            found = self._detector.feed(part.time, part.position, travels, part.effort)
+            found = self._detector.feed(part.time, part.position, part.velocity, travels, part.effort)
             self._recent.extend(found)
             self.cycle_count += len(found)
             cycles += found

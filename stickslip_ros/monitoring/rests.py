@@ -39,6 +39,7 @@ _NEARNESS = 0.5
 # deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
 _ARREST_POWER = 0.45
 _BREAKAWAY_POWER = 0.36
+_STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
 _FEW_GAPS = 2
 _EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
 _FRACTIONS = np.linspace(0.02, 0.98, 17)
@@ -85,27 +86,36 @@ class RestDetector:
         self._state[kernel.PEAK] = np.inf
         self._smallest = np.full(3, np.inf)
         self._noises = np.full(kernel.BLOCKS_KEPT, np.nan)
+        self._velocity_block = np.full(kernel.BLOCK, np.nan)
+        self._velocity_state = np.zeros(kernel.STATE_SIZE)
+        self._velocity_smallest = np.full(3, np.inf)
+        self._velocity_noises = np.full(kernel.BLOCKS_KEPT, np.nan)
         self._knots = np.zeros((kernel.RING, kernel.KNOT_COLUMNS))
         self._waiting: list[tuple[Samples, ...]] = []
         self._waiting_count = 0
         self._rest_end = 0
 
-    def feed(self, times: Samples, positions: Samples, travels: Samples, efforts: Samples) -> list[Rest]:
+    def feed(
+        self, times: Samples, positions: Samples, velocities: Samples, travels: Samples, efforts: Samples
+    ) -> list[Rest]:
         """Take samples and return the rests completed by them.
 
         Parameters
         ----------
         times : [s], strictly rising and finite; positions : [rad], finite.
+        velocities : measured [rad/s], NaN if unknown; a joint that was never seen slow did not rest.
         travels : way that the reference has gone so far [rad], NaN if unknown.
         efforts : [N·m], NaN if unknown.
             All of shape (n,).
         """
         if self._waiting_count < kernel.BLOCK:
-            self._waiting.append((times, positions, travels, efforts))
+            self._waiting.append((times, positions, velocities, travels, efforts))
             self._waiting_count += len(times)
             if self._waiting_count < kernel.BLOCK:
                 return []
-            times, positions, travels, efforts = (np.concatenate(part) for part in zip(*self._waiting, strict=True))
+            times, positions, velocities, travels, efforts = (
+                np.concatenate(part) for part in zip(*self._waiting, strict=True)
+            )
             self._waiting = []
             # The first block is measured before it is used, or its first samples would have no band.
             kernel.measure_block(positions[: kernel.BLOCK].copy(), self._state, self._smallest, self._noises)
@@ -113,8 +123,9 @@ class RestDetector:
         index = 0
         while index < len(times):
             index, complete = kernel.scan(
-                index, times, positions, travels, efforts,
-                self._block, self._state, self._smallest, self._noises, self._knots,
+                index, times, positions, velocities, travels, efforts,
+                self._block, self._state, self._smallest, self._noises,
+                self._velocity_block, self._velocity_state, self._velocity_smallest, self._velocity_noises, self._knots,
             )  # fmt: skip
             if complete:
                 rest = self._judge()
@@ -260,6 +271,11 @@ class RestDetector:
         moved = abs(float(knots[last, kernel.POSITION] - before[-1, kernel.POSITION]))
         if not max(self.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
+        measured = knots[first : last + 1, kernel.SLOWEST]
+        if np.isfinite(measured).any():
+            least = float(self._velocity_state[kernel.BAND]) + _STANDING * slowest
+            if float(np.nanmin(measured)) > least:
+                return None
         direction_after = 1 if float(after[-1, kernel.POSITION] - knots[last, kernel.POSITION]) > 0 else -1
         direction_before = 0
         if not initial:

@@ -189,6 +189,9 @@ class Monitor(Node):
             batch = pairing.take()
             if batch is not None:
                 found += [cycle_diagnostic(name, cycle) for cycle in self._monitors[name].process(batch)]
+        self._publish_cycles(found)
+
+    def _publish_cycles(self, found: list[DiagnosticStatus]) -> None:
         if found:
             array = DiagnosticArray(status=found)
             array.header.stamp = self.get_clock().now().to_msg()
@@ -242,6 +245,7 @@ class Monitor(Node):
         array.header.stamp = self.get_clock().now().to_msg()
         array.status.append(self._own_status())
         rows: list[float] = []
+        ended: list[DiagnosticStatus] = []
         advised: dict[str, tuple[float, float]] = {}
         for name, monitor in self._monitors.items():
             assessment = monitor.assessment()
@@ -254,10 +258,13 @@ class Monitor(Node):
                     silent_for=silent_for if silent_for > _STALE_AFTER else None,
                 )
             )
+            if silent_for > _STALE_AFTER:
+                ended += [cycle_diagnostic(name, cycle) for cycle in monitor.finish()]
             rows += margin_row(assessment)
             advice = assessment.recommendation
             advised[name] = (advice.stiffness, advice.damping) if advice is not None else (math.nan, math.nan)
         self._diagnostics.publish(array)
+        self._publish_cycles(ended)
         if not self._monitors:
             return
         self._margins.publish(table(list(self._monitors), MARGIN_FIELDS, rows))
