@@ -21,7 +21,7 @@ _DRIVEN_SHARE = 0.1  # of the mean speed of the cycle: how fast the reference mu
 _LEAST_STEP = 0.2  # of the way that the reference goes during the next rest
 _TRAIN_WITHOUT_REFERENCE = 3
 _SPEED_SPREAD = 4.0  # of the mean speeds of a train's cycles, largest over smallest
-_LEAST_SLIP_SHARE = 0.05  # of the usual slip; less is creep within a rest
+_LEAST_SLIP_SHARE = 0.1  # of the usual slip; less is creep within a rest
 _USUAL_SLIPS = 9
 
 
@@ -143,7 +143,8 @@ class CycleDetector:
             certain = [cycle]
         elif len(self._pending) >= _TRAIN_WITHOUT_REFERENCE:
             self._confirmed = True
-            certain = list(self._pending)
+            least = _LEAST_SLIP_SHARE * float(np.median([abs(other.slip_distance) for other in self._pending]))
+            certain = [other for other in self._pending if abs(other.slip_distance) >= least]
         self._pending = self._pending[-_USUAL_SLIPS:]
         if not goes_on:
             self._end_train()

@@ -18,27 +18,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring import _knot_kernel as kernel
+from stickslip_ros.monitoring.rest_ends import (
+    ENOUGH_KNOTS,
+    WINDOW_KNOTS,
+    braking_knots,
+    fastest,
+    rest_ends,
+    rest_gaps,
+)
 
 Samples = NDArray[np.float64]
 
-_WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
-_WINDOW_KNOTS = 6
-_ENOUGH_KNOTS = 3
 _LEAST_SLIP_BANDS = 3.0
 _RECENT_KNOTS = 64
 _GAPS_AT_REST = 3.0
-_NEAREST_KNOTS = 5
-_WINDOW_SHARE = 0.3
 _LEAST_DWELL = 0.105  # of the span of the knots that it is extrapolated from
 _CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025
 _FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
 _CREPT = 0.2  # of the slip before: a joint at rest may creep so far
-_NEARNESS = 0.5
-# Exactly at the rest the powers of the way are 1/2 and 1/3. Over the knots that an encoder gives, the
-# deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
-_ARREST_POWER = 0.45
-_BREAKAWAY_POWER = 0.36
 _STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
 _FEW_GAPS = 2
 _EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
@@ -178,7 +176,7 @@ class RestDetector:
         recent = self._between(max(0, head - _RECENT_KNOTS), head - 1)
         flat = float(self._state[kernel.LAST_TIME]) - self.last_knot_time
         usual = max(float(np.median(np.diff(recent[:, kernel.TIME]))), float(self._state[kernel.UPDATE]))
-        stands = flat > _GAPS_AT_REST * usual and self.band < kernel.SLOW * _fastest(recent[1:]) * flat
+        stands = flat > _GAPS_AT_REST * usual and self.band < kernel.SLOW * fastest(recent[1:]) * flat
         return self.last_knot_time if stands else None
 
     def unfinished_rest(self) -> Rest | None:
@@ -203,14 +201,14 @@ class RestDetector:
         core = before[-1]
         if abs(float(core[kernel.POSITION] - before[0, kernel.POSITION])) < _LEAST_SLIP_BANDS * self.band:
             return None
-        speed = _fastest(before[1:])
+        speed = fastest(before[1:])
         direction = 1 if float(core[kernel.POSITION] - before[0, kernel.POSITION]) > 0 else -1
         if not self.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
             return None
-        left = _window(before[::-1], speed)
+        left = braking_knots(before[::-1], speed)
         begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
         place = np.full((1, 2), float(core[kernel.POSITION]) + 0.5 * direction * self.band)
-        arrest, _, _ = _ends(left, before[:0], place, begin, end, direction, 0)
+        arrest, _, _ = rest_ends(left, before[:0], place, begin, end, direction, 0)
         return Rest(
             arrest=arrest,
             breakaway=float(core[kernel.FLAT_END]),
@@ -229,11 +227,11 @@ class RestDetector:
         head = int(self._state[kernel.HEAD])
         knots = self._between(max(0, head - kernel.RING), head - 1) if head else self._knots[:0]
         knots = knots[knots[:, kernel.TIME] >= since]
-        if len(knots) < 2 * _WINDOW_KNOTS:
+        if len(knots) < 2 * WINDOW_KNOTS:
             return 1.0
         # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed.
-        ways = np.abs(knots[_ENOUGH_KNOTS:, kernel.POSITION] - knots[:-_ENOUGH_KNOTS, kernel.POSITION])
-        speeds = ways / (knots[_ENOUGH_KNOTS:, kernel.TIME] - knots[:-_ENOUGH_KNOTS, kernel.TIME])
+        ways = np.abs(knots[ENOUGH_KNOTS:, kernel.POSITION] - knots[:-ENOUGH_KNOTS, kernel.POSITION])
+        speeds = ways / (knots[ENOUGH_KNOTS:, kernel.TIME] - knots[:-ENOUGH_KNOTS, kernel.TIME])
         mean = abs(knots[-1, kernel.POSITION] - knots[0, kernel.POSITION]) / (
             knots[-1, kernel.TIME] - knots[0, kernel.TIME]
         )
@@ -256,13 +254,13 @@ class RestDetector:
             return None
         knots = self._between(oldest, newest)
         initial = oldest == 0 and longest == 0
-        speed_before = np.inf if initial else _fastest(knots[1 : longest - oldest + 1]) if longest > oldest else 0.0
+        speed_before = np.inf if initial else fastest(knots[1 : longest - oldest + 1]) if longest > oldest else 0.0
         speed_after = float(self._state[kernel.PEAK_AFTER])
         slowest = min(speed_before, speed_after)
         travel = abs(float(knots[longest - oldest, kernel.POSITION] - knots[0, kernel.POSITION]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
         creep = _CREEP if travel > _FINE * self.band else _CREEP_OF_COUNTS
-        first, last = _core(knots, longest - oldest, self.band, creep * slowest, _CREPT * travel)
+        first, last = rest_gaps(knots, longest - oldest, self.band, creep * slowest, _CREPT * travel)
         before, after = knots[: first + 1], knots[last + 1 :]
         travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
         if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.band):
@@ -281,8 +279,8 @@ class RestDetector:
         if not initial:
             back = before[max(-4, -len(before)), kernel.POSITION]
             direction_before = 1 if float(before[-1, kernel.POSITION] - back) > 0 else -1
-        left = before[:0] if initial else _window(before[::-1], speed_before)
-        right = _window(after, speed_after)
+        left = before[:0] if initial else braking_knots(before[::-1], speed_before)
+        right = braking_knots(after, speed_after)
         begin = float(before[-1, kernel.POSITION])
         crept = direction_after * float(knots[last, kernel.POSITION] - begin)
         if last - first > _FEW_GAPS or crept < 0:
@@ -295,7 +293,9 @@ class RestDetector:
         else:
             width = crept + self.band
             places = np.repeat(begin + direction_after * _FRACTIONS[:, None] * width, 2, axis=1)
-        arrest, breakaway, certain = _ends(left, right, places, rest_begin, rest_end, direction_before, direction_after)
+        arrest, breakaway, certain = rest_ends(
+            left, right, places, rest_begin, rest_end, direction_before, direction_after
+        )
         if breakaway <= arrest:
             return None
         if certain:
@@ -315,102 +315,3 @@ class RestDetector:
             reference_travel=float(knots[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
             effort=float(knots[last, kernel.EFFORT_FLAT_END]),
         )
-
-
-def _core(knots: NDArray[np.float64], longest: int, band: float, limit: float, farthest: float) -> tuple[int, int]:
-    """First and last gap of the rest around the longest gap: joints creep at rest, and encoders flicker.
-
-    The rest goes on as long as the mean speed from its present end stays below the limit [rad/s], and
-    it stays within ``farthest`` of the longest gap [rad].
-    """
-    times, positions = knots[:, kernel.TIME], knots[:, kernel.POSITION]
-    first = last = longest
-    grown = True
-    while grown:
-        grown = False
-        ways = np.maximum(np.abs(positions[last + 2 :] - positions[last + 1]), band)
-        near = np.logical_and.accumulate(np.abs(positions[last + 2 :] - positions[longest]) <= farthest)
-        slow = np.flatnonzero(near & (ways <= limit * (times[last + 2 :] - times[last + 1])))
-        if len(slow):
-            last += int(slow[-1]) + 1
-            grown = True
-        ways = np.maximum(np.abs(positions[:first] - positions[first]), band)
-        near = np.logical_and.accumulate(np.abs(positions[:first][::-1] - positions[longest]) <= farthest)[::-1]
-        slow = np.flatnonzero(near & (ways <= limit * (times[first] - times[:first])))
-        if len(slow):
-            first = int(slow[0])
-            grown = True
-    return first, last
-
-
-def _fastest(knots: NDArray[np.float64]) -> float:
-    """Fastest motion at these knots, without the few outliers that noise and jittered stamps make [rad/s]."""
-    return float(np.quantile(np.abs(knots[:, kernel.SPEED]), 0.9))
-
-
-def _window(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
-    """The knots next to the rest, while the motion is still slow; evenly thinned."""
-    fast = np.flatnonzero(np.abs(knots[:, kernel.SPEED]) > _WINDOW_SPEED * fastest)
-    # Not before the third knot: the speed of the first spans the rest itself.
-    fast = fast[fast >= _ENOUGH_KNOTS]
-    end = int(fast[0]) if len(fast) else len(knots)
-    # Nor beyond a turn: a lightly damped joint bounces back before it rests.
-    steps = np.diff(knots[:end, kernel.POSITION])
-    turned = np.flatnonzero(steps * steps[0] < 0) if len(steps) else steps
-    end = int(turned[0]) + 1 if len(turned) else end
-    way = np.abs(knots[:end, kernel.POSITION] - knots[0, kernel.POSITION])
-    end = max(min(end, _NEAREST_KNOTS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
-    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, _WINDOW_KNOTS)).astype(int))
-    window: NDArray[np.float64] = knots[chosen]
-    return window
-
-
-def _ends(
-    left: NDArray[np.float64],
-    right: NDArray[np.float64],
-    places: NDArray[np.float64],
-    flat_begin: float,
-    flat_end: float,
-    direction_before: int,
-    direction_after: int,
-) -> tuple[float, float, bool]:
-    """Arrest, breakaway and whether both are extrapolated.
-
-    Each row of ``places`` is where the joint may have come to rest and where it may have left; the row
-    that fits the motion on both sides best is taken. If none does and the stop is short, the joint did
-    not rest, and the arrest returned is after the breakaway.
-    """
-    arrest, breakaway = None, None
-    residual = np.zeros(len(places))
-    if len(left) >= _ENOUGH_KNOTS:
-        way = direction_before * (places[:, :1] - left[None, :, kernel.POSITION])
-        arrest, error = _extrapolate(left[:, kernel.TIME], way, _ARREST_POWER, -1.0)
-        residual = residual + np.where(arrest < flat_end, error, np.inf)
-    if len(right) >= _ENOUGH_KNOTS:
-        way = direction_after * (right[None, :, kernel.POSITION] - places[:, 1:])
-        breakaway, error = _extrapolate(right[:, kernel.TIME], way, _BREAKAWAY_POWER, 1.0)
-        residual = residual + np.where(breakaway > flat_begin, error, np.inf)
-    best = int(np.argmin(residual))
-    if not np.isfinite(residual[best]):
-        span = sum(float(np.ptp(side[:, kernel.TIME])) for side in (left, right) if len(side))
-        return (flat_begin, flat_end, False) if flat_end - flat_begin > span else (flat_end, flat_begin, True)
-    arrest_time = flat_begin if arrest is None else max(float(arrest[best]), flat_begin)
-    breakaway_time = flat_end if breakaway is None else min(float(breakaway[best]), float(right[0, kernel.TIME]))
-    return arrest_time, breakaway_time, arrest is not None and breakaway is not None
-
-
-def _extrapolate(
-    times: NDArray[np.float64], ways: NDArray[np.float64], power: float, sign: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where t = t_0 ± c way^power meets zero way, for each row of ways, and the squared residuals [s], [s²]."""
-    z = np.maximum(ways, 0.0) ** power
-    t = times - times[0]
-    # The power laws hold at the rest itself; the farther, the less.
-    weights = _NEARNESS ** np.arange(len(t))
-    weights /= weights.sum()
-    z_mean, t_mean = z @ weights, float(t @ weights)
-    z_centred, t_centred = z - z_mean[:, None], t - t_mean
-    slope = (z_centred * weights) @ t_centred / np.maximum((z_centred**2) @ weights, 1e-300)
-    error = ((t_centred[None, :] - slope[:, None] * z_centred) ** 2) @ weights
-    error = np.where(sign * slope > 0, error, np.inf)
-    return times[0] + t_mean - slope * z_mean, error

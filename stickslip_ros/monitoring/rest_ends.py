@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The ends of a rest, from the knots around it: how far it reaches, when it began, when it ended."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.monitoring import _knot_kernel as kernel
+
+_WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
+WINDOW_KNOTS = 6
+ENOUGH_KNOTS = 3
+_NEAREST_KNOTS = 5
+_WINDOW_SHARE = 0.3
+_NEARNESS = 0.5
+# Exactly at the rest the powers of the way are 1/2 and 1/3. Over the knots that an encoder gives, the
+# deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
+_ARREST_POWER = 0.45
+_BREAKAWAY_POWER = 0.36
+
+
+def rest_gaps(knots: NDArray[np.float64], longest: int, band: float, limit: float, farthest: float) -> tuple[int, int]:
+    """First and last gap of the rest around the longest gap: joints creep at rest, and encoders flicker.
+
+    The rest goes on as long as the mean speed from its present end stays below the limit [rad/s], and
+    it stays within ``farthest`` of the longest gap [rad].
+    """
+    times, positions = knots[:, kernel.TIME], knots[:, kernel.POSITION]
+    first = last = longest
+    grown = True
+    while grown:
+        grown = False
+        ways = np.maximum(np.abs(positions[last + 2 :] - positions[last + 1]), band)
+        near = np.logical_and.accumulate(np.abs(positions[last + 2 :] - positions[longest]) <= farthest)
+        slow = np.flatnonzero(near & (ways <= limit * (times[last + 2 :] - times[last + 1])))
+        if len(slow):
+            last += int(slow[-1]) + 1
+            grown = True
+        ways = np.maximum(np.abs(positions[:first] - positions[first]), band)
+        near = np.logical_and.accumulate(np.abs(positions[:first][::-1] - positions[longest]) <= farthest)[::-1]
+        slow = np.flatnonzero(near & (ways <= limit * (times[first] - times[:first])))
+        if len(slow):
+            first = int(slow[0])
+            grown = True
+    return first, last
+
+
+def fastest(knots: NDArray[np.float64]) -> float:
+    """Fastest motion at these knots, without the few outliers that noise and jittered stamps make [rad/s]."""
+    return float(np.quantile(np.abs(knots[:, kernel.SPEED]), 0.9))
+
+
+def braking_knots(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
+    """The knots next to the rest, while the motion is still slow; evenly thinned."""
+    fast = np.flatnonzero(np.abs(knots[:, kernel.SPEED]) > _WINDOW_SPEED * fastest)
+    # Not before the third knot: the speed of the first spans the rest itself.
+    fast = fast[fast >= ENOUGH_KNOTS]
+    end = int(fast[0]) if len(fast) else len(knots)
+    # Nor beyond a turn: a lightly damped joint bounces back before it rests.
+    steps = np.diff(knots[:end, kernel.POSITION])
+    turned = np.flatnonzero(steps * steps[0] < 0) if len(steps) else steps
+    end = int(turned[0]) + 1 if len(turned) else end
+    way = np.abs(knots[:end, kernel.POSITION] - knots[0, kernel.POSITION])
+    end = max(min(end, _NEAREST_KNOTS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
+    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, WINDOW_KNOTS)).astype(int))
+    window: NDArray[np.float64] = knots[chosen]
+    return window
+
+
+def rest_ends(
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
+    places: NDArray[np.float64],
+    flat_begin: float,
+    flat_end: float,
+    direction_before: int,
+    direction_after: int,
+) -> tuple[float, float, bool]:
+    """Arrest, breakaway and whether both are extrapolated.
+
+    Each row of ``places`` is where the joint may have come to rest and where it may have left; the row
+    that fits the motion on both sides best is taken. If none does and the stop is short, the joint did
+    not rest, and the arrest returned is after the breakaway.
+    """
+    arrest, breakaway = None, None
+    residual = np.zeros(len(places))
+    if len(left) >= ENOUGH_KNOTS:
+        way = direction_before * (places[:, :1] - left[None, :, kernel.POSITION])
+        arrest, error = _extrapolate(left[:, kernel.TIME], way, _ARREST_POWER, -1.0)
+        residual = residual + np.where(arrest < flat_end, error, np.inf)
+    if len(right) >= ENOUGH_KNOTS:
+        way = direction_after * (right[None, :, kernel.POSITION] - places[:, 1:])
+        breakaway, error = _extrapolate(right[:, kernel.TIME], way, _BREAKAWAY_POWER, 1.0)
+        residual = residual + np.where(breakaway > flat_begin, error, np.inf)
+    best = int(np.argmin(residual))
+    if not np.isfinite(residual[best]):
+        span = sum(float(np.ptp(side[:, kernel.TIME])) for side in (left, right) if len(side))
+        return (flat_begin, flat_end, False) if flat_end - flat_begin > span else (flat_end, flat_begin, True)
+    arrest_time = flat_begin if arrest is None else max(float(arrest[best]), flat_begin)
+    breakaway_time = flat_end if breakaway is None else min(float(breakaway[best]), float(right[0, kernel.TIME]))
+    return arrest_time, breakaway_time, arrest is not None and breakaway is not None
+
+
+def _extrapolate(
+    times: NDArray[np.float64], ways: NDArray[np.float64], power: float, sign: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where t = t_0 ± c way^power meets zero way, for each row of ways, and the squared residuals [s], [s²]."""
+    z = np.maximum(ways, 0.0) ** power
+    t = times - times[0]
+    # The power laws hold at the rest itself; the farther, the less.
+    weights = _NEARNESS ** np.arange(len(t))
+    weights /= weights.sum()
+    z_mean, t_mean = z @ weights, float(t @ weights)
+    z_centred, t_centred = z - z_mean[:, None], t - t_mean
+    slope = (z_centred * weights) @ t_centred / np.maximum((z_centred**2) @ weights, 1e-300)
+    error = ((t_centred[None, :] - slope[:, None] * z_centred) ** 2) @ weights
+    error = np.where(sign * slope > 0, error, np.inf)
+    return times[0] + t_mean - slope * z_mean, error
