@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from time import monotonic
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -41,6 +42,7 @@ from stickslip_ros.nodes.conversion import (
 from stickslip_ros.nodes.drain import DrainedSubscription
 from stickslip_ros.nodes.gain_source import ControllerGains
 from stickslip_ros.nodes.reference_pairing import ReferencePairing
+from stickslip_ros.nodes.references import reference_message_type, reference_rows
 from stickslip_ros.nodes.running import run
 
 _DRAIN_PERIOD = 0.02
@@ -71,7 +73,8 @@ class Monitor(Node):
 
         incoming = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._states = DrainedSubscription(self, JointState, "joint_states", incoming)
-        self._references = DrainedSubscription(self, JointState, "joint_references", incoming)
+        reference_type = reference_message_type(self.get_parameter("reference_type").value)
+        self._references = DrainedSubscription(self, reference_type, "joint_references", incoming)
         self.create_subscription(Float64MultiArray, "pd_gains", self._on_gains_message, 10)
         controller = self.get_parameter("controller").value
         self._controller = (
@@ -94,6 +97,13 @@ class Monitor(Node):
         parameter("joints", [""], "joints to watch; [''] for every joint heard of", read_only=True)
         parameter(
             "controller", "", "node whose parameters gains.<joint>.p/.i/.d are followed; empty: none", read_only=True
+        )
+        parameter(
+            "reference_type",
+            "JointState",
+            "message on joint_references: JointState, or with control_msgs JointTrajectoryControllerState or "
+            "MultiDOFStateStamped",
+            read_only=True,
         )
         parameter("publish_rate", 10.0, "how often diagnostics and margins are published [Hz]", read_only=True)
         parameter("warn_margin", 0.1, "damping reserve rho/rho_c - 1 below which smooth motion is at risk [1]")
@@ -181,9 +191,9 @@ class Monitor(Node):
     def _drain(self) -> None:
         """Take what has arrived and let every joint's monitor follow it."""
         for message in self._references.take_all():
-            self._take(message, is_reference=True)
+            self._take_reference(message)
         for message in self._states.take_all():
-            self._take(message, is_reference=False)
+            self._take_state(message)
         found: list[DiagnosticStatus] = []
         for name, pairing in self._pairings.items():
             batch = pairing.take()
@@ -197,27 +207,38 @@ class Monitor(Node):
             array.header.stamp = self.get_clock().now().to_msg()
             self._cycles.publish(array)
 
-    def _take(self, message: JointState, *, is_reference: bool) -> None:
-        topic = "joint_references" if is_reference else "joint_states"
+    def _take_reference(self, message: Any) -> None:
+        try:
+            rows = reference_rows(message)
+        except MessageError as error:
+            self._refuse(f"joint_references: {error}")
+            return
+        time = self._time_of("joint_references", message)
+        for name, (position, velocity) in rows.items():
+            if name in self._pairings:
+                self._pairings[name].add_reference(time, position, velocity)
+
+    def _take_state(self, message: JointState) -> None:
         try:
             rows = joint_rows(message)
         except MessageError as error:
-            self._refuse(f"{topic}: {error}")
+            self._refuse(f"joint_states: {error}")
             return
+        time = self._time_of("joint_states", message)
+        now = monotonic()
+        for name, row in rows.items():
+            pairing = self._pairings.get(name) or self._welcome(name)
+            if pairing is not None:
+                pairing.add_sample(time, *row)
+                self._heard[name] = now
+
+    def _time_of(self, topic: str, message: Any) -> float:
+        """The message's stamp, or the time now if it has none [s]."""
         stamp = seconds(message.header.stamp)
         if stamp == 0.0:
             self._refuse(f"{topic}: stamp is zero; the time of arrival is used instead")
             stamp = 1e-9 * self.get_clock().now().nanoseconds
-        now = time.monotonic()
-        for name, (position, velocity, effort) in rows.items():
-            pairing = self._pairings.get(name) or (None if is_reference else self._welcome(name))
-            if pairing is None:
-                continue
-            if is_reference:
-                pairing.add_reference(stamp, position, velocity)
-            else:
-                pairing.add_sample(stamp, position, velocity, effort)
-                self._heard[name] = now
+        return stamp
 
     def _welcome(self, name: str) -> ReferencePairing | None:
         """Begin to watch a joint heard of for the first time, if every joint is watched."""
@@ -237,7 +258,7 @@ class Monitor(Node):
         return self._pairings[name]
 
     def _publish(self) -> None:
-        now = time.monotonic()
+        now = monotonic()
         if self._controller is not None:
             self._controller.poll(now)
         warn_margin = float(self.get_parameter("warn_margin").value)

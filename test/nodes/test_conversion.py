@@ -5,16 +5,19 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.conversion import MessageError, gains_from_message, joint_rows, seconds, stamp, table
 from stickslip_ros.nodes.reference_pairing import ReferencePairing
+from stickslip_ros.nodes.references import reference_rows
 
 NAMES = st.lists(st.text("abcdefgh_123", min_size=1, max_size=8), min_size=1, max_size=6, unique=True)
 
@@ -105,6 +108,17 @@ def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: objec
     known = np.isfinite(position)
     np.testing.assert_allclose(position[known], 2.0 * np.array(times)[known], atol=1e-12)
     assert known.sum() >= 80
+
+
+def test_references_of_controllers() -> None:
+    """Issue 2: desired motion in the shape of control_msgs, which has no wheel: only the fields that are read."""
+    point = JointTrajectoryPoint(positions=[1.0, 2.0], velocities=[0.1, 0.2])
+    state = SimpleNamespace(joint_names=["a", "b"], reference=point)
+    assert reference_rows(state) == {"a": (1.0, 0.1), "b": (2.0, 0.2)}
+    with pytest.raises(MessageError, match="2 positions for 1 joints"):
+        reference_rows(SimpleNamespace(joint_names=["a"], reference=point))
+    dof = SimpleNamespace(dof_states=[SimpleNamespace(name="a", reference=3.0)])
+    assert reference_rows(dof)["a"][0] == 3.0
 
 
 def test_a_stale_reference_says_nothing() -> None:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import math
 import time
@@ -128,6 +129,22 @@ def test_parameters_out_of_range_are_refused(ros_domain: int, values: dict[str, 
         (reason,) = one.set_parameters("/stickslip_monitor", values)
         assert text in reason.replace("read only", "read-only")
         assert monitor.running
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("Twist", "'reference_type' must be one of JointState"),
+        ("MultiDOFStateStamped", "needs the package control_msgs"),
+    ],
+)
+def test_a_reference_type_that_cannot_be_had(ros_domain: int, value: str, text: str) -> None:
+    """Issue 2: other references need control_msgs, and say so in one line."""
+    if importlib.util.find_spec("control_msgs") and value != "Twist":
+        pytest.skip("control_msgs is installed here")
+    with NodeProcess("monitor", {**PUMA, "reference_type": value}) as monitor:
+        assert monitor.wait(20.0) == 2
+        assert text in monitor.output()
 
 
 def test_an_unknown_model_ends_the_node_with_one_line(ros_domain: int) -> None:
