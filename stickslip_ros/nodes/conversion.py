@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.model.exact import ExactVerdict
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.joint_monitor import Assessment
@@ -110,11 +111,13 @@ MARGIN_FIELDS = (
     "stiffness",
     "damping",
     "cycles",
+    "exact_smooth",
+    "exact_critical_damping_ratio",
 )
 STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
 
-def margin_row(assessment: Assessment) -> list[float]:
+def margin_row(assessment: Assessment, exact: ExactVerdict) -> list[float]:
     """The numbers of :data:`MARGIN_FIELDS`; NaN for what is unknown or not applicable."""
     margin, gains = assessment.margin, assessment.gains
     from_margin = MARGIN_FIELDS[2:8]
@@ -127,11 +130,13 @@ def margin_row(assessment: Assessment) -> list[float]:
         math.nan if gains is None else float(gains.stiffness),
         math.nan if gains is None else float(gains.damping),
         float(assessment.cycles),
+        math.nan if exact.smooth is None else float(exact.smooth),
+        exact.critical_damping_ratio,
     ]
 
 
 def joint_diagnostic(
-    name: str, assessment: Assessment, *, warn_margin: float, silent_for: float | None
+    name: str, assessment: Assessment, exact: ExactVerdict, *, warn_margin: float, silent_for: float | None
 ) -> DiagnosticStatus:
     """One joint's status: a summary for a person, every number as a key with its unit for programs."""
     status = DiagnosticStatus(name=f"stickslip_monitor: {name}", hardware_id=name)
@@ -154,6 +159,11 @@ def joint_diagnostic(
             ("steady_stribeck [N*m]", margin.steady_stribeck),
             ("natural_frequency [rad/s]", margin.natural_frequency),
             ("lowest_smooth_velocity [rad/s]", assessment.lowest_smooth_velocity),
+        ]
+    if exact.smooth is not None:
+        values += [
+            ("exact smooth", str(exact.smooth).lower()),
+            ("exact critical_damping_ratio [1]", exact.critical_damping_ratio),
         ]
     if gains is not None:
         values += [

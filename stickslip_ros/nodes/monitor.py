@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
@@ -24,9 +25,12 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.exact import ExactVerdict
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.simulation import simulate
 from stickslip_ros.monitoring.advice import AdviceLimits
-from stickslip_ros.monitoring.joint_monitor import JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.joint_monitor import Assessment, JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes import joint_parameters
 from stickslip_ros.nodes.conversion import (
     MARGIN_FIELDS,
@@ -40,6 +44,7 @@ from stickslip_ros.nodes.conversion import (
     table,
 )
 from stickslip_ros.nodes.drain import DrainedSubscription
+from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
 from stickslip_ros.nodes.gain_source import ControllerGains
 from stickslip_ros.nodes.reference_pairing import ReferencePairing
 from stickslip_ros.nodes.references import reference_message_type, reference_rows
@@ -63,6 +68,8 @@ class Monitor(Node):
         self._heard: dict[str, float] = {}
         self._refused: Counter[str] = Counter()
         self._changing = False
+        self._exact = ExactWorker()
+        _compile()
         self._declare()
         names = [name for name in self.get_parameter("joints").value if name]
         self._all_joints = not names
@@ -271,17 +278,12 @@ class Monitor(Node):
         for name, monitor in self._monitors.items():
             assessment = monitor.assessment()
             silent_for = now - self._heard[name] if name in self._heard else math.inf
-            array.status.append(
-                joint_diagnostic(
-                    name,
-                    assessment,
-                    warn_margin=warn_margin,
-                    silent_for=silent_for if silent_for > _STALE_AFTER else None,
-                )
-            )
+            exact = self._exact_verdict(name, monitor, assessment, now)
+            stale = silent_for if silent_for > _STALE_AFTER else None
+            array.status.append(joint_diagnostic(name, assessment, exact, warn_margin=warn_margin, silent_for=stale))
             if silent_for > _STALE_AFTER:
                 ended += [cycle_diagnostic(name, cycle) for cycle in monitor.finish()]
-            rows += margin_row(assessment)
+            rows += margin_row(assessment, exact)
             advice = assessment.recommendation
             advised[name] = (advice.stiffness, advice.damping) if advice is not None else (math.nan, math.nan)
         self._diagnostics.publish(array)
@@ -290,6 +292,16 @@ class Monitor(Node):
             return
         self._margins.publish(table(list(self._monitors), MARGIN_FIELDS, rows))
         self._publish_advice(advised)
+
+    def _exact_verdict(self, name: str, monitor: JointMonitor, assessment: Assessment, now: float) -> ExactVerdict:
+        if monitor.joint is None or monitor.gains is None or not assessment.velocity_source:
+            return UNKNOWN
+        return self._exact.verdict(name, monitor.joint, monitor.gains, assessment.velocity, now)
+
+    def destroy_node(self) -> None:
+        """End the worker too."""
+        self._exact.close()
+        super().destroy_node()
 
     def _publish_advice(self, advised: dict[str, tuple[float, float]]) -> None:
         found = {name: gains for name, gains in advised.items() if math.isfinite(gains[0])}
@@ -331,6 +343,13 @@ class Monitor(Node):
         response.success = True
         response.message = f"forgot what was learnt of {len(self._monitors)} joints"
         return response
+
+
+def _compile() -> None:
+    """Load or compile the compiled parts before any data come, by using them once."""
+    joint = Joint(inertia=1.0, friction=Friction(stribeck=1.0, stribeck_velocity=0.1, lag=0.1, rise_time=0.1))
+    trajectory = simulate(joint, Gains(stiffness=100.0), 0.05 * np.arange(200.0), np.full(200, 5.0), period=0.01)
+    JointMonitor().process(Batch(time=trajectory.time, position=trajectory.position))
 
 
 def main(args: list[str] | None = None) -> int:

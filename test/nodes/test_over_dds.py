@@ -31,6 +31,8 @@ def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> N
         one.wait_for_monitor()
         one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
         one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
+        one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, 10.0, "the exact verdict")
+        assert one.margins["joint1"]["exact_critical_damping_ratio"] < one.margins["joint1"]["critical_damping_ratio"]
         assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 9000.0, "gains.joint1.d": 50.0}) == ["", ""]
         changed = time.monotonic()
         one.wait(
@@ -40,6 +42,8 @@ def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> N
         )
         assert time.monotonic() - changed < 0.5
         assert one.margins["joint1"]["energy_margin"] > 0
+        # The exact verdict stands beside the paper's, and follows the gains too.
+        one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 1.0, 10.0, "the exact verdict")
         # Gains that no controller should have are refused there, and change nothing here.
         assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
 
