@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Joint
@@ -18,6 +19,10 @@ from stickslip_ros.recordings import load_recording
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = Path(os.environ.get("STICKSLIP_RECORDINGS", ROOT.parent / "shared" / "data"))
+
+# The same examples every time; more are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
+settings.register_profile("fixed", derandomize=True, database=None)
+settings.load_profile("fixed")
 
 _domains = itertools.count(os.getpid() * 13)
 

@@ -203,7 +203,7 @@ def _stick_until(end, reference, reference_velocity, state, parameters, events, 
     return count, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def advance(state, history, parameters, step, period, references, reference_velocities, samples, events):
     """Integrate one joint over as many sampling periods as there are references.
 

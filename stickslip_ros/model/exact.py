@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.model.dimensionless import damping_for_ratio
+from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.simulation import EventKind, JointSimulation
@@ -20,10 +20,12 @@ from stickslip_ros.model.simulation import EventKind, JointSimulation
 _SAMPLES_A_PERIOD = 64
 _PERIODS_AT_ONCE = 8
 _SETTLED = 1e-7  # relative change of the breakaway level from one cycle to the next
-_MOST_PERIODS = 4000
+_MOST_PERIODS = 1000
 _SLIDING_PERIODS = 2 * _PERIODS_AT_ONCE
 _COULOMB = 10.0  # of the Stribeck friction: enough that an arrested joint never slips back
 _RELATIVE_TOLERANCE = 1e-3
+_LARGEST_DAMPING_RATIO = 20.0
+_LEAST_LAG = 0.002  # τ* below which the lag counts as none: steps may not be longer than it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +43,18 @@ class ExactVerdict:
 
 
 def exact_verdict(joint: Joint, gains: Gains, velocity: float) -> ExactVerdict:
-    """Exact verdict on one joint (scalars) moving at a commanded velocity [rad/s] without integral action."""
+    """Exact verdict on one joint (scalars) moving at a commanded velocity [rad/s] without integral action.
+
+    Unknown for damping ratios beyond 20, where a step would be too small beside a period.
+    """
     values = np.array([gains.stiffness, gains.damping, gains.integral, velocity], dtype=float)
+    unknown = ExactVerdict(smooth=None, critical_damping_ratio=math.nan)
     if not np.isfinite(values).all() or gains.stiffness <= 0 or velocity == 0 or gains.integral != 0:
-        return ExactVerdict(smooth=None, critical_damping_ratio=math.nan)
+        return unknown
+    with np.errstate(all="ignore"):
+        groups = dimensionless_groups(joint, gains, velocity)
+    if not abs(float(groups.damping_ratio)) <= _LARGEST_DAMPING_RATIO or not math.isfinite(float(groups.stribeck)):
+        return unknown
     return ExactVerdict(
         smooth=not cycle_persists(joint, gains, velocity),
         critical_damping_ratio=exact_critical_damping_ratio(joint, gains, velocity),
@@ -58,12 +68,14 @@ def cycle_persists(joint: Joint, gains: Gains, velocity: float) -> bool:
     geometrically. It has died if the joint slides on with an oscillation that does not grow.
     """
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
+    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
     friction = joint.friction
+    if 2.0 * math.pi * float(friction.lag) < _LEAST_LAG * natural_period:
+        friction = replace(friction, lag=0.0)
     coulomb = _COULOMB * float(friction.stribeck)
     # Breakaway is at hand: the spring already carries all that friction can hold.
     reference = (coulomb + float(friction.stribeck) - float(gains.damping) * speed) / stiffness
     simulation = JointSimulation(replace(joint, friction=replace(friction, coulomb=coulomb)), gains)
-    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
     period = natural_period / _SAMPLES_A_PERIOD
     count = _SAMPLES_A_PERIOD * _PERIODS_AT_ONCE
     levels: list[float] = []
@@ -96,7 +108,10 @@ def _settled(levels: list[float]) -> bool:
 
 
 def exact_critical_damping_ratio(joint: Joint, gains: Gains, velocity: float) -> float:
-    """ρ at which the cycle just dies at the given stiffness, by bisection to a relative 1e-3; 0 if undamped it dies."""
+    """ρ at which the cycle just dies at the given stiffness, by bisection to a relative 1e-3.
+
+    0 if it dies undamped, NaN if even a damping ratio of 20 does not end it.
+    """
 
     def persists(ratio: float) -> bool:
         damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
@@ -105,9 +120,11 @@ def exact_critical_damping_ratio(joint: Joint, gains: Gains, velocity: float) ->
     if not persists(0.0):
         return 0.0
     paper = float(stability_margin(joint, replace(gains, damping=0.0), velocity).critical_damping_ratio)
-    low, high = 0.0, paper if math.isfinite(paper) and paper > 0 else 0.1
+    low, high = 0.0, min(paper, _LARGEST_DAMPING_RATIO) if paper > 0 else 0.1
     while persists(high):
         low, high = high, 2.0 * high
+        if high > _LARGEST_DAMPING_RATIO:
+            return math.nan
     while high - low > _RELATIVE_TOLERANCE * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if persists(middle) else (low, middle)

@@ -62,6 +62,8 @@ def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArr
     def mark(condition: bool | NDArray[np.bool_], text: str) -> None:
         reasons[np.broadcast_to(np.asarray(condition), shape)] = f"not applicable, because {text}"
 
+    numbers = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in vars(groups).values()))
+    mark(~np.all(np.isfinite(numbers), axis=0), "a gain is too small or too large to compute with")
     mark(np.asarray(groups.lag) > 2 * np.pi, "the lag is longer than one natural period (τ* > 2π)")
     mark(np.asarray(groups.damping_ratio) < 0, "the total damping is negative: the joint is unstable by itself")
     mark(np.asarray(gains.integral) != 0, "the controller has integral action")
@@ -92,6 +94,12 @@ def stability_margin(
     -------
     StabilityMargin, of the broadcast shape.
     """
+    # Controllers may hold any gains; what overflows comes out as not applicable.
+    with np.errstate(all="ignore"):
+        return _stability_margin(joint, gains, velocity, rises_from_coulomb)
+
+
+def _stability_margin(joint: Joint, gains: Gains, velocity: Real, rises_from_coulomb: bool) -> StabilityMargin:
     groups = dimensionless_groups(joint, gains, velocity)
     reasons = _reasons(groups, gains, velocity)
     applicable: NDArray[np.bool_] = np.array([reason is None for reason in reasons.flat], dtype=np.bool_)

@@ -18,7 +18,6 @@ from stickslip_ros.model.friction import Gains, Joint
 # Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
 # then below a millionth.
 _STEPS_PER_RADIAN = 40.0
-_LONGEST_STEP = 1e-3
 
 
 class EventKind(Enum):
@@ -168,7 +167,8 @@ class JointSimulation:
         inertia = parameters[kernel.INERTIA]
         frequency = math.sqrt(abs(parameters[kernel.STIFFNESS]) / inertia)
         decay = abs(parameters[kernel.DAMPING] + parameters[kernel.VISCOUS]) / inertia
-        return float(min(_LONGEST_STEP, 1.0 / (_STEPS_PER_RADIAN * max(frequency, decay, 1e-9))))
+        # The kernel's steps end with the sampling periods and are no longer than the lag.
+        return float(1.0 / (_STEPS_PER_RADIAN * max(frequency, decay, 1e-9)))
 
     def _make_room(self, step: float, period: float) -> None:
         """Let the ring hold the velocities of one lag, keeping what it has."""

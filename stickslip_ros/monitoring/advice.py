@@ -123,7 +123,7 @@ def _nearest_stiffness(joint: Joint, gains: Gains, velocity: float, limits: Advi
     """k_p nearest to the present one, by factor, at which the wanted margin is reached with the present k_v."""
     present = float(gains.stiffness)
     low, high = max(limits.stiffness_range[0], present * 1e-4), min(limits.stiffness_range[1], present * 1e4)
-    if low > high:
+    if not 0 < low <= high < math.inf:
         return None
 
     def enough(stiffness: np.ndarray) -> np.ndarray:

@@ -295,8 +295,8 @@ class JointMonitor:
     def assessment(self) -> Assessment:
         """Everything known of the joint now."""
         velocity, source = self.velocity()
-        margin, reason = self._margin()
         lowest, recommendation = math.nan, None
+        margin, reason = self._margin()
         if margin is not None:
             lowest, recommendation = self._advise(velocity)
         detector = self._detector.detector

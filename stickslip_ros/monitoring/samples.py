@@ -60,6 +60,7 @@ class Batch:
 
 _OUT_OF_ORDER = 1.0  # [s] a stamp may be late by that much before it means that time began anew
 _BACKWARD_IN_A_ROW = 20
+_LARGEST = 1e12  # no joint's position and no clock's time; the arithmetic stays exact enough below it
 
 
 @dataclass
@@ -77,8 +78,9 @@ class SampleFilter:
 
     def split(self, batch: Batch) -> list[tuple[bool, Batch]]:
         """The usable samples, in pieces; a piece marked True begins a new recording."""
-        finite_time = np.isfinite(batch.time)
-        finite = finite_time & np.isfinite(batch.position)
+        # Comparisons with NaN are false, so that it is left out too.
+        finite_time = np.abs(batch.time) < _LARGEST
+        finite = finite_time & (np.abs(batch.position) < _LARGEST)
         self._count("time is not finite", int((~finite_time).sum()))
         self._count("position is missing or not finite", int((finite_time & ~finite).sum()))
         if not finite.all():

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
 
@@ -54,6 +55,8 @@ def test_without_excess_friction_nothing_persists() -> None:
         (Gains(stiffness=100.0), 0.0),
         (Gains(stiffness=100.0, integral=1.0), 0.01),
         (Gains(stiffness=math.nan), 0.01),
+        (Gains(stiffness=5e-324), 0.01),
+        (Gains(stiffness=100.0, damping=1e9), 0.01),
     ],
 )
 def test_meaningless_questions_have_no_answer(puma: Joint, gains: Gains, velocity: float) -> None:
@@ -61,3 +64,12 @@ def test_meaningless_questions_have_no_answer(puma: Joint, gains: Gains, velocit
     verdict = exact_verdict(puma, gains, velocity)
     assert verdict.smooth is None
     assert math.isnan(verdict.critical_damping_ratio)
+
+
+@pytest.mark.parametrize("stiffness", [1e-6, 1e-3, 1e6, 1e9])
+@pytest.mark.parametrize("velocity", [1e-9, 1e-3, 10.0])
+def test_extreme_joints_are_answered_in_time(puma: Joint, stiffness: float, velocity: float) -> None:
+    """Issue 2, item 8 (`exact`): no gain or speed makes the integration run away."""
+    begin = time.perf_counter()
+    exact_verdict(puma, Gains(stiffness=stiffness), velocity)
+    assert time.perf_counter() - begin < 30.0
