@@ -270,7 +270,8 @@ class RestDetector:
         if not max(self.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
         measured = knots[first : last + 1, kernel.SLOWEST]
-        if np.isfinite(measured).any():
+        # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
+        if np.isfinite(measured).any() and np.isfinite(self._velocity_smallest[2]):
             least = float(self._velocity_state[kernel.BAND]) + _STANDING * slowest
             if float(np.nanmin(measured)) > least:
                 return None
