@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,8 +26,7 @@ _LEAST_KNOTS = 20
 _RECENT_CYCLES = 5
 _SAME_SPEED = 0.01
 _DIP_AT_RISK = 0.2  # of the mean speed
-_GAP = 20.0  # sampling intervals without a sample, from which on the motion before is another story
-_LEAST_GAP = 1.0  # [s]
+_SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
 _SLICE = 0.05  # [s] how finely findings are dated within a batch
 
 
@@ -129,10 +129,11 @@ class JointMonitor:
         """Take samples and return the cycles that they complete, oldest first."""
         cycles: list[Cycle] = []
         for restart, piece in self._filter.split(batch):
-            if restart:
-                cycles += self.finish()
-                self._begin()
-            for part in self._without_gaps(piece):
+            for number, part in enumerate(_without_silences(piece)):
+                begins = number > 0 or restart or part.time[0] - self._motion.last_time > _SILENCE
+                if begins and math.isfinite(self._motion.last_time):
+                    cycles += self.finish()
+                    self._begin()
                 cycles += self._follow(part)
         return cycles
 
@@ -142,20 +143,6 @@ class JointMonitor:
         self._recent.extend(cycles)
         self.cycle_count += len(cycles)
         return cycles
-
-    def _without_gaps(self, batch: Batch) -> list[Batch]:
-        """The samples cut at long silences, after each of which the motion is followed anew."""
-        interval = self._motion.sample_interval
-        longest = max(_LEAST_GAP, _GAP * interval) if math.isfinite(interval) else math.inf
-        before = self._motion.last_time if math.isfinite(self._motion.last_time) else batch.time[0]
-        steps = np.diff(batch.time, prepend=before)
-        parts = []
-        for indices in np.split(np.arange(len(batch)), np.flatnonzero(steps > longest)):
-            if len(indices):
-                parts.append(batch.where(slice(int(indices[0]), int(indices[-1]) + 1)))
-        if parts and steps[0] > longest:
-            self._begin()
-        return parts
 
     def _follow(self, batch: Batch) -> list[Cycle]:
         """Feed the detector in slices that do not depend on how the samples were batched."""
@@ -175,7 +162,7 @@ class JointMonitor:
     def _extend_segments(self, batch: Batch) -> None:
         status = self.finding().status
         start, end = float(batch.time[0]), float(batch.time[-1])
-        if self.segments and self.segments[-1].status is status and start - self.segments[-1].end < _LEAST_GAP:
+        if self.segments and self.segments[-1].status is status and start - self.segments[-1].end < _SILENCE:
             last = self.segments.pop()
             way = last.velocity * (last.end - last.start) + self._motion.last_way
             start = last.start
@@ -209,7 +196,8 @@ class JointMonitor:
         """Whether stick-slip cycles go on."""
         if len(self._recent) < _CYCLES_FOR_STICK_SLIP:
             return False
-        period = max(cycle.period for cycle in self._recent)
+        # The median, because a long smooth stretch between two rests makes a long cycle too.
+        period = float(np.median([cycle.period for cycle in self._recent]))
         # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
         since = max(self._recent[-1].arrest, self._motion_began())
         patience = _PERIODS_TO_TRUST if self._detector.detector.open_rest() is None else _PERIODS_AT_REST
@@ -232,7 +220,7 @@ class JointMonitor:
         """How long motion without a rest must last before it is called smooth [s]."""
         needed = self.options.least_motion
         if self._recent:
-            needed = max(needed, _PERIODS_TO_TRUST * max(cycle.period for cycle in self._recent))
+            needed = max(needed, _PERIODS_TO_TRUST * float(np.median([cycle.period for cycle in self._recent])))
         elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
             natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
             needed = max(needed, _PERIODS_TO_TRUST * natural_period)
@@ -323,3 +311,10 @@ def _reserve(margin: StabilityMargin) -> float:
     """Relative damping reserve ρ/ρ_c − 1; infinite where no damping is needed."""
     critical = float(margin.critical_damping_ratio)
     return float(margin.damping_ratio) / critical - 1.0 if critical > 0 else math.inf
+
+
+def _without_silences(batch: Batch) -> list[Batch]:
+    """The samples cut at long silences, after each of which the motion is followed anew."""
+    cuts = np.flatnonzero(np.diff(batch.time) > _SILENCE) + 1
+    edges = [0, *cuts.tolist(), len(batch)]
+    return [batch.where(slice(begin, end)) for begin, end in pairwise(edges)]

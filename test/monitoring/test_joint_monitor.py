@@ -186,3 +186,30 @@ def test_shapes_must_agree() -> None:
     """Issue 2: arrays of unequal length are refused with both shapes."""
     with pytest.raises(ValueError, match=r"position has shape \(3,\) but time has \(2,\)"):
         Batch(time=np.zeros(2), position=np.zeros(3))
+
+
+def test_a_silence_ends_the_record_however_it_is_batched(puma: Joint) -> None:
+    """Issue 2: after a silence the motion is followed anew, live as recorded, and no cycle spans it."""
+    batch = record(puma, STICKING, 0.0058, duration=20.0).batch
+    cut = batch.where((batch.time < 8.0) | (batch.time > 12.5))
+    whole = JointMonitor()
+    expected = whole.process(cut)
+    assert len(expected) > 6
+    assert not any(cycle.breakaway - cycle.dwell < 8.0 < 12.4 < cycle.arrest for cycle in expected)
+    for size in (37, 1000):
+        monitor = JointMonitor()
+        pieces = [cut.where(slice(i, i + size)) for i in range(0, len(cut), size)]
+        assert [cycle for piece in pieces for cycle in monitor.process(piece)] == expected
+
+
+def test_one_late_stick_is_soon_forgotten(puma: Joint) -> None:
+    """Issue 2: two sticks after a long smooth stretch do not keep the joint in `stick_slip` for as long again."""
+    time = 1e-3 * np.arange(30_000)
+    velocity = np.where((time % 1.0 < 0.6) & ((time < 5.0) | ((time > 15.0) & (time < 17.0))), 0.0, 0.01)
+    position = 1e-5 * np.round(np.cumsum(1e-3 * velocity) / 1e-5)
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=position, reference_velocity=np.full(30_000, 0.01)))
+    assert monitor.cycle_count >= 5
+    smooth = [segment for segment in monitor.segments if segment.status is Status.SMOOTH]
+    assert smooth[-1].start < 21.0
+    assert smooth[-1].end > 29.0
