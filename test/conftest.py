@@ -24,6 +24,16 @@ RECORDINGS = Path(os.environ.get("STICKSLIP_RECORDINGS", ROOT.parent / "shared" 
 settings.register_profile("fixed", derandomize=True, database=None)
 settings.load_profile("fixed")
 
+# physics.md, section 4, joint 1: k_p/M [1/s²], ξ˙_d, damping ratio at which the cycle dies.
+EXACT_CRITICAL_DAMPING = [
+    (100, 0.2, 0.6675),
+    (100, 1.5, 0.4008),
+    (200, 0.5, 0.5621),
+    (320, 0.85, 0.1628),
+    (500, 0.2, 0.1602),
+    (500, 0.85, 0.0416),
+]
+
 _domains = itertools.count(os.getpid() * 13)
 
 

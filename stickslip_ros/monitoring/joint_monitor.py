@@ -101,7 +101,6 @@ class JointMonitor:
         self.gains = gains
         self.options = options or MonitorOptions()
         self._filter = SampleFilter()
-        self._last_status = Status.UNKNOWN
         self._advice: tuple[tuple[object, ...], float, float, Recommendation] | None = None
         self.cycle_count = 0
         self.segments: deque[Segment] = deque(maxlen=10_000)

@@ -52,8 +52,6 @@ class Rest:
     arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
     position : [rad].
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
-    speed_before, speed_after : fastest motion on either side [rad/s].
-    band : resolution of the motion there [rad].
     reference_travel : way that the reference went while the joint was at rest [rad], NaN if unknown.
     effort : measured effort at breakaway [N·m], NaN if unknown.
     """
@@ -63,9 +61,6 @@ class Rest:
     position: float
     direction_before: int
     direction_after: int
-    speed_before: float
-    speed_after: float
-    band: float
     reference_travel: float
     effort: float
 
@@ -215,9 +210,6 @@ class RestDetector:
             position=float(core[kernel.POSITION]),
             direction_before=direction,
             direction_after=0,
-            speed_before=speed,
-            speed_after=0.0,
-            band=self.band,
             reference_travel=float(core[kernel.REFERENCE_FLAT_END] - core[kernel.REFERENCE]),
             effort=float(core[kernel.EFFORT_FLAT_END]),
         )
@@ -310,9 +302,6 @@ class RestDetector:
             position=float(0.5 * (begin + knots[last, kernel.POSITION])),
             direction_before=direction_before,
             direction_after=direction_after,
-            speed_before=0.0 if initial else speed_before,
-            speed_after=speed_after,
-            band=self.band,
             reference_travel=float(knots[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
             effort=float(knots[last, kernel.EFFORT_FLAT_END]),
         )

@@ -8,21 +8,13 @@ import math
 import time
 
 import pytest
+from conftest import EXACT_CRITICAL_DAMPING
 
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio, exact_verdict
 from stickslip_ros.model.friction import Friction, Gains, Joint
 
-TABLE = [
-    (100, 0.2, 0.6675),
-    (100, 1.5, 0.4008),
-    (200, 0.5, 0.5621),
-    (320, 0.85, 0.1628),
-    (500, 0.2, 0.1602),
-    (500, 0.85, 0.0416),
-]
 
-
-@pytest.mark.parametrize(("stiffness", "velocity", "critical"), TABLE)
+@pytest.mark.parametrize(("stiffness", "velocity", "critical"), EXACT_CRITICAL_DAMPING)
 def test_table_of_the_exact_boundary(puma: Joint, stiffness: float, velocity: float, critical: float) -> None:
     """Issue 2, item 8 (`exact`): physics.md, section 4, within 0.5 %."""
     gains = Gains(stiffness=stiffness * 6.3)

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import EXACT_CRITICAL_DAMPING
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -60,14 +61,7 @@ def test_events_do_not_depend_on_the_step(puma: Joint) -> None:
 
 @pytest.mark.parametrize(
     ("stiffness", "velocity", "exact"),
-    [
-        (100, 0.2, 0.6675),
-        (100, 1.5, 0.4008),
-        (200, 0.5, 0.5621),
-        (320, 0.85, 0.1628),
-        (500, 0.2, 0.1602),
-        (500, 0.85, 0.0416),
-    ],
+    EXACT_CRITICAL_DAMPING,
 )
 def test_exact_boundary_of_the_paper_joint(puma: Joint, stiffness: float, velocity: float, exact: float) -> None:
     """Issue 2: 2 % below the exact ρ_c of physics.md the cycle goes on for 60 s, 2 % above it dies."""
