@@ -197,10 +197,11 @@ class Monitor(Node):
 
     def _drain(self) -> None:
         """Take what has arrived and let every joint's monitor follow it."""
-        for message in self._references.take_all():
-            self._take_reference(message)
+        # References last, so that they are no older than the samples that wait for them.
         for message in self._states.take_all():
             self._take_state(message)
+        for message in self._references.take_all():
+            self._take_reference(message)
         found: list[DiagnosticStatus] = []
         for name, pairing in self._pairings.items():
             batch = pairing.take()

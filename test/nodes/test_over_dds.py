@@ -18,6 +18,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.conversion import table
 from stickslip_ros.recordings import load_recording
 
+_INCOMING = ("joint_states", "joint_references")
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1"}
 
 
@@ -176,7 +177,10 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
     offline = JointMonitor()
     expected = offline.process(batch) + offline.finish()
     factor = max(1.0, (batch.time[-1] - batch.time[0]) / 8.0)
-    with NodeProcess("monitor", {"joints": "[joint1]"}), probe() as one:
+    # A live monitor subscribes best effort and may lose a sample when the machine is short of time; a comparison
+    # sample by sample asks for reliable delivery, as anyone may with the same parameters.
+    reliable = {f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in _INCOMING}
+    with NodeProcess("monitor", {"joints": "[joint1]", **reliable}), probe() as one:
         one.wait_for_monitor()
         with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
             one.wait(lambda: not replay.running, 40.0, "the end of the recording")
