@@ -15,7 +15,7 @@ from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 from stickslip_ros.model.extinction import energy_margin
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.simulation import simulate
+from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.simulation import EventKind, simulate
+from stickslip_ros.model.joint_simulation import EventKind, simulate
 from stickslip_ros.monitoring.rests import RestDetector
 
 PUMA = load_joint("puma560_joint1").joint

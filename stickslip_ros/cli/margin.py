@@ -14,8 +14,10 @@ from rich.table import Table
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import KnownJoint, load_joint
+from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, change_factors, lowest_smooth_velocity, stability_margin
+from stickslip_ros.model.verdict import exact_verdict
 
 _FRICTION = {
     "stribeck": "F_s∞, static friction in excess of Coulomb friction [N·m]",
@@ -41,6 +43,14 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--damping", type=float, metavar="KV", help="k_v [N·m·s/rad] (default 0)")
     parser.add_argument("--integral", type=float, metavar="KI", help="k_i [N·m/(rad·s)] (default 0)")
     parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
+    beyond = parser.add_argument_group("beyond the paper, for the exact verdict")
+    beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
+    beyond.add_argument(
+        "--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s] (default: none)"
+    )
+    beyond.add_argument(
+        "--control-delay", action="store_true", help="the effort takes effect one controller period late"
+    )
     for name, text in _FRICTION.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -50,7 +60,10 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print the margin; exit status 0 whatever the verdict."""
     joint, gains, velocity = _joint(options)
-    result = margin_json(joint, gains, velocity)
+    conditions = Conditions(
+        load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
+    )
+    result = margin_json(joint, gains, velocity, conditions)
     if options.json:
         print(json.dumps(result, ensure_ascii=False))
     else:
@@ -58,13 +71,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def margin_json(joint: Joint, gains: Gains, velocity: float) -> dict[str, Any]:
+def margin_json(joint: Joint, gains: Gains, velocity: float, conditions: Conditions | None = None) -> dict[str, Any]:
     """The margin as the JSON object of `margin` and `analyze`; null for what is not applicable or infinite."""
     margin: StabilityMargin = stability_margin(joint, gains, velocity)
-    # Imported here: the compiler behind it takes longer to load than all the rest.
-    from stickslip_ros.model.exact import exact_verdict
-
-    exact = exact_verdict(joint, gains, velocity)
+    exact = exact_verdict(joint, gains, velocity, conditions)
     lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
     return {
         "applicable": margin.applicable,
@@ -76,7 +86,13 @@ def margin_json(joint: Joint, gains: Gains, velocity: float) -> dict[str, Any]:
         "reduction_factor": number(margin.reduction_factor),
         "steady_stribeck": number(margin.steady_stribeck),
         "lowest_smooth_velocity": number(lowest),
-        "exact": {"smooth": exact.smooth, "critical_damping_ratio": number(exact.critical_damping_ratio)},
+        "exact": {
+            "smooth": exact.smooth,
+            "reason": exact.reason,
+            "critical_damping_ratio": number(exact.critical_damping_ratio),
+            "lowest_smooth_velocity": number(exact.lowest_smooth_velocity),
+            "least_smooth_stiffness": number(exact.least_smooth_stiffness),
+        },
     }
 
 
@@ -115,6 +131,7 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
     console = Console(highlight=False, soft_wrap=True)
     if not result["applicable"]:
         console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
+        _print_exact(console, result["exact"])
         return
     verdict = "[green]smooth[/]" if result["smooth"] else "[red]stick slip[/]"
     console.print(f"At {velocity:g} rad/s Eq. (43) predicts {verdict}.")
@@ -131,10 +148,7 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
         value = "none" if result[key] is None else f"{result[key]:.4g}"
         table.add_row(label, value, unit, f"[dim]{note}[/]")
     console.print(table)
-    exact = result["exact"]
-    if exact["smooth"] is not None:
-        word = "[green]smooth[/]" if exact["smooth"] else "[red]stick slip[/]"
-        console.print(f"Integrated exactly: {word}; critical damping ratio {exact['critical_damping_ratio']:.4g}.")
+    _print_exact(console, result["exact"])
     factors = change_factors(joint, gains, velocity)
     words = {"stiffness": "stiffness", "damping": "damping", "velocity": "speed"}
     parts = [
@@ -143,4 +157,23 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
         if math.isfinite(float(value)) and float(value) > 0
     ]
     if parts:
-        console.print(f"The verdict changes at {', or '.join(parts)}.")
+        console.print(f"By Eq. (43) the verdict changes at {', or '.join(parts)}.")
+
+
+def _print_exact(console: Console, exact: dict[str, Any]) -> None:
+    if exact["smooth"] is None:
+        console.print(f"[yellow]Integrated exactly: {exact['reason']}[/]")
+        return
+    word = "[green]smooth[/]" if exact["smooth"] else "[red]stick slip[/]"
+    if exact["reason"]:
+        word += f" ({exact['reason']})"
+    details = [
+        f"{label} {exact[key]:.4g}{unit}"
+        for label, key, unit in (
+            ("critical damping ratio", "critical_damping_ratio", ""),
+            ("lowest smooth velocity", "lowest_smooth_velocity", " rad/s"),
+            ("least smooth stiffness", "least_smooth_stiffness", " N·m/rad"),
+        )
+        if exact[key] is not None
+    ]
+    console.print("; ".join([f"Integrated exactly: {word}", *details]) + ".")

@@ -1,131 +1,187 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The exact verdict: integrate Eqs (4)-(6) from a stuck joint and see whether the cycle persists.
+"""The exact boundary: integrate Eqs (4)-(6) from a stuck joint and see whether the cycle persists.
 
-Eq. (43) is an approximation, mostly a conservative one; this is what it approximates.
+Eq. (43) is an approximation, mostly a conservative one; this is what it approximates. "Persists" is decided on the
+map from one breakaway level to the next, which converges geometrically; see ``_cycle_kernel``.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
-from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.simulation import EventKind, JointSimulation
+from stickslip_ros.model import _cycle_kernel as kernel
+from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
+from stickslip_ros.model.extinction import critical_damping_ratio
+from stickslip_ros.model.friction import Gains, Joint, Real
+from stickslip_ros.model.simulation import point_arrays
 
-_SAMPLES_A_PERIOD = 64
-_PERIODS_AT_ONCE = 8
-_SETTLED = 1e-7  # relative change of the breakaway level from one cycle to the next
-_MOST_PERIODS = 1000
-_SLIDING_PERIODS = 2 * _PERIODS_AT_ONCE
-_COULOMB = 10.0  # of the Stribeck friction: enough that an arrested joint never slips back
-_RELATIVE_TOLERANCE = 1e-3
-_LARGEST_DAMPING_RATIO = 20.0
-_LEAST_LAG = 0.002  # τ* below which the lag counts as none: steps may not be longer than it
+LARGEST_DAMPING_RATIO: float = kernel.LARGEST_DAMPING_RATIO
+_TOLERANCE = 1e-3
+_CHUNK = 64
+_VELOCITY_DECADES = (-3.0, 3.0)
+_STIFFNESS_RANGE = 1e8
+_LARGEST_STRIBECK = 30.0
+_SCAN_STEPS_A_DECADE = 12
+
+Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExactVerdict:
-    """Whether the stick-slip cycle dies out when Eqs (4)-(6) are integrated.
+def cycle_persists(groups: DimensionlessGroups) -> float | NDArray[np.float64]:
+    """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever.
 
-    Attributes
+    Returns
+    -------
+    1.0 if it does, 0.0 if it dies out, NaN where the integration is refused (a damping ratio beyond 20, or
+    friction or speed too sharp); of the groups' common shape.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`stickslip_ros.model.simulation.simulate_cycles`.
+    """
+    shape, points = point_arrays(groups)
+    verdicts = np.empty(points[0].size, dtype=np.int64)
+    kernel.persistence(*points, verdicts)
+    answers = np.where(verdicts == kernel.UNKNOWN, np.nan, verdicts == kernel.PERSISTS)
+    return float(answers[0]) if shape == () else answers.reshape(shape)
+
+
+def exact_critical_damping_ratio(
+    groups: DimensionlessGroups,
+    *,
+    tolerance: float = _TOLERANCE,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Real:
+    """Damping ratio at which the cycle just dies out, the other groups as they are.
+
+    Parameters
     ----------
-    smooth : None where the question has no meaning.
-    critical_damping_ratio : damping ratio at which the cycle just dies, to a relative 1e-3; NaN if none.
+    groups : scalars or arrays that broadcast; the damping ratio is not used.
+    tolerance : relative, of the bisection.
+    workers : threads that share the points.
+    progress : called with the numbers of points done and of all.
+
+    Returns
+    -------
+    0 where the cycle dies undamped, NaN where even a damping ratio of 20 does not end it or the integration is
+    refused; of the groups' common shape.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
+    undamped = DimensionlessGroups(
+        **{**vars(groups), "natural_frequency": np.nan, "damping_ratio": np.zeros(np.shape(groups.damping_ratio))}
+    )
+    shape, points = point_arrays(undamped)
+    _, stribecks, velocities, lags, rise_times = points
+    paper = np.asarray(critical_damping_ratio(undamped), dtype=float)
+    guesses = np.broadcast_to(np.where((paper > 0) & np.isfinite(paper), paper, 0.3), shape).ravel()
+    found = np.empty(stribecks.size)
 
-    smooth: bool | None
-    critical_damping_ratio: float
+    def work(part: slice) -> int:
+        kernel.critical_damping_ratios(
+            stribecks[part], velocities[part], lags[part], rise_times[part], guesses[part].copy(),
+            LARGEST_DAMPING_RATIO, tolerance, found[part],
+        )  # fmt: skip
+        return found[part].size
+
+    parts = [slice(begin, begin + _CHUNK) for begin in range(0, found.size, _CHUNK)]
+    done = 0
+    if workers == 1 or len(parts) == 1:
+        for part in parts:
+            done += work(part)
+            if progress is not None:
+                progress(done, found.size)
+    else:
+        with ThreadPoolExecutor(max_workers=workers) as pool:
+            for future in as_completed([pool.submit(work, part) for part in parts]):
+                done += future.result()
+                if progress is not None:
+                    progress(done, found.size)
+    return float(found[0]) if shape == () else found.reshape(shape)
 
 
-def exact_verdict(joint: Joint, gains: Gains, velocity: float) -> ExactVerdict:
-    """Exact verdict on one joint (scalars) moving at a commanded velocity [rad/s] without integral action.
+def exact_lowest_smooth_velocity(joint: Joint, gains: Gains, *, tolerance: float = _TOLERANCE) -> float:
+    """Speed [rad/s] from which on the cycle dies out at this and every higher speed; scalars only.
 
-    Unknown for damping ratios beyond 20, where a step would be too small beside a period.
+    Scanned on a logarithmic grid from 1000 x˙_s down to a thousandth of it, then bisected. 0 if every speed is
+    smooth, infinite if the highest is not, NaN where there is no answer.
     """
-    values = np.array([gains.stiffness, gains.damping, gains.integral, velocity], dtype=float)
-    unknown = ExactVerdict(smooth=None, critical_damping_ratio=math.nan)
-    if not np.isfinite(values).all() or gains.stiffness <= 0 or velocity == 0 or gains.integral != 0:
-        return unknown
-    with np.errstate(all="ignore"):
-        groups = dimensionless_groups(joint, gains, velocity)
-    if not abs(float(groups.damping_ratio)) <= _LARGEST_DAMPING_RATIO or not math.isfinite(float(groups.stribeck)):
-        return unknown
-    return ExactVerdict(
-        smooth=not cycle_persists(joint, gains, velocity),
-        critical_damping_ratio=exact_critical_damping_ratio(joint, gains, velocity),
+    own = float(joint.friction.stribeck_velocity)
+    low, high = (own * 10.0**decade for decade in _VELOCITY_DECADES)
+    return _boundary(lambda velocity: dimensionless_groups(joint, gains, velocity), _grid(high, low), 1.0, tolerance)
+
+
+def exact_least_smooth_stiffness(
+    joint: Joint, velocity: float, *, damping: float = 0.0, tolerance: float = _TOLERANCE
+) -> float:
+    """Least stiffness k_p [N·m/rad] at which the cycle dies out, at a fixed damping k_v; scalars only.
+
+    Scanned upwards from the stiffness at which F*_s∞ = 30 to where τ* = 2π, without lag eight decades above that
+    at which F*_s∞ = 1. 0 if the cycle dies already at the lower end, infinite if it persists throughout, NaN where
+    there is no answer. Much stiffer joints may stick again: with a lag near a natural period the falling part of
+    the Stribeck curve feeds an oscillation.
+    """
+    friction, inertia = joint.friction, float(joint.inertia)
+    own = inertia * (max(float(friction.stribeck), 1e-9) / (inertia * float(friction.stribeck_velocity))) ** 2
+    low, high = own / _LARGEST_STRIBECK**2, own * _STIFFNESS_RANGE
+    if friction.lag > 0:
+        high = min(high, inertia * (2.0 * math.pi / float(friction.lag)) ** 2)
+    return _boundary(
+        lambda stiffness: dimensionless_groups(joint, Gains(stiffness=stiffness, damping=damping), velocity),
+        _grid(min(low, 0.1 * high), high),
+        0.0,
+        tolerance,
     )
 
 
-def cycle_persists(joint: Joint, gains: Gains, velocity: float) -> bool:
-    """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever.
-
-    It does if the map from one breakaway level to the next has come to rest; the map converges
-    geometrically. It has died if the joint slides on with an oscillation that does not grow.
-    """
-    stiffness, speed = float(gains.stiffness), abs(float(velocity))
-    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
-    friction = joint.friction
-    if 2.0 * math.pi * float(friction.lag) < _LEAST_LAG * natural_period:
-        friction = replace(friction, lag=0.0)
-    coulomb = _COULOMB * float(friction.stribeck)
-    # Breakaway is at hand: the spring already carries all that friction can hold.
-    reference = (coulomb + float(friction.stribeck) - float(gains.damping) * speed) / stiffness
-    simulation = JointSimulation(replace(joint, friction=replace(friction, coulomb=coulomb)), gains)
-    period = natural_period / _SAMPLES_A_PERIOD
-    count = _SAMPLES_A_PERIOD * _PERIODS_AT_ONCE
-    levels: list[float] = []
-    slowest_before = -math.inf
-    last_event = 0.0
-    for _ in range(_MOST_PERIODS // _PERIODS_AT_ONCE):
-        trajectory = simulation.advance(
-            period, reference + speed * (simulation.time + period * np.arange(float(count))), np.full(count, speed)
-        )
-        for event in trajectory.events:
-            last_event = event.time
-            if event.kind is EventKind.BREAKAWAY:
-                levels.append(event.stribeck_level)
-        if _settled(levels):
-            return True
-        if simulation.stuck:
-            continue
-        slowest = float(trajectory.velocity.min()) if not trajectory.events else -math.inf
-        if simulation.time - last_event > _SLIDING_PERIODS * natural_period and slowest >= slowest_before:
-            return False
-        slowest_before = slowest
-    return True
+def _grid(start: float, end: float) -> list[float]:
+    count = math.ceil(_SCAN_STEPS_A_DECADE * abs(math.log10(end / start)))
+    return [float(value) for value in np.geomspace(start, end, count + 1)]
 
 
-def _settled(levels: list[float]) -> bool:
-    if len(levels) < 4:
-        return False
-    steps = np.abs(np.diff(levels[-3:]))
-    return bool(steps[-1] <= _SETTLED * max(levels[-1], 1e-300) and steps[-1] <= steps[0])
+def _boundary(
+    groups_at: Callable[[float], DimensionlessGroups], grid: list[float], wanted: float, tolerance: float
+) -> float:
+    """Argument at which :func:`cycle_persists` first becomes ``wanted`` along the grid.
 
-
-def exact_critical_damping_ratio(joint: Joint, gains: Gains, velocity: float) -> float:
-    """ρ at which the cycle just dies at the given stiffness, by bisection to a relative 1e-3.
-
-    0 if it dies undamped, NaN if even a damping ratio of 20 does not end it.
+    Where that is at its beginning, or nowhere: the smooth side's 0, the other's infinity.
     """
 
-    def persists(ratio: float) -> bool:
-        damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
-        return cycle_persists(joint, Gains(stiffness=gains.stiffness, damping=damping), velocity)
-
-    if not persists(0.0):
-        return 0.0
-    paper = float(stability_margin(joint, replace(gains, damping=0.0), velocity).critical_damping_ratio)
-    low, high = 0.0, min(paper, _LARGEST_DAMPING_RATIO) if paper > 0 else 0.1
-    while persists(high):
-        low, high = high, 2.0 * high
-        if high > _LARGEST_DAMPING_RATIO:
+    def persists(argument: float) -> float:
+        with np.errstate(all="ignore"):
+            groups = groups_at(argument)
+        values = [float(value) for value in vars(groups).values()]
+        if not all(math.isfinite(value) and value >= 0 for value in values) or groups.velocity == 0:
             return math.nan
-    while high - low > _RELATIVE_TOLERANCE * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if persists(middle) else (low, middle)
-    return 0.5 * (low + high)
+        return float(cycle_persists(groups))
+
+    before = math.nan
+    for argument in grid:
+        answer = persists(argument)
+        if answer == wanted:
+            break
+        if not math.isnan(answer):
+            before = argument
+    else:
+        if math.isnan(before):
+            return math.nan
+        return 0.0 if wanted == 1.0 else math.inf
+    if math.isnan(before):
+        return math.inf if wanted == 1.0 else 0.0
+    while abs(before - argument) > tolerance * argument:
+        middle = math.sqrt(before * argument)
+        if persists(middle) == wanted:
+            argument = middle
+        else:
+            before = middle
+    return argument if wanted == 0.0 else before

@@ -1,208 +1,153 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Integration of Eqs (4)-(6): a joint with frictional memory and rising static friction under PD control."""
+"""Stick-slip cycles in dimensionless form, Eqs (14), (5) and (6): one joint or thousands of points in a call.
+
+Steady commanded motion in one direction, begun by a joint that breaks away. Sampled motion of one joint in SI
+units, with any reference, is :mod:`stickslip_ros.model.joint_simulation`.
+"""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import _simulation_kernel as kernel
-from stickslip_ros.model._validation import require_finite, require_positive
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model import _cycle_kernel as kernel
+from stickslip_ros.model._validation import require_positive
+from stickslip_ros.model.dimensionless import DimensionlessGroups
+from stickslip_ros.model.friction import Real
 
-# Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
-# then below a millionth.
-_STEPS_PER_RADIAN = 40.0
-
-
-class EventKind(Enum):
-    """What happened to the joint."""
-
-    BREAKAWAY = "breakaway"
-    ARREST = "arrest"
+TOLERANCE = 1e-8
+_PLOT_REFINEMENT = 8.0
+_ROWS_A_CYCLE = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
-class Event:
-    """A breakaway or an arrest as the integration met it.
+class Cycles:
+    """Successive cycles, dimensionless; arrays of the points' shape + (cycles,), NaN once the cycle has died out.
 
     Attributes
     ----------
-    time : [s]; position : [rad].
-    direction : +1 or -1, of the slip that begins or ends.
-    stribeck_level : F_s,b at breakaway, F_s,a at arrest [N·m].
+    slip_duration : ω t₁. slip_distance : (ω/x˙_s) times the distance slipped.
+    dwell : ω t₂ of the sticking that follows the slip.
+    breakaway_level, arrest_level : F*_s,b of the slip and F*_s,a at its end.
     """
 
-    kind: EventKind
-    time: float
-    position: float
-    direction: int
-    stribeck_level: float
+    slip_duration: NDArray[np.float64]
+    slip_distance: NDArray[np.float64]
+    dwell: NDArray[np.float64]
+    breakaway_level: NDArray[np.float64]
+    arrest_level: NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """Samples at the end of every period; arrays of one length.
+class CycleTrajectory:
+    """Motion through successive cycles of one joint, dimensionless; arrays of one length.
 
     Attributes
     ----------
-    time : [s]; position : [rad]; velocity : [rad/s]; effort : of the controller [N·m].
-    events : breakaways and arrests in these periods, in order of time.
+    time : T = ωt since the first breakaway.
+    position : ξ, relative to steady motion without Stribeck friction; velocity : x˙/x˙_s of the joint.
+    shape : Ψ of Eq. (5); 1 while stuck.
+    cycles : their summaries; the last slip may go on without an arrest.
     """
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
-    effort: NDArray[np.float64]
-    events: tuple[Event, ...]
+    shape: NDArray[np.float64]
+    cycles: Cycles
 
 
-class JointSimulation:
-    """One joint with its controller, advanced by sampling periods; starts stuck with full static friction.
+def simulate_cycles(
+    groups: DimensionlessGroups,
+    count: int,
+    *,
+    level: Real | None = None,
+    tolerance: float = TOLERANCE,
+    step_refinement: float = 1.0,
+) -> Cycles:
+    """Follow ``count`` cycles of every parameter point.
 
     Parameters
     ----------
-    joint, gains : scalars only. ``gains`` may be replaced at any time between two calls of ``advance``.
-    position : where the joint starts [rad].
-    load : constant torque against the controller [N·m].
+    groups : scalars or arrays that broadcast; the natural frequency is not used. Velocity > 0.
+    count : cycles to follow.
+    level : F*_s,b at the first breakaway; default F*_s∞, full static friction.
+    tolerance : steps are shortened until the friction's polynomial leaves over less than this share of it;
+        infinite to take the steps as they are.
+    step_refinement : by how much the longest steps are divided beforehand.
 
     Raises
     ------
     InvalidParameterError
-        If a value is not finite.
+        If a group is not finite (the rise time may be infinite) or has the wrong sign.
     """
-
-    def __init__(self, joint: Joint, gains: Gains, *, position: float = 0.0, load: float = 0.0) -> None:
-        require_finite("position", position)
-        require_finite("load", load)
-        self.joint = joint
-        self.load = load
-        self.gains = gains
-        self._state = np.zeros(kernel.STATE_SIZE)
-        self._state[kernel.POSITION] = position
-        self._state[kernel.LEVEL] = float(joint.friction.stribeck)
-        self._history = np.zeros((0, 3))
-
-    @property
-    def gains(self) -> Gains:
-        """The controller's gains; setting them takes effect with the next period."""
-        return self._gains
-
-    @gains.setter
-    def gains(self, gains: Gains) -> None:
-        for name in ("stiffness", "damping", "integral"):
-            require_finite(name, getattr(gains, name))
-        self._gains = gains
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return float(self._state[kernel.TIME])
-
-    @property
-    def position(self) -> float:
-        """Position [rad]."""
-        return float(self._state[kernel.POSITION])
-
-    @property
-    def stuck(self) -> bool:
-        """Whether static friction holds the joint now."""
-        return bool(self._state[kernel.DIRECTION] == 0.0)
-
-    def advance(
-        self, period: float, references: NDArray[np.float64], reference_velocities: NDArray[np.float64]
-    ) -> Trajectory:
-        """Integrate over ``len(references)`` periods [s].
-
-        ``references[i]`` [rad] is the desired position at the start of period i; during the period it
-        moves with ``reference_velocities[i]`` [rad/s].
-        """
-        require_positive("period", period)
-        references = np.ascontiguousarray(references, dtype=float)
-        reference_velocities = np.ascontiguousarray(reference_velocities, dtype=float)
-        require_finite("references", references)
-        require_finite("reference_velocities", reference_velocities)
-        if references.shape != reference_velocities.shape or references.ndim != 1:
-            raise ValueError(f"{references.shape=} but {reference_velocities.shape=}; both must be (n,)")
-        parameters = self._parameters()
-        step = self._step(parameters)
-        self._make_room(step, period)
-        start = self.time
-        samples = np.empty((references.size, 3))
-        events = np.empty((8 * references.size + 16, kernel.EVENT_COLUMNS))
-        count = kernel.advance(
-            self._state, self._history, parameters, step, period, references, reference_velocities, samples, events
-        )
-        return Trajectory(
-            time=start + period * np.arange(1.0, references.size + 1.0),
-            position=samples[:, 0],
-            velocity=samples[:, 1],
-            effort=samples[:, 2],
-            events=tuple(_event(row) for row in events[: min(count, len(events))]),
-        )
-
-    def _parameters(self) -> NDArray[np.float64]:
-        friction, gains = self.joint.friction, self._gains
-        parameters = np.empty(kernel.PARAMETERS_SIZE)
-        parameters[kernel.INERTIA] = self.joint.inertia
-        parameters[kernel.COULOMB] = friction.coulomb
-        parameters[kernel.VISCOUS] = friction.viscous
-        parameters[kernel.STRIBECK] = friction.stribeck
-        parameters[kernel.STRIBECK_VELOCITY] = friction.stribeck_velocity
-        parameters[kernel.LAG] = friction.lag
-        parameters[kernel.RISE_TIME] = friction.rise_time
-        parameters[kernel.STIFFNESS] = gains.stiffness
-        parameters[kernel.DAMPING] = gains.damping
-        parameters[kernel.INTEGRAL_GAIN] = gains.integral
-        parameters[kernel.LOAD] = self.load
-        return parameters
-
-    @staticmethod
-    def _step(parameters: NDArray[np.float64]) -> float:
-        inertia = parameters[kernel.INERTIA]
-        frequency = math.sqrt(abs(parameters[kernel.STIFFNESS]) / inertia)
-        decay = abs(parameters[kernel.DAMPING] + parameters[kernel.VISCOUS]) / inertia
-        # The kernel's steps end with the sampling periods and are no longer than the lag.
-        return float(1.0 / (_STEPS_PER_RADIAN * max(frequency, decay, 1e-9)))
-
-    def _make_room(self, step: float, period: float) -> None:
-        """Let the ring hold the velocities of one lag, keeping what it has."""
-        lag = float(self.joint.friction.lag)
-        shortest = min(step, period)
-        capacity = int(3 * lag / shortest) + 2 * int(lag / period) + 64
-        if capacity <= len(self._history):
-            return
-        history = np.zeros((capacity, 3))
-        head, count = int(self._state[kernel.HISTORY_HEAD]), int(self._state[kernel.HISTORY_COUNT])
-        for index in range(head - count, head):
-            history[index % capacity] = self._history[index % len(self._history)]
-        self._history = history
+    shape, points = point_arrays(groups)
+    start = points[1] if level is None else np.broadcast_to(np.asarray(level, dtype=float), shape).ravel().copy()
+    summaries = np.empty((points[0].size, count, kernel.CYCLE_COLUMNS))
+    kernel.cycles(*points, start, float(step_refinement), float(tolerance), summaries)
+    return _cycles(summaries.reshape(*shape, count, kernel.CYCLE_COLUMNS))
 
 
-def simulate(
-    joint: Joint,
-    gains: Gains,
-    references: NDArray[np.float64],
-    reference_velocities: NDArray[np.float64],
-    *,
-    period: float = 1e-3,
-    load: float = 0.0,
-) -> Trajectory:
-    """Simulate a joint from rest at the first reference; see :meth:`JointSimulation.advance`."""
-    simulation = JointSimulation(joint, gains, position=float(references[0]), load=load)
-    return simulation.advance(period, references, reference_velocities)
-
-
-def _event(row: NDArray[np.float64]) -> Event:
-    return Event(
-        kind=EventKind.BREAKAWAY if row[1] == kernel.BREAKAWAY else EventKind.ARREST,
-        time=float(row[0]),
-        direction=int(row[2]),
-        position=float(row[3]),
-        stribeck_level=float(row[4]),
+def simulate_trajectory(groups: DimensionlessGroups, count: int, *, level: float | None = None) -> CycleTrajectory:
+    """Follow up to ``count`` cycles of one joint and return the motion; see :func:`simulate_cycles`."""
+    shape, points = point_arrays(groups)
+    if shape != ():
+        raise InvalidParameterError("groups", "scalars", shape)
+    values = [float(array[0]) for array in points]
+    summaries = np.empty((count, kernel.CYCLE_COLUMNS))
+    record = np.empty((count * _ROWS_A_CYCLE, 4))
+    rows = np.zeros(count, dtype=np.int64)
+    slips = kernel.trajectory(
+        *values, values[1] if level is None else float(level), _PLOT_REFINEMENT, TOLERANCE, summaries, record, rows
     )
+    damping_ratio, _, velocity, _, _ = values
+    pieces: list[NDArray[np.float64]] = []
+    clock, begin = 0.0, 0
+    for slip in range(slips):
+        breakaway = np.array(
+            [[0.0, 2.0 * damping_ratio * velocity - summaries[slip, kernel.BREAKAWAY_LEVEL], -velocity, 1.0]]
+        )
+        piece = np.concatenate([breakaway, record[begin : rows[slip]]])
+        begin = rows[slip]
+        piece[:, 0] += clock
+        pieces.append(piece)
+        clock = float(piece[-1, 0]) + float(summaries[slip, kernel.DWELL])
+    motion = np.concatenate(pieces)
+    return CycleTrajectory(
+        time=motion[:, 0],
+        position=motion[:, 1],
+        velocity=motion[:, 2] + velocity,
+        shape=motion[:, 3],
+        cycles=_cycles(summaries[:slips]),
+    )
+
+
+def point_arrays(groups: DimensionlessGroups) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
+    """Common shape of the groups, and ρ, F*_s∞, ξ˙_d, τ*, γ* as flat arrays of one length; checked.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`simulate_cycles`.
+    """
+    named = {name: np.asarray(getattr(groups, name), dtype=float) for name in _POINT}
+    for name, array in named.items():
+        allowed = array >= 0
+        if name != "rise_time":
+            allowed &= np.isfinite(array)
+        if not allowed.all():
+            raise InvalidParameterError(name, "finite and >= 0", getattr(groups, name))
+    require_positive("velocity", named["velocity"])
+    arrays = np.broadcast_arrays(*named.values())
+    return arrays[0].shape, [array.ravel().astype(float) for array in arrays]
+
+
+_POINT = ("damping_ratio", "stribeck", "velocity", "lag", "rise_time")
+
+
+def _cycles(summaries: NDArray[np.float64]) -> Cycles:
+    return Cycles(**{entry.name: summaries[..., column] for column, entry in enumerate(fields(Cycles))})

@@ -3,15 +3,15 @@
 """Stick-slip cycles among the rests of a joint.
 
 Not every rest is a stick: a joint also stops where it is told to. A rest is driven if the reference
-went on meanwhile. Without a reference only regularity tells: several slips in a row, in one
-direction and at one mean speed.
+went on meanwhile. Slips to and fro about a reference that stands still are hunting. Without a
+reference only regularity tells: several slips in a row, in one direction and at one mean speed.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,9 @@ _TRAIN_WITHOUT_REFERENCE = 3
 _SPEED_SPREAD = 4.0  # of the mean speeds of a train's cycles, largest over smallest
 _LEAST_SLIP_SHARE = 0.1  # of the usual slip; less is creep within a rest
 _USUAL_SLIPS = 9
+_STANDS = 0.05  # of a slip: a reference that goes no further stands still
+_TRAIN_OF_HUNTING = 3
+_HUNTING_SHRINKS = 0.7  # from one slip to the next: less is a motion that settles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,7 @@ class Cycle:
     slip_distance : signed [rad].
     position : where the slip began [rad].
     effort : measured effort at breakaway [N·m], NaN if unknown.
+    hunting : whether the reference stood still and the slip before went the other way.
     """
 
     breakaway: float
@@ -44,6 +48,7 @@ class Cycle:
     slip_distance: float
     position: float
     effort: float
+    hunting: bool = False
 
     @property
     def slip_duration(self) -> float:
@@ -73,6 +78,7 @@ class CycleDetector:
         self._closed: Rest | None = None
         self._way = 0.0
         self._pending: list[Cycle] = []
+        self._told = 0  # of the pending cycles, how many are published
         self._confirmed = False
         self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
 
@@ -117,6 +123,10 @@ class CycleDetector:
         goes_on = rest.direction_after * distance > 0
         went_on = way_before * distance > 0
         if not math.isnan(rest.reference_travel):
+            stood = rest.reference_way + rest.reference_travel - before.reference_way <= _STANDS * abs(distance)
+            if stood:
+                return self._at_standstill(cycle, way_before)
+            self._end_train()
             return self._with_reference(cycle, before, rest, went_on, goes_on)
         return self._without_reference(cycle, went_on, goes_on)
 
@@ -128,6 +138,16 @@ class CycleDetector:
         if driven and (goes_on or (went_on and _is_driven(before, cycle))):
             return [cycle]
         return []
+
+    def _at_standstill(self, cycle: Cycle, way_before: float) -> list[Cycle]:
+        if way_before * cycle.slip_distance > 0 or abs(cycle.slip_distance) < _HUNTING_SHRINKS * abs(way_before):
+            self._end_train()
+        self._pending.append(replace(cycle, hunting=True))
+        if len(self._pending) < _TRAIN_OF_HUNTING:
+            return []
+        certain, self._pending = self._pending[self._told :], self._pending[-_TRAIN_OF_HUNTING:]
+        self._told = len(self._pending)
+        return certain
 
     def _without_reference(self, cycle: Cycle, went_on: bool, goes_on: bool) -> list[Cycle]:
         if not went_on:
@@ -152,6 +172,7 @@ class CycleDetector:
 
     def _end_train(self) -> None:
         self._pending = []
+        self._told = 0
         self._confirmed = False
 
 

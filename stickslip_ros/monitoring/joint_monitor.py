@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, lowest_smooth_velocity, stability_margin
 from stickslip_ros.monitoring.advice import AdviceLimits, Recommendation, recommend
@@ -111,6 +112,7 @@ class JointMonitor:
         self._detector = CycleDetector()
         self._motion = MotionRecord()
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
+        self._rested_at = -math.inf
 
     def reset(self) -> None:
         """Forget everything that was learnt from the motion."""
@@ -155,6 +157,8 @@ class JointMonitor:
             self.cycle_count += len(found)
             cycles += found
             self._motion.follow_direction(self._detector.detector)
+            if self._detector.detector.open_rest() is not None:
+                self._rested_at = self._motion.last_time
             self._extend_segments(part)
         return cycles
 
@@ -179,7 +183,7 @@ class JointMonitor:
         if not detector.ready:
             return Finding(status=Status.NOT_JUDGED, reason="too few samples")
         if self._sticks(now):
-            return Finding(status=Status.STICK_SLIP)
+            return Finding(status=Status.STICK_SLIP, reason=HUNTING if self._recent[-1].hunting else "")
         rest_since = detector.open_rest()
         if rest_since is not None or detector.knots <= 1:
             return self._at_rest(rest_since if rest_since is not None else self._motion.first_time, now)
@@ -212,8 +216,9 @@ class JointMonitor:
         return Finding(status=Status.AT_REST)
 
     def _motion_began(self) -> float:
+        # A rest is known in full only some time after its end.
         last_rest = self._detector.last_rest
-        return last_rest.breakaway if last_rest else self._motion.first_time
+        return max(last_rest.breakaway if last_rest else self._motion.first_time, self._rested_at)
 
     def _needed_motion(self) -> float:
         """How long motion without a rest must last before it is called smooth [s]."""

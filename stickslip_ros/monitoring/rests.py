@@ -52,6 +52,7 @@ class Rest:
     arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
     position : [rad].
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
+    reference_way : way that the reference had gone before the rest [rad], NaN if unknown.
     reference_travel : way that the reference went while the joint was at rest [rad], NaN if unknown.
     effort : measured effort at breakaway [N·m], NaN if unknown.
     """
@@ -61,6 +62,7 @@ class Rest:
     position: float
     direction_before: int
     direction_after: int
+    reference_way: float
     reference_travel: float
     effort: float
 
@@ -210,6 +212,7 @@ class RestDetector:
             position=float(core[kernel.POSITION]),
             direction_before=direction,
             direction_after=0,
+            reference_way=float(core[kernel.REFERENCE]),
             reference_travel=float(core[kernel.REFERENCE_FLAT_END] - core[kernel.REFERENCE]),
             effort=float(core[kernel.EFFORT_FLAT_END]),
         )
@@ -302,6 +305,7 @@ class RestDetector:
             position=float(0.5 * (begin + knots[last, kernel.POSITION])),
             direction_before=direction_before,
             direction_after=direction_after,
+            reference_way=float(before[-1, kernel.REFERENCE]),
             reference_travel=float(knots[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
             effort=float(knots[last, kernel.EFFORT_FLAT_END]),
         )

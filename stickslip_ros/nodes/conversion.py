@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.model.exact import ExactVerdict
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.joint_monitor import Assessment
 from stickslip_ros.monitoring.status import Status
@@ -113,6 +113,8 @@ MARGIN_FIELDS = (
     "cycles",
     "exact_smooth",
     "exact_critical_damping_ratio",
+    "exact_lowest_smooth_velocity",
+    "exact_least_smooth_stiffness",
 )
 STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
@@ -132,6 +134,8 @@ def margin_row(assessment: Assessment, exact: ExactVerdict) -> list[float]:
         float(assessment.cycles),
         math.nan if exact.smooth is None else float(exact.smooth),
         exact.critical_damping_ratio,
+        exact.lowest_smooth_velocity,
+        exact.least_smooth_stiffness,
     ]
 
 
@@ -164,7 +168,11 @@ def joint_diagnostic(
         values += [
             ("exact smooth", str(exact.smooth).lower()),
             ("exact critical_damping_ratio [1]", exact.critical_damping_ratio),
+            ("exact lowest_smooth_velocity [rad/s]", exact.lowest_smooth_velocity),
+            ("exact least_smooth_stiffness [N*m/rad]", exact.least_smooth_stiffness),
         ]
+    if exact.reason:
+        values.append(("exact reason", exact.reason))
     if gains is not None:
         values += [
             ("stiffness [N*m/rad]", gains.stiffness),

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.advice import AdviceLimits
 
@@ -35,6 +36,7 @@ class JointSettings:
     joint: Joint | None
     gains: Gains | None
     limits: AdviceLimits
+    conditions: Conditions
 
 
 def declare(node: Node, name: str) -> None:
@@ -58,6 +60,13 @@ def declare(node: Node, name: str) -> None:
     for key, unit in (("p", GAIN_UNITS["p"]), ("d", GAIN_UNITS["d"])):
         number(f"limits.{name}.{key}_min", unit, "least gain to recommend", default=0.0)
         number(f"limits.{name}.{key}_max", unit, "largest gain to recommend", default=math.inf)
+    number(f"load.{name}", "N*m", "constant torque against the controller, for the exact verdict", default=0.0)
+    number(f"controller_period.{name}", "s", "for the exact verdict; 0: continuous control", default=0.0)
+    node.declare_parameter(
+        f"control_delay.{name}",
+        False,
+        ParameterDescriptor(description="whether the effort takes effect one controller period late"),
+    )
     for key, word in RECOMMENDED.items():
         node.declare_parameter(
             f"recommended.{name}.{key}",
@@ -104,4 +113,9 @@ def read(node: Node, name: str, changes: dict[str, Parameter] | None = None) -> 
         stiffness_range=(value(f"limits.{name}.p_min"), value(f"limits.{name}.p_max")),
         damping_range=(value(f"limits.{name}.d_min"), value(f"limits.{name}.d_max")),
     )
-    return JointSettings(joint=joint, gains=gains, limits=limits)
+    conditions = Conditions(
+        load=value(f"load.{name}"),
+        controller_period=value(f"controller_period.{name}"),
+        control_delay=bool(value(f"control_delay.{name}")),
+    )
+    return JointSettings(joint=joint, gains=gains, limits=limits, conditions=conditions)

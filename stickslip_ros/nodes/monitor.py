@@ -25,9 +25,10 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.model.exact import ExactVerdict
+from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.simulation import simulate
+from stickslip_ros.model.joint_simulation import simulate
+from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.advice import AdviceLimits
 from stickslip_ros.monitoring.joint_monitor import Assessment, JointMonitor, MonitorOptions
 from stickslip_ros.monitoring.samples import Batch
@@ -65,6 +66,7 @@ class Monitor(Node):
         super().__init__("stickslip_monitor")
         self._monitors: dict[str, JointMonitor] = {}
         self._pairings: dict[str, ReferencePairing] = {}
+        self._conditions: dict[str, Conditions] = {}
         self._heard: dict[str, float] = {}
         self._refused: Counter[str] = Counter()
         self._changing = False
@@ -123,6 +125,7 @@ class Monitor(Node):
         settings = joint_parameters.read(self, name)
         self._monitors[name] = JointMonitor(settings.joint, settings.gains, self._options(settings.limits))
         self._pairings[name] = ReferencePairing()
+        self._conditions[name] = settings.conditions
 
     @contextmanager
     def _own_change(self) -> Iterator[None]:
@@ -163,6 +166,7 @@ class Monitor(Node):
         for name, monitor in self._monitors.items():
             settings = joint_parameters.read(self, name)
             monitor.joint = settings.joint
+            self._conditions[name] = settings.conditions
             monitor.options = self._options(settings.limits)
             if any(parameter.name.startswith(f"gains.{name}.") for parameter in parameters):
                 self._set_gains(name, settings.gains)
@@ -297,7 +301,8 @@ class Monitor(Node):
     def _exact_verdict(self, name: str, monitor: JointMonitor, assessment: Assessment, now: float) -> ExactVerdict:
         if monitor.joint is None or monitor.gains is None or not assessment.velocity_source:
             return UNKNOWN
-        return self._exact.verdict(name, monitor.joint, monitor.gains, assessment.velocity, now)
+        conditions = self._conditions[name]
+        return self._exact.verdict(name, monitor.joint, monitor.gains, conditions, assessment.velocity, now)
 
     def destroy_node(self) -> None:
         """End the worker too."""
@@ -351,6 +356,8 @@ def _compile() -> None:
     joint = Joint(inertia=1.0, friction=Friction(stribeck=1.0, stribeck_velocity=0.1, lag=0.1, rise_time=0.1))
     trajectory = simulate(joint, Gains(stiffness=100.0), 0.05 * np.arange(200.0), np.full(200, 5.0), period=0.01)
     JointMonitor().process(Batch(time=trajectory.time, position=trajectory.position))
+    exact_verdict(joint, Gains(stiffness=100.0), 0.05)
+    exact_verdict(joint, Gains(stiffness=100.0), 0.05, Conditions(controller_period=0.01))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
-from stickslip_ros.model.simulation import JointSimulation
+from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.running import run
 

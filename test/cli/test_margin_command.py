@@ -37,7 +37,13 @@ def test_the_papers_joint(capsys: pytest.CaptureFixture[str]) -> None:
     assert result["reduction_factor"] == pytest.approx(0.0917999, abs=1e-6)
     assert result["steady_stribeck"] == pytest.approx(1.4795647, abs=1e-6)
     assert result["lowest_smooth_velocity"] == pytest.approx(0.012927, abs=1e-6)
-    assert result["exact"] == {"smooth": False, "critical_damping_ratio": pytest.approx(0.1628, rel=0.005)}
+    assert result["exact"] == {
+        "smooth": False,
+        "reason": None,
+        "critical_damping_ratio": pytest.approx(0.1628, rel=0.005),
+        "lowest_smooth_velocity": pytest.approx(0.010478, rel=0.002),
+        "least_smooth_stiffness": pytest.approx(3983.3, rel=0.002),
+    }
 
 
 def test_a_known_joint_and_overrides(capsys: pytest.CaptureFixture[str]) -> None:
@@ -58,9 +64,23 @@ def test_not_applicable_has_a_reason_and_no_number(capsys: pytest.CaptureFixture
     assert all(value is None for key, value in result.items() if key not in ("applicable", "reason", "exact"))
 
 
+def test_beyond_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 3: integral action, load, controller period and delay are off unless asked for, and enter `exact` alone."""
+    plain, late = answer(capsys, PAPER), answer(capsys, f"{PAPER} --load 3 --controller-period 0.01 --control-delay")
+    assert late["exact"]["critical_damping_ratio"] > 1.3 * plain["exact"]["critical_damping_ratio"]
+    assert {**late, "exact": None} == {**plain, "exact": None}
+    hunting = answer(
+        capsys, "margin --joint puma560_joint1 --velocity 0 --stiffness 630 --damping 20 --integral 1000 --json"
+    )
+    assert hunting["applicable"] is False
+    assert hunting["exact"]["smooth"] is False
+    assert hunting["exact"]["reason"] == "hunting"
+
+
 @pytest.mark.parametrize(
     ("command", "text"),
     [
+        ("margin --joint puma560_joint1 --control-delay", "'controller_period' must be > 0 where there is a control"),
         ("margin --joint nothing", "unknown joint 'nothing'; known joints: puma560_joint1"),
         ("margin --inertia 6.3", "'--stribeck' must be given"),
         ("margin --joint puma560_joint1 --inertia -1", "'inertia' must be finite and > 0: -1.0"),

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -11,10 +12,11 @@ import pytest
 from support import record
 
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice import AdviceLimits
 from stickslip_ros.monitoring.joint_monitor import JointMonitor, MonitorOptions
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.status import Status
+from stickslip_ros.monitoring.status import Finding, Status
 
 STICKING = Gains(stiffness=630.0)
 
@@ -213,3 +215,48 @@ def test_one_late_stick_is_soon_forgotten(puma: Joint) -> None:
     smooth = [segment for segment in monitor.segments if segment.status is Status.SMOOTH]
     assert smooth[-1].start < 21.0
     assert smooth[-1].end > 29.0
+
+
+def hold(joint: Joint, gains: Gains, *, offset: float = 0.016, duration: float = 60.0) -> Batch:
+    """A joint that starts at rest beside a reference that stands still, seen by an encoder."""
+    count = round(duration * 1e3)
+    motion = JointSimulation(joint, gains).advance(1e-3, np.full(count, offset), np.zeros(count))
+    position = 2.5e-5 * np.round(motion.position / 2.5e-5)
+    return Batch(time=motion.time, position=position, effort=motion.effort, reference_position=np.full(count, offset))
+
+
+def test_hunting_is_stick_slip_at_standstill(puma: Joint) -> None:
+    """Issue 3: slips to and fro about a standing reference are `stick_slip`, reason "hunting", and are cycles."""
+    gains = Gains(stiffness=630.0, damping=20.0, integral=1000.0)
+    monitor = JointMonitor(puma, gains)
+    cycles = monitor.process(hold(puma, gains))
+    assert monitor.finding() == Finding(status=Status.STICK_SLIP, reason="hunting")
+    assert len(cycles) >= 5
+    assert all(cycle.hunting for cycle in cycles)
+    assert all(one.slip_distance * other.slip_distance < 0 for one, other in itertools.pairwise(cycles))
+    # Cut into pieces it is the same.
+    pieces = JointMonitor(puma, gains)
+    batch = hold(puma, gains)
+    assert [
+        cycle for i in range(0, len(batch), 333) for cycle in pieces.process(batch.where(slice(i, i + 333)))
+    ] == cycles
+
+
+def test_settling_and_commanded_reversals_are_no_hunting(puma: Joint) -> None:
+    """Issue 3: a joint that creeps to its reference, and one told to go to and fro with rests, do not hunt."""
+    gains = Gains(stiffness=630.0, damping=20.0, integral=200.0)
+    monitor = JointMonitor(puma, gains)
+    assert monitor.process(hold(puma, gains)) == []
+    assert monitor.finding().status is Status.AT_REST
+    time = 1e-3 * np.arange(40_000)
+    position = 0.02 * np.clip(np.abs((time % 8.0) - 4.0) - 1.0, 0.0, 2.0)
+    told = JointMonitor()
+    assert told.process(Batch(time=time, position=position, reference_position=position)) == []
+
+
+def test_just_after_a_rest_nothing_is_smooth(puma: Joint) -> None:
+    """Issue 3: a motion counts from the rest before it, although that rest is only known in full later."""
+    gains = Gains(stiffness=630.0, damping=20.0, integral=200.0)
+    monitor = JointMonitor(puma, gains)
+    monitor.process(hold(puma, gains, duration=8.0))
+    assert Status.SMOOTH not in {segment.status for segment in monitor.segments}

@@ -33,6 +33,9 @@ def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> N
         one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
         one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
         one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, 10.0, "the exact verdict")
+        row, keys = one.margins["joint1"], one.diagnostics["joint1"][2]
+        assert 0.00493 < row["exact_lowest_smooth_velocity"] < row["lowest_smooth_velocity"]
+        assert float(keys["exact least_smooth_stiffness [N*m/rad]"]) == row["exact_least_smooth_stiffness"] > 630.0
         assert one.margins["joint1"]["exact_critical_damping_ratio"] < one.margins["joint1"]["critical_damping_ratio"]
         assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 9000.0, "gains.joint1.d": 50.0}) == ["", ""]
         changed = time.monotonic()
@@ -47,6 +50,52 @@ def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> N
         one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 1.0, 10.0, "the exact verdict")
         # Gains that no controller should have are refused there, and change nothing here.
         assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
+
+
+def test_conditions_beyond_the_paper_enter_the_exact_verdict(ros_domain: int) -> None:
+    """Issue 3: controller period and delay are parameters, off by default; bad ones are refused by name."""
+    gains = {"gains.joint1.p": 2016.0, "velocity.joint1": 0.00493}
+    with (
+        NodeProcess("simulated_joint", gains),
+        NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}),
+        probe() as one,
+    ):
+        one.wait_for_monitor()
+        ratio = "exact_critical_damping_ratio"
+        one.wait(lambda: one.margins.get("joint1", {}).get(ratio, math.nan) > 0, 20.0, "the exact verdict")
+        plain = one.margins["joint1"][ratio]
+        assert plain == pytest.approx(0.1628, rel=0.03)
+        assert (
+            "'controller_period' must be > 0"
+            in one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True})[0]
+        )
+        assert one.set_parameters("/stickslip_monitor", {"controller_period.joint1": 0.02}) == [""]
+        assert one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True}) == [""]
+        one.wait(lambda: one.margins["joint1"][ratio] > 1.5 * plain, 20.0, "the exact verdict on slow control")
+
+
+def test_hunting_over_dds(ros_domain: int) -> None:
+    """Issue 3: a simulated joint with integral action that is told to stand hunts; observed and predicted alike."""
+    joint = {
+        "rate": 200.0, "time_factor": 10.0, "gains.joint1.p": 630.0, "gains.joint1.d": 20.0, "gains.joint1.i": 1000.0,
+        "velocity.joint1": 0.01,
+    }  # fmt: skip
+    with (
+        NodeProcess("simulated_joint", joint),
+        NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}),
+        probe() as one,
+    ):
+        one.wait_for_monitor()
+        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
+        assert one.set_parameters("/simulated_joint", {"profile.joint1": "hold"}) == [""]
+        one.wait(
+            lambda: one.status("joint1") == "stick_slip" and one.diagnostics["joint1"][2]["reason"] == "hunting",
+            40.0,
+            "hunting",
+        )
+        assert one.diagnostics["joint1"][0] == b"\x02"
+        assert one.margins["joint1"]["velocity"] == 0.0
+        one.wait(lambda: one.diagnostics["joint1"][2].get("exact reason") == "hunting", 20.0, "the exact verdict")
 
 
 def test_gains_from_a_topic_and_the_advice(ros_domain: int) -> None:

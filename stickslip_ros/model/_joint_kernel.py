@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled integration of Eqs (4)-(6) for one joint; :mod:`stickslip_ros.model.simulation` is its face.
+"""Compiled integration of Eqs (4)-(6) for one joint; :mod:`stickslip_ros.model.joint_simulation` is its face.
 
 Kept apart because importing numba costs more than the rest of the floor together.
 
@@ -276,4 +276,36 @@ def advance(state, history, parameters, step, period, references, reference_velo
             velocity_d,
             parameters,
         )
+    return count
+
+
+@njit(cache=True, nogil=True)
+def advance_sampled(
+    state, history, parameters, held, delayed, step, period, references, reference_velocities, samples, events
+):
+    """As :func:`advance`, with a controller that samples at the start of each period and holds its effort.
+
+    ``held`` keeps the effort last computed, which a delayed controller applies one period later, and the
+    controller's own integral.
+    """
+    count = 0
+    plant = parameters.copy()
+    plant[STIFFNESS] = plant[DAMPING] = plant[INTEGRAL_GAIN] = 0.0
+    for i in range(references.shape[0]):
+        error = references[i] - state[POSITION]
+        held[1] += error * period
+        effort = (
+            parameters[STIFFNESS] * error
+            + parameters[DAMPING] * (reference_velocities[i] - state[VELOCITY])
+            + parameters[INTEGRAL_GAIN] * held[1]
+        )
+        applied = held[0] if delayed else effort
+        held[0] = effort
+        plant[LOAD] = parameters[LOAD] - applied
+        one = slice(i, i + 1)
+        count += advance(
+            state, history, plant, step, period, references[one], reference_velocities[one], samples[one],
+            events[min(count, events.shape[0]) :],
+        )  # fmt: skip
+        samples[i, 2] = applied
     return count

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled cycles, their persistence and its boundary, for many parameter points in one call.
+
+The arrays of points are ρ, F*_s∞, ξ˙_d, τ*, γ*, of one length each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stickslip_ros.model._slip_kernel import (
+    ARRESTED,
+    TOO_ROUGH,
+    prepare,
+    shorten,
+    slip,
+    stick,
+)
+
+SLIP_DURATION, SLIP_DISTANCE, DWELL, BREAKAWAY_LEVEL, ARREST_LEVEL = range(5)
+CYCLE_COLUMNS = 5
+PERSISTS, DIES, UNKNOWN = 1, 0, -1
+
+_SHARPEST = 3000.0
+LARGEST_DAMPING_RATIO = 20.0
+_VERDICT_TOLERANCE = 1e-6
+_MOST_CYCLES = 500
+_MOST_TURNS = 60  # levels that go up and down so often go on doing so
+_FIXED = 1e-11  # relative change of the level that counts as none
+_CONTRACTS = 0.8  # ratio of successive changes up to which their limit is tried
+_ATTRACTS = 0.95  # slope of the map at a fixed point
+_AT_REST = 1e-7
+_SECANT_STEPS = 8
+_BISECTIONS = 8
+_LEAST_RATIO = 1e-6  # a damping ratio that is none
+
+
+@njit(cache=True)
+def _cycle(level, point, prepared, tolerance, record):
+    """One cycle from breakaway at ``level``, with steps as short as the tolerance asks for.
+
+    Returns how the slip ends, slip duration, slip distance, dwell, level at arrest, level at the next breakaway
+    and the rows recorded.
+    """
+    damping_ratio, stribeck, velocity, lag, rise_time = point
+    ends, duration, end, shape, distance, rows = slip(level, velocity, damping_ratio, lag, prepared, tolerance, record)
+    while ends == TOO_ROUGH and shorten(prepared):
+        ends, duration, end, shape, distance, rows = slip(
+            level, velocity, damping_ratio, lag, prepared, tolerance, record
+        )
+    if ends != ARRESTED:
+        return ends, duration, np.nan, np.nan, np.nan, np.nan, rows
+    dwell, following = stick(end, shape, level, velocity, damping_ratio, stribeck, rise_time)
+    return ends, duration, distance, dwell, level * shape, following, rows
+
+
+@njit(cache=True)
+def _feasible(damping_ratio, stribeck, velocity):
+    """Whether a slip takes a bearable number of steps."""
+    return max(np.sqrt(velocity), stribeck) < _SHARPEST and damping_ratio <= LARGEST_DAMPING_RATIO
+
+
+@njit(cache=True, nogil=True)
+def cycles(damping_ratios, stribecks, velocities, lags, rise_times, levels, refinement, tolerance, summaries):
+    """Fill ``summaries`` (points, cycles, CYCLE_COLUMNS), NaN from where the cycle has died out."""
+    nothing = np.empty((0, 4))
+    for i in range(damping_ratios.shape[0]):
+        summaries[i] = np.nan
+        point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
+        if not _feasible(point[0], point[1], point[2]):
+            continue
+        prepared = prepare(point[0], point[1], point[2], point[3], refinement)
+        level = levels[i]
+        for n in range(summaries.shape[1]):
+            ends, duration, distance, dwell, arrested, following, _ = _cycle(level, point, prepared, tolerance, nothing)
+            if ends != ARRESTED:
+                break
+            summaries[i, n, SLIP_DURATION] = duration
+            summaries[i, n, SLIP_DISTANCE] = distance
+            summaries[i, n, DWELL] = dwell
+            summaries[i, n, BREAKAWAY_LEVEL] = level
+            summaries[i, n, ARREST_LEVEL] = arrested
+            level = following
+
+
+@njit(cache=True, nogil=True)
+def trajectory(
+    damping_ratio, stribeck, velocity, lag, rise_time, level, refinement, tolerance, summaries, record, rows
+):
+    """Cycles of one point with the slips recorded; ``rows[n]`` rows after slip n. Returns the number of slips."""
+    point = (damping_ratio, stribeck, velocity, lag, rise_time)
+    prepared = prepare(damping_ratio, stribeck, velocity, lag, refinement)
+    total = 0
+    summaries[:] = np.nan
+    for n in range(summaries.shape[0]):
+        ends, duration, distance, dwell, arrested, following, count = _cycle(
+            level, point, prepared, tolerance, record[total:]
+        )
+        total += count
+        rows[n] = total
+        summaries[n, SLIP_DURATION] = duration
+        summaries[n, SLIP_DISTANCE] = distance
+        summaries[n, DWELL] = dwell
+        summaries[n, BREAKAWAY_LEVEL] = level
+        summaries[n, ARREST_LEVEL] = arrested
+        if ends != ARRESTED:
+            return n + 1
+        level = following
+    return summaries.shape[0]
+
+
+@njit(cache=True)
+def _gain(level, point, prepared):
+    """By how much the next breakaway level exceeds this one; NaN if the slip does not end in an arrest."""
+    return _cycle(level, point, prepared, _VERDICT_TOLERANCE, np.empty((0, 4)))[5] - level
+
+
+@njit(cache=True)
+def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
+    """Whether the breakaway levels, begun at full static friction, come to rest, or go up and down for ever.
+
+    Levels near a fixed point of the map converge geometrically. Two looks ahead replace most of the cycles:
+    where they contract, the limit of the geometric series is found, and taken if it attracts; where they hardly
+    do, a fixed point is about to be born or has just gone, and the map's closest approach to the diagonal is
+    searched below the present level. If it is passed, the levels go on at the far side.
+    """
+    if not _feasible(damping_ratio, stribeck, velocity):
+        return UNKNOWN
+    prepared = prepare(damping_ratio, stribeck, velocity, lag, 1.0)
+    point = (damping_ratio, stribeck, velocity, lag, rise_time)
+    level = stribeck
+    oldest = older = newest = np.nan
+    oldest_gain = older_gain = newest_gain = np.nan
+    plain, turns = 3, 0
+    for _ in range(_MOST_CYCLES):
+        oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
+        newest, newest_gain = level, _gain(level, point, prepared)
+        if np.isnan(newest_gain):
+            return DIES
+        if abs(newest_gain) <= _FIXED * newest:
+            return PERSISTS
+        level = newest + newest_gain
+        plain -= 1
+        if plain > 0:
+            continue
+        ratio = newest_gain / older_gain
+        turns += ratio < 0.0
+        if turns > _MOST_TURNS:
+            return PERSISTS
+        if abs(ratio) < _CONTRACTS:
+            if _converges(newest, newest_gain, ratio, point, prepared):
+                return PERSISTS
+            plain = 2
+        elif ratio > 0.0 and newest_gain < 0.0:
+            closest, gain = _closest_approach(
+                oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared
+            )
+            if gain >= 0.0:
+                return PERSISTS
+            plain = 4
+            if 2.0 * closest > newest:
+                level = 2.0 * closest - newest
+    return PERSISTS
+
+
+@njit(cache=True)
+def _converges(level, gain, ratio, point, prepared):
+    """Whether levels that change by this ratio lead to a fixed point that attracts: found by the secant rule."""
+    before, gain_before = level, gain
+    level += gain / (1.0 - ratio)
+    for _ in range(_SECANT_STEPS):
+        gain = _gain(level, point, prepared)
+        if np.isnan(gain) or level == before:
+            return False
+        slope = 1.0 + (gain_before - gain) / (before - level)
+        if not abs(slope) < _ATTRACTS:
+            return False
+        if abs(gain) <= _AT_REST * level:
+            return True
+        following = level + gain / (1.0 - slope)
+        if not abs(following - level) < abs(level - before):
+            return False
+        before, gain_before, level = level, gain, following
+    return False
+
+
+@njit(cache=True)
+def _closest_approach(oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared):
+    """Level below the newest at which the gain is largest, by successive parabolas, and the gain there.
+
+    Stops at the first level whose gain is not negative; NaN if there is no such level.
+    """
+    a, gain_a, b, gain_b, c, gain_c = oldest, oldest_gain, older, older_gain, newest, newest_gain
+    for _ in range(8):
+        slope = (gain_c - gain_b) / (c - b)
+        curvature = (slope - (gain_b - gain_a) / (b - a)) / (c - a)
+        top = 0.5 * (b + c) - 0.5 * slope / curvature if curvature < 0.0 else np.nan
+        if not 0.0 < top < newest:
+            return np.nan, np.nan
+        gain = _gain(top, point, prepared)
+        if np.isnan(gain):
+            return np.nan, np.nan
+        if gain >= 0.0:
+            caught = _catches(top, gain, newest, newest_gain, point, prepared)
+            return (top, gain) if caught else (np.nan, np.nan)
+        if abs(top - c) <= 1e-3 * (newest - top):
+            return top, gain
+        a, gain_a, b, gain_b, c, gain_c = b, gain_b, c, gain_c, top, gain
+    return np.nan, np.nan
+
+
+@njit(cache=True)
+def _catches(low, low_gain, high, high_gain, point, prepared):
+    """Whether levels that fall from ``high``, where the gain is negative, come to rest above ``low``, where it is not.
+
+    They do if the fixed point between attracts; it does not where a slip's end only grazes zero velocity.
+    """
+    start = high
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        gain = _gain(middle, point, prepared)
+        if np.isnan(gain):
+            return False
+        if gain >= 0.0:
+            low, low_gain = middle, gain
+        else:
+            high, high_gain = middle, gain
+    slope = 1.0 + (high_gain - low_gain) / (high - low)
+    return abs(slope) < 1.0 and high < start
+
+
+@njit(cache=True, nogil=True)
+def persistence(damping_ratios, stribecks, velocities, lags, rise_times, verdicts):
+    """Fill ``verdicts`` with PERSISTS, DIES or UNKNOWN."""
+    for i in range(damping_ratios.shape[0]):
+        verdicts[i] = _persists(damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
+
+
+@njit(cache=True, nogil=True)
+def critical_damping_ratios(stribecks, velocities, lags, rise_times, guesses, largest, tolerance, found):
+    """Fill ``found`` with the damping ratio at which the cycle just dies out, bisected to a relative tolerance.
+
+    0 where it dies undamped, NaN where even ``largest`` does not end it or the integration is refused.
+    ``guesses`` > 0 say where to look first.
+    """
+    for i in range(stribecks.shape[0]):
+        found[i] = _critical(stribecks[i], velocities[i], lags[i], rise_times[i], guesses[i], largest, tolerance)
+
+
+@njit(cache=True)
+def _critical(stribeck, velocity, lag, rise_time, guess, largest, tolerance):
+    undamped = _persists(0.0, stribeck, velocity, lag, rise_time)
+    if undamped != PERSISTS:
+        return 0.0 if undamped == DIES else np.nan
+    low, high = 0.0, min(guess, largest)
+    while True:
+        verdict = _persists(high, stribeck, velocity, lag, rise_time)
+        if verdict == UNKNOWN or (verdict == PERSISTS and high >= largest):
+            return np.nan
+        if verdict == DIES:
+            break
+        low, high = high, min(2.0 * high, largest)
+    while high - low > tolerance * high and high > _LEAST_RATIO:
+        middle = 0.5 * (low + high)
+        verdict = _persists(middle, stribeck, velocity, lag, rise_time)
+        if verdict == UNKNOWN:
+            return np.nan
+        if verdict == PERSISTS:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Beyond the paper: does stick slip persist under integral action, sampled control, or at standstill?
+
+No condition in closed form covers these; the joint is simulated, in SI units, until its cycles tell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._validation import require_finite, require_not_negative
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
+
+HUNTING = "hunting"
+
+_COULOMB = 10.0  # of the Stribeck friction: enough that an arrested joint never slips back
+_SETTLED = 1e-6  # relative change of the breakaway level from one cycle to the next
+_BLOCK = 10  # cycles whose mean is compared where levels do not settle
+_BLOCK_DROP = 0.01
+_MOST_CYCLES = 400
+_MOST_PERIODS = 1000
+_PERIODS_AT_ONCE = 8
+_SAMPLES_A_PERIOD = 64
+_SLIDING_PERIODS = 16
+_FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above which sampling is not followed
+_HUNTS = 40  # slips
+_HUNT_PERIODS = 1e5
+_HUNT_KEEPS = 0.9  # share of the slips' length that is left twenty slips later
+_VANISHED = 1e-3
+_LONGEST_STRETCH = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """What the paper leaves open, each off by default.
+
+    Attributes
+    ----------
+    load : constant torque against the controller [N·m]. It shifts the position, or with integral action the
+        integral, and changes no verdict.
+    controller_period : the controller samples so often and holds its effort [s]; 0: continuous control.
+    control_delay : the effort takes effect one controller period late.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a value is not finite, the period is negative, or a delay is asked of continuous control.
+    """
+
+    load: float = field(default=0.0, metadata={"unit": "N·m"})
+    controller_period: float = field(default=0.0, metadata={"unit": "s"})
+    control_delay: bool = False
+
+    def __post_init__(self) -> None:
+        require_finite("load", self.load)
+        require_not_negative("controller_period", self.controller_period)
+        if self.control_delay and self.controller_period == 0:
+            raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
+
+
+def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: Conditions) -> float:
+    """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever; scalars only.
+
+    It does if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over ten
+    cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
+
+    Returns
+    -------
+    1.0 if it does, 0.0 if it dies out; NaN if the controller is too fast beside the joint to be followed.
+    """
+    stiffness, speed = float(gains.stiffness), abs(float(velocity))
+    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
+    sampled = conditions.controller_period > 0
+    period = conditions.controller_period if sampled else natural_period / _SAMPLES_A_PERIOD
+    if period * _FASTEST_CONTROLLER < natural_period:
+        return math.nan
+    friction = joint.friction
+    coulomb = _COULOMB * float(friction.stribeck)
+    # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
+    # carried by the integral, if there is one.
+    force = float(friction.stribeck) - float(gains.damping) * speed
+    constant = coulomb + conditions.load
+    if gains.integral == 0:
+        force += constant
+    simulation = JointSimulation(
+        replace(joint, friction=replace(friction, coulomb=coulomb)),
+        gains,
+        error_integral=constant / float(gains.integral) if gains.integral else 0.0,
+        load=conditions.load,
+        sampled=sampled,
+        control_delay=conditions.control_delay,
+    )
+    count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
+    levels: list[float] = []
+    slowest_before, last_event = -math.inf, 0.0
+    while simulation.time < _MOST_PERIODS * natural_period and len(levels) < _MOST_CYCLES:
+        times = simulation.time + period * np.arange(float(count))
+        motion = simulation.advance(period, force / stiffness + speed * times, np.full(count, speed))
+        for event in motion.events:
+            last_event = event.time
+            if event.kind is EventKind.BREAKAWAY:
+                levels.append(event.stribeck_level)
+        if not np.isfinite(motion.position).all():
+            return 1.0
+        if _settled(levels):
+            return 1.0
+        if simulation.stuck:
+            continue
+        slowest = float(motion.velocity.min()) if not motion.events else -math.inf
+        if simulation.time - last_event > _SLIDING_PERIODS * natural_period and slowest >= slowest_before:
+            return 0.0
+        slowest_before = slowest
+    return 1.0
+
+
+def hunts(joint: Joint, gains: Gains, conditions: Conditions) -> float:
+    """Whether integral action makes the joint slip to and fro for ever about a reference that stands still.
+
+    The joint starts stuck, with full static friction, off the reference by what the spring can hold.
+
+    Returns
+    -------
+    1.0 if the slips go on without vanishing, 0.0 if they do not; NaN if that cannot be followed.
+    """
+    stiffness = float(gains.stiffness)
+    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
+    if gains.integral == 0:
+        return 0.0
+    friction = joint.friction
+    sampled = conditions.controller_period > 0
+    period = conditions.controller_period if sampled else natural_period / _SAMPLES_A_PERIOD
+    if period * _FASTEST_CONTROLLER < natural_period:
+        return math.nan
+    offset = max(float(friction.coulomb) + float(friction.stribeck), 1e-12) / stiffness
+    simulation = JointSimulation(
+        joint, gains, load=conditions.load, sampled=sampled, control_delay=conditions.control_delay
+    )
+    count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
+    slips: list[float] = []
+    slipped_from = 0.0
+    stretch = 1
+    while len(slips) < _HUNTS and simulation.time < _HUNT_PERIODS * natural_period:
+        # A joint that stays stuck is followed in ever longer stretches.
+        size = count * stretch
+        motion = simulation.advance(period, np.full(size, offset), np.zeros(size))
+        if not np.isfinite(motion.position).all():
+            return 1.0
+        for event in motion.events:
+            if event.kind is EventKind.BREAKAWAY:
+                slipped_from = event.position
+            else:
+                slips.append(abs(event.position - slipped_from))
+        stretch = min(2 * stretch, _LONGEST_STRETCH) if not motion.events else 1
+        error = float(np.abs(motion.position - offset).max())
+        if error < _VANISHED * offset or (slips and slips[-1] < _VANISHED * slips[0]):
+            return 0.0
+    if len(slips) < _HUNTS:
+        # Long slips: an oscillation without a stop, or a slow creep to the reference.
+        return float(len(slips) > 2)
+    recent, earlier = max(slips[-4:]), max(slips[-_HUNTS // 2 - 4 : -_HUNTS // 2])
+    return float(recent > _HUNT_KEEPS * earlier)
+
+
+def _settled(levels: list[float]) -> bool:
+    if len(levels) >= 4:
+        steps = np.abs(np.diff(levels[-3:]))
+        if steps[-1] <= _SETTLED * max(levels[-1], 1e-300) and steps[-1] <= steps[0]:
+            return True
+    if len(levels) < 6 * _BLOCK:
+        return False
+    before, after = np.mean(levels[-2 * _BLOCK : -_BLOCK]), np.mean(levels[-_BLOCK:])
+    return bool(before - after < _BLOCK_DROP * before)

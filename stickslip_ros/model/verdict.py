@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The exact verdict on one joint, with what would change it: the exact counterpart of model/margin.py."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stickslip_ros.model.controlled import HUNTING, Conditions, controlled_cycle_persists, hunts
+from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
+from stickslip_ros.model.exact import (
+    LARGEST_DAMPING_RATIO,
+    cycle_persists,
+    exact_critical_damping_ratio,
+    exact_least_smooth_stiffness,
+    exact_lowest_smooth_velocity,
+)
+from stickslip_ros.model.friction import Gains, Joint
+
+_CONTROLLED_TOLERANCE = 1e-2
+_FIRST_RATIO = 0.05
+_LEAST_RATIO = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactVerdict:
+    """Whether stick slip dies out when Eqs (4)-(6) are integrated, and where that changes.
+
+    Attributes
+    ----------
+    smooth : None where there is no answer.
+    reason : why there is none, or "hunting", or None.
+    critical_damping_ratio : damping ratio at which the cycle just dies, to a relative 1e-3 (1e-2 with integral
+        action or sampled control); NaN if none.
+    lowest_smooth_velocity : [rad/s]; 0 if every speed is smooth, infinite if none is; NaN beyond the paper's case.
+    least_smooth_stiffness : [N·m/rad], at the present damping; likewise.
+    """
+
+    smooth: bool | None
+    reason: str | None = None
+    critical_damping_ratio: float = math.nan
+    lowest_smooth_velocity: float = math.nan
+    least_smooth_stiffness: float = math.nan
+
+
+def exact_verdict(
+    joint: Joint, gains: Gains, velocity: float, conditions: Conditions | None = None, *, limits: bool = True
+) -> ExactVerdict:
+    """Exact verdict on one joint (scalars) at a commanded velocity [rad/s].
+
+    Parameters
+    ----------
+    conditions : load, sampled control; with them or integral action the joint is simulated in SI units, which
+        takes up to seconds; in the paper's case milliseconds.
+    limits : whether the lowest smooth velocity and the least smooth stiffness are wanted too.
+    """
+    conditions = conditions or Conditions()
+    values = np.array([gains.stiffness, gains.damping, gains.integral, velocity], dtype=float)
+    if not np.isfinite(values).all():
+        return _no_answer("a gain or the commanded velocity is not a finite number")
+    if gains.stiffness <= 0:
+        return _no_answer("the stiffness is not positive")
+    if velocity == 0 and gains.integral == 0:
+        return _no_answer("the commanded velocity is zero and there is no integral action")
+    with np.errstate(all="ignore"):
+        groups = dimensionless_groups(joint, gains, velocity)
+    if float(groups.damping_ratio) < 0:
+        return _no_answer("the total damping is negative: the joint is unstable by itself")
+    if not float(groups.damping_ratio) <= LARGEST_DAMPING_RATIO:
+        return _no_answer(f"the damping ratio is beyond {LARGEST_DAMPING_RATIO:g}")
+    if not np.isfinite([float(value) for value in vars(groups).values()]).all():
+        return _no_answer("a gain is too small or too large to compute with")
+    if velocity == 0:
+        return _standstill(joint, gains, conditions)
+    if gains.integral != 0 or conditions.controller_period > 0:
+        return _controlled(joint, gains, velocity, conditions)
+    persists = float(cycle_persists(groups))
+    if math.isnan(persists):
+        return _no_answer("a dimensionless group is too large to integrate")
+    return ExactVerdict(
+        smooth=persists == 0.0,
+        critical_damping_ratio=float(exact_critical_damping_ratio(groups)),
+        lowest_smooth_velocity=exact_lowest_smooth_velocity(joint, gains) if limits else math.nan,
+        least_smooth_stiffness=(
+            exact_least_smooth_stiffness(joint, velocity, damping=float(gains.damping)) if limits else math.nan
+        ),
+    )
+
+
+def _no_answer(why: str) -> ExactVerdict:
+    return ExactVerdict(smooth=None, reason=f"no answer, because {why}")
+
+
+def _standstill(joint: Joint, gains: Gains, conditions: Conditions) -> ExactVerdict:
+    hunting = hunts(joint, gains, conditions)
+    if math.isnan(hunting):
+        return _no_answer("the controller is too fast beside the joint to be followed")
+    return ExactVerdict(smooth=hunting == 0.0, reason=HUNTING if hunting else None)
+
+
+def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: Conditions) -> ExactVerdict:
+    persists = controlled_cycle_persists(joint, gains, velocity, conditions)
+    if math.isnan(persists):
+        return _no_answer("the controller is too fast beside the joint to be followed")
+
+    def persists_at(ratio: float) -> bool:
+        damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
+        return controlled_cycle_persists(joint, replace(gains, damping=damping), velocity, conditions) == 1.0
+
+    return ExactVerdict(smooth=persists == 0.0, critical_damping_ratio=_least_calming_ratio(persists_at))
+
+
+def _least_calming_ratio(persists_at: Callable[[float], bool]) -> float:
+    """Least damping ratio that ends the cycle, looked for from below: too much sampled damping is unstable."""
+    if not persists_at(0.0):
+        return 0.0
+    low, high = 0.0, _FIRST_RATIO
+    while persists_at(high):
+        low, high = high, 2.0 * high
+        if high > LARGEST_DAMPING_RATIO:
+            return math.nan
+    while high - low > _CONTROLLED_TOLERANCE * high and high > _LEAST_RATIO:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if persists_at(middle) else (low, middle)
+    return 0.5 * (low + high)
