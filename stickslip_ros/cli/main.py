@@ -13,10 +13,10 @@ import sys
 from typing import NoReturn
 
 import stickslip_ros
-from stickslip_ros.cli import demo, margin
+from stickslip_ros.cli import demo, figures, margin, stability_map
 from stickslip_ros.errors import StickSlipError
 
-_COMMANDS = (margin, demo)
+_COMMANDS = (margin, stability_map, figures, demo)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -40,13 +40,13 @@ def main(arguments: list[str] | None = None) -> int:
     options = build_parser().parse_args(arguments)
     try:
         return int(options.run(options))
-    except StickSlipError as error:
+    except BrokenPipeError:
+        return 0
+    except (StickSlipError, OSError) as error:
         print(f"stickslip: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:
-        return 0
 
 
 if __name__ == "__main__":

@@ -33,6 +33,21 @@ _REQUIRED = ("stribeck", "stribeck_velocity")
 def add_parser(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser("margin", help="is this joint smooth at this speed, by Eq. (43)?", description=__doc__)
+    add_joint_arguments(parser)
+    beyond = parser.add_argument_group("beyond the paper, for the exact verdict")
+    beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
+    beyond.add_argument(
+        "--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s] (default: none)"
+    )
+    beyond.add_argument(
+        "--control-delay", action="store_true", help="the effort takes effect one controller period late"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(run=run)
+
+
+def add_joint_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options that name a joint, its gains and its speed; read by :func:`joint_from`."""
     parser.add_argument(
         "--joint",
         metavar="NAME",
@@ -43,23 +58,13 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--damping", type=float, metavar="KV", help="k_v [N·m·s/rad] (default 0)")
     parser.add_argument("--integral", type=float, metavar="KI", help="k_i [N·m/(rad·s)] (default 0)")
     parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
-    beyond = parser.add_argument_group("beyond the paper, for the exact verdict")
-    beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
-    beyond.add_argument(
-        "--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s] (default: none)"
-    )
-    beyond.add_argument(
-        "--control-delay", action="store_true", help="the effort takes effect one controller period late"
-    )
     for name, text in _FRICTION.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the margin; exit status 0 whatever the verdict."""
-    joint, gains, velocity = _joint(options)
+    joint, gains, velocity = joint_from(options)
     conditions = Conditions(
         load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
     )
@@ -101,7 +106,14 @@ def number(value: Any) -> float | None:
     return float(value) if math.isfinite(float(value)) else None
 
 
-def _joint(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
+def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
+    """The joint, gains and velocity that the options give.
+
+    Raises
+    ------
+    StickSlipError
+        If something is missing or cannot be; the text names the option.
+    """
     known: KnownJoint | None = load_joint(options.joint) if options.joint else None
 
     def value(name: str, fallback: Any) -> float:

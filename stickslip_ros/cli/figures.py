@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip figures`: the paper's figures, drawn from the equations, with their numbers."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.cli import paper_figures
+from stickslip_ros.cli.plotting import save
+from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.extinction_map import extinction_map
+
+_JOINT = "puma560_joint1"
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    numbers = ", ".join(map(str, paper_figures.FIGURES))
+    parser = commands.add_parser("figures", help="draw the paper's figures, with their numbers", description=__doc__)
+    parser.add_argument(
+        "numbers", nargs="*", type=int, metavar="N", help=f"figures to draw, of {numbers} (default: all)"
+    )
+    parser.add_argument("--out", type=Path, default=Path("figures"), metavar="FOLDER", help="default: figures")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write PNG, SVG and CSV of each figure and print their paths."""
+    for number in options.numbers:
+        if number not in paper_figures.FIGURES:
+            raise InvalidParameterError("figure", f"one of {', '.join(map(str, paper_figures.FIGURES))}", number)
+    joint = load_joint(_JOINT).joint
+    numbers = options.numbers or paper_figures.FIGURES
+    computed = None
+    if set(numbers) & set(paper_figures.WITH_MAP):
+        with progress_bar("integrating the map of Fig. 13") as progress:
+            axes = paper_figures.figure_13_axes(joint)
+            computed = extinction_map(joint, *axes, workers=os.cpu_count() or 1, progress=progress)
+    for number in numbers:
+        for path in save(paper_figures.draw(joint, number, computed), options.out):
+            print(path)
+    return 0

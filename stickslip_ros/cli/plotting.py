@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Figures as data: panels of curves, written as PNG, SVG and the numbers as CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLUE, RED, GREEN, ORANGE, PURPLE, GREY = "#1f5fa8", "#c0392b", "#2e8b57", "#d9822b", "#7d4fa3", "#777777"
+COLOURS = (BLUE, RED, GREEN, ORANGE, PURPLE, GREY)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """One curve; NaN where it is interrupted. ``style`` is a line style, or a marker such as "o"."""
+
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    colour: str = BLUE
+    style: str = "-"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A shaded part of the plane: where ``inside`` on the grid of x and y is positive."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    inside: NDArray[np.float64]
+    colour: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """Axes with curves; ``words`` are (x, y, text) in shares of the axes."""
+
+    x_label: str
+    y_label: str
+    curves: tuple[Curve, ...]
+    regions: tuple[Region, ...] = ()
+    title: str = ""
+    logarithmic: bool = False
+    equal: bool = False
+    legend: str = "best"
+    words: tuple[tuple[float, float, str], ...] = field(default=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """Panels side by side under a title and a note."""
+
+    name: str
+    title: str
+    note: str
+    panels: tuple[Panel, ...]
+
+
+def boundary(
+    label: str, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64], colour: str, style: str
+) -> Curve:
+    """The curve on which values, of shape (len(y), len(x)), change sign."""
+    from contourpy import contour_generator
+
+    lines = contour_generator(x, y, np.ma.masked_invalid(values)).lines(0.0)
+    parts = [part for line in lines for part in (np.asarray(line), np.full((1, 2), np.nan))]
+    points = np.concatenate(parts[:-1]) if parts else np.full((1, 2), np.nan)
+    return Curve(label=label, x=points[:, 0], y=points[:, 1], colour=colour, style=style)
+
+
+def save(figure: Figure, folder: Path) -> list[Path]:
+    """Write the figure and its numbers; returns the files."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    folder.mkdir(parents=True, exist_ok=True)
+    count = len(figure.panels)
+    drawing, axes = pyplot.subplots(
+        1, count, figsize=(7.5 if count == 1 else 5.6 * count, 5.6), squeeze=False, layout="constrained"
+    )
+    for panel, axis in zip(figure.panels, axes[0], strict=True):
+        _draw(panel, axis)
+    drawing.suptitle(figure.title, x=0.01, ha="left", fontsize=12)
+    drawing.supxlabel(figure.note, x=0.01, ha="left", fontsize=8, color=GREY)
+    files = [folder / f"{figure.name}.{ending}" for ending in ("png", "svg", "csv")]
+    # A fixed salt and no date: the same numbers give the same file.
+    with matplotlib.rc_context({"svg.hashsalt": figure.name}):
+        drawing.savefig(files[0], dpi=130)
+        drawing.savefig(files[1], metadata={"Date": None})
+    pyplot.close(drawing)
+    with files[2].open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(_rows(figure))
+    return files
+
+
+def _draw(panel: Panel, axis: object) -> None:
+    from matplotlib.axes import Axes
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    assert isinstance(axis, Axes)
+    for region in panel.regions:
+        axis.contourf(
+            region.x, region.y, np.ma.masked_invalid(region.inside), levels=[0.0, np.inf], colors=[region.colour],
+            alpha=0.10,
+        )  # fmt: skip
+    for curve in panel.curves:
+        if curve.style in ("o", "s", "*"):
+            axis.plot(
+                curve.x, curve.y, curve.style, color=curve.colour, markersize=9, markeredgecolor="white",
+                label=curve.label,
+            )  # fmt: skip
+        else:
+            axis.plot(curve.x, curve.y, curve.style, color=curve.colour, linewidth=1.6, label=curve.label or None)
+    if panel.logarithmic:
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        for ticks in (axis.xaxis, axis.yaxis):
+            ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            ticks.set_major_formatter("{x:g}")
+            ticks.set_minor_formatter(NullFormatter())
+    if panel.equal:
+        axis.set_aspect("equal")
+    axis.set_xlabel(panel.x_label)
+    axis.set_ylabel(panel.y_label)
+    axis.set_title(panel.title, fontsize=10)
+    axis.grid(alpha=0.25)
+    axis.spines[["top", "right"]].set_visible(False)
+    for x, y, text in panel.words:
+        axis.text(x, y, text, transform=axis.transAxes, fontsize=9, color=GREY)
+    if sum(bool(curve.label) for curve in panel.curves) > 1:
+        axis.legend(frameon=False, fontsize=8.5, loc=panel.legend)
+
+
+def _rows(figure: Figure) -> Iterable[list[object]]:
+    yield ["panel", "curve", "x", "y", "x_label", "y_label"]
+    for number, panel in enumerate(figure.panels, start=1):
+        for curve in panel.curves:
+            for x, y in zip(curve.x, curve.y, strict=True):
+                yield [number, curve.label, f"{x:.9g}", f"{y:.9g}", panel.x_label, panel.y_label]

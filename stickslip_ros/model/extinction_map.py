@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Where in the plane of speed and stiffness a joint sticks: the paper's boundary and the exact one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import Progress, exact_critical_damping_ratio
+from stickslip_ros.model.extinction import critical_damping_ratio
+from stickslip_ros.model.friction import Gains, Joint
+
+_VELOCITIES = (0.05, 5.0)  # of the Stribeck velocity
+_STIFFNESSES = (0.01, 1.0)  # of M (F_s∞/(M x˙_s))², where F*_s∞ is 10 and 1
+_ROOM = 2.0  # around the operating point
+_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExtinctionMap:
+    """Critical damping of a joint over speed and stiffness.
+
+    Attributes
+    ----------
+    velocity : x˙_d [rad/s], shape (n,). stiffness : k_p [N·m/rad], shape (m,).
+    paper_damping, exact_damping : total damping k_v + F_v [N·m·s/rad] at which stick slip ends, by Eq. (43) and by
+        integration (to 1 %), shape (m, n); 0 where it ends undamped, NaN where there is no answer.
+    viscous : F_v of the joint [N·m·s/rad].
+    """
+
+    velocity: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    paper_damping: NDArray[np.float64]
+    exact_damping: NDArray[np.float64]
+    viscous: float
+
+    @property
+    def conservative(self) -> float:
+        """Share of the points at which the damping k_v that Eq. (43) asks for is enough, to the 1 %."""
+        known = np.isfinite(self.paper_damping) & np.isfinite(self.exact_damping)
+        paper = np.maximum(self.paper_damping[known], self.viscous)
+        enough = paper >= (1.0 - _TOLERANCE) * self.exact_damping[known]
+        return float(enough.mean()) if known.any() else math.nan
+
+
+def map_axes(
+    joint: Joint, *, velocity: float | None = None, stiffness: float | None = None, points: int = 8000
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Logarithmic axes of velocity [rad/s] and stiffness [N·m/rad] with about so many points between them.
+
+    They span what Stribeck friction does to the joint, and the operating point if there is one.
+    """
+    friction, inertia = joint.friction, float(joint.inertia)
+    own = inertia * (max(float(friction.stribeck), 1e-9) / (inertia * float(friction.stribeck_velocity))) ** 2
+    low, high = (share * own for share in _STIFFNESSES)
+    if friction.lag > 0:
+        high = min(high, inertia * (2.0 * math.pi / float(friction.lag)) ** 2)
+        low = min(low, 0.01 * high)
+    slow, fast = (share * float(friction.stribeck_velocity) for share in _VELOCITIES)
+    if velocity:
+        slow, fast = min(slow, abs(velocity) / _ROOM), max(fast, abs(velocity) * _ROOM)
+    if stiffness:
+        low, high = min(low, stiffness / _ROOM), max(high, stiffness * _ROOM)
+    columns = max(2, round(math.sqrt(0.8 * points)))
+    return np.geomspace(slow, fast, columns), np.geomspace(low, high, max(2, round(points / columns)))
+
+
+def extinction_map(
+    joint: Joint,
+    velocity: NDArray[np.float64],
+    stiffness: NDArray[np.float64],
+    *,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> ExtinctionMap:
+    """Compute the map; ``workers`` threads share the integrations, ``progress`` is told points done and of all.
+
+    Raises
+    ------
+    InvalidParameterError
+        If an axis holds a value that is not finite and > 0.
+    """
+    groups = dimensionless_groups(joint, Gains(stiffness=stiffness[:, None]), velocity[None, :])
+    unit = 2.0 * np.asarray(groups.natural_frequency) * joint.inertia  # k_v + F_v of a damping ratio of 1
+    exact = exact_critical_damping_ratio(groups, tolerance=_TOLERANCE, workers=workers, progress=progress)
+    return ExtinctionMap(
+        velocity=velocity,
+        stiffness=stiffness,
+        paper_damping=unit * np.asarray(critical_damping_ratio(groups)),
+        exact_damping=unit * np.asarray(exact),
+        viscous=float(joint.friction.viscous),
+    )
