@@ -202,7 +202,7 @@ class JointMonitor:
         # The median, because a long smooth stretch between two rests makes a long cycle too.
         period = float(np.median([cycle.period for cycle in self._recent]))
         # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
-        since = max(self._recent[-1].arrest, self._motion_began())
+        since = max(self._recent[-1].arrest, self._last_breakaway())
         patience = _PERIODS_TO_TRUST if self._detector.detector.open_rest() is None else _PERIODS_AT_REST
         return now - since <= patience * period
 
@@ -215,10 +215,13 @@ class JointMonitor:
             )
         return Finding(status=Status.AT_REST)
 
+    def _last_breakaway(self) -> float:
+        last_rest = self._detector.last_rest
+        return last_rest.breakaway if last_rest else self._motion.first_time
+
     def _motion_began(self) -> float:
         # A rest is known in full only some time after its end.
-        last_rest = self._detector.last_rest
-        return max(last_rest.breakaway if last_rest else self._motion.first_time, self._rested_at)
+        return max(self._last_breakaway(), self._rested_at)
 
     def _needed_motion(self) -> float:
         """How long motion without a rest must last before it is called smooth [s]."""

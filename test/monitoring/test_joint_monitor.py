@@ -260,3 +260,17 @@ def test_just_after_a_rest_nothing_is_smooth(puma: Joint) -> None:
     monitor = JointMonitor(puma, gains)
     monitor.process(hold(puma, gains, duration=8.0))
     assert Status.SMOOTH not in {segment.status for segment in monitor.segments}
+
+
+def test_stick_slip_ends_in_rest(puma: Joint) -> None:
+    """Issue 3: a joint that stuck and slipped, and is then told to stand, is `at_rest` a few periods later."""
+    gains = Gains(stiffness=630.0)
+    time = 1e-3 * np.arange(40_000)
+    reference = 0.0058 * np.minimum(time, 25.0)
+    motion = JointSimulation(puma, gains).advance(1e-3, reference, np.where(time < 25.0, 0.0058, 0.0))
+    monitor = JointMonitor(puma, gains)
+    monitor.process(
+        Batch(time=motion.time, position=2.5e-5 * np.round(motion.position / 2.5e-5), reference_position=reference)
+    )
+    assert monitor.cycle_count > 10
+    assert monitor.finding().status is Status.AT_REST

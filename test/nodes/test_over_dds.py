@@ -77,7 +77,7 @@ def test_conditions_beyond_the_paper_enter_the_exact_verdict(ros_domain: int) ->
 def test_hunting_over_dds(ros_domain: int) -> None:
     """Issue 3: a simulated joint with integral action that is told to stand hunts; observed and predicted alike."""
     joint = {
-        "rate": 200.0, "time_factor": 10.0, "gains.joint1.p": 630.0, "gains.joint1.d": 20.0, "gains.joint1.i": 1000.0,
+        "rate": 200.0, "time_factor": 10.0, "gains.joint1.p": 630.0, "gains.joint1.d": 20.0, "gains.joint1.i": 3000.0,
         "velocity.joint1": 0.01,
     }  # fmt: skip
     with (
