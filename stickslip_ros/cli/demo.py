@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from stickslip_ros.cli.processes import NodeProcess, isolate
+from stickslip_ros.compiled import load_compiled_parts
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.recordings import find_recording, load_recording
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 _JOINT = "joint1"
 _CYCLES_TO_SEE = 6
 _SMOOTH_TO_SEE = 5.0  # [s]
-_START_LIMIT = 20.0
+_START_LIMIT = 60.0
 _STICK_LIMIT = 20.0
 _SMOOTH_LIMIT = 25.0
 _LARGEST_STEP = 0.1
@@ -71,6 +72,8 @@ def run(options: argparse.Namespace) -> int:
     console = Console(highlight=False, soft_wrap=True)
     domain = isolate()
     console.print(f"[dim]ROS domain {domain}, this machine only[/]")
+    with console.status("Loading the compiled parts (some fifteen seconds the first time)"):
+        load_compiled_parts()
     return _replay(console, options) if options.recording else _cure(console, options.out)
 
 
@@ -97,7 +100,7 @@ def _cure(console: Console, out: Path) -> int:
         _wait(
             listener,
             nodes,
-            lambda: not math.isnan(listener.now) and listener.status != "",
+            lambda: not math.isnan(listener.now) and listener.value("stiffness [N*m/rad]") != "",
             _START_LIMIT,
             "the nodes to be heard",
             show,

@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
@@ -24,14 +23,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
+from stickslip_ros.compiled import load_compiled_parts
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.controlled import Conditions
-from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.joint_simulation import simulate
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice import AdviceLimits
 from stickslip_ros.monitoring.joint_monitor import Assessment, JointMonitor, MonitorOptions
-from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes import joint_parameters
 from stickslip_ros.nodes.conversion import (
     MARGIN_FIELDS,
@@ -71,7 +69,7 @@ class Monitor(Node):
         self._refused: Counter[str] = Counter()
         self._changing = False
         self._exact = ExactWorker()
-        _compile()
+        load_compiled_parts()
         self._declare()
         names = [name for name in self.get_parameter("joints").value if name]
         self._all_joints = not names
@@ -349,15 +347,6 @@ class Monitor(Node):
         response.success = True
         response.message = f"forgot what was learnt of {len(self._monitors)} joints"
         return response
-
-
-def _compile() -> None:
-    """Load or compile the compiled parts before any data come, by using them once."""
-    joint = Joint(inertia=1.0, friction=Friction(stribeck=1.0, stribeck_velocity=0.1, lag=0.1, rise_time=0.1))
-    trajectory = simulate(joint, Gains(stiffness=100.0), 0.05 * np.arange(200.0), np.full(200, 5.0), period=0.01)
-    JointMonitor().process(Batch(time=trajectory.time, position=trajectory.position))
-    exact_verdict(joint, Gains(stiffness=100.0), 0.05)
-    exact_verdict(joint, Gains(stiffness=100.0), 0.05, Conditions(controller_period=0.01))
 
 
 def main(args: list[str] | None = None) -> int:
