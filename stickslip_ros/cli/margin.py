@@ -68,7 +68,8 @@ def run(options: argparse.Namespace) -> int:
     conditions = Conditions(
         load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
     )
-    result = margin_json(joint, gains, velocity, conditions)
+    with Console(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
+        result = margin_json(joint, gains, velocity, conditions)
     if options.json:
         print(json.dumps(result, ensure_ascii=False))
     else:

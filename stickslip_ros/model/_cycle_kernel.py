@@ -46,7 +46,9 @@ def _cycle(level, point, prepared, tolerance, record):
     """
     damping_ratio, stribeck, velocity, lag, rise_time = point
     ends, duration, end, shape, distance, rows = slip(level, velocity, damping_ratio, lag, prepared, tolerance, record)
-    while ends == TOO_ROUGH and shorten(prepared):
+    while ends == TOO_ROUGH and tolerance < np.inf:
+        # Steps as short as they may be are taken as they are.
+        tolerance = tolerance if shorten(prepared) else np.inf
         ends, duration, end, shape, distance, rows = slip(
             level, velocity, damping_ratio, lag, prepared, tolerance, record
         )
@@ -171,8 +173,10 @@ def _converges(level, gain, ratio, point, prepared):
     before, gain_before = level, gain
     level += gain / (1.0 - ratio)
     for _ in range(_SECANT_STEPS):
+        if not level > 0.0 or level == before:
+            return False
         gain = _gain(level, point, prepared)
-        if np.isnan(gain) or level == before:
+        if np.isnan(gain):
             return False
         slope = 1.0 + (gain_before - gain) / (before - level)
         if not abs(slope) < _ATTRACTS:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model import _cycle_kernel as kernel
-from stickslip_ros.model._validation import require_positive
+from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 from stickslip_ros.model.friction import Real
 
@@ -83,9 +83,11 @@ def simulate_cycles(
     Raises
     ------
     InvalidParameterError
-        If a group is not finite (the rise time may be infinite) or has the wrong sign.
+        If a group or the level is not finite (the rise time may be infinite) or has the wrong sign.
     """
     shape, points = point_arrays(groups)
+    if level is not None:
+        require_not_negative("level", level)
     start = points[1] if level is None else np.broadcast_to(np.asarray(level, dtype=float), shape).ravel().copy()
     summaries = np.empty((points[0].size, count, kernel.CYCLE_COLUMNS))
     kernel.cycles(*points, start, float(step_refinement), float(tolerance), summaries)

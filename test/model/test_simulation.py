@@ -211,3 +211,5 @@ def test_bad_points_are_refused_by_name(field: str, value: float) -> None:
     """Issue 3: what makes no joint is refused with its name."""
     with pytest.raises(InvalidParameterError, match=f"'{field}'"):
         simulate_cycles(groups(**{field: value}), 1)
+    with pytest.raises(InvalidParameterError, match="'level'"):
+        simulate_cycles(groups(), 1, level=-1.0)
