@@ -4,7 +4,7 @@
 
 Given the friction, a slip is linear: ξ¨ + 2ρ ξ˙ + ξ = −f. A step therefore needs no integration: friction is
 interpolated through Gauss points, and the propagator of the linear equation applied to the polynomial is
-exact. Two regimes share this:
+exact (``_linear_step``). Two regimes share this:
 
 * steps that divide the lag: the friction at a step's Gauss points depends on the velocity at the same points
   a whole number of steps ago, which is known; the jumps of derivatives at the multiples of the lag after
@@ -22,26 +22,26 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-POINTS = 8  # Gauss points of a step
-_SERIES_TERMS = 18
-
-_NODES = 0.5 * (np.polynomial.legendre.leggauss(POINTS)[0] + 1.0)
-# Coefficients of the Lagrange polynomials: L_j(θ) = Σ_k _LAGRANGE[k, j] θ^k.
-_LAGRANGE = np.linalg.inv(np.vander(_NODES, POINTS, increasing=True))
-_AT_END = _LAGRANGE.sum(axis=0)
-_HIGHEST = (
-    (2 * POINTS - 1)
-    / 2
-    * np.polynomial.legendre.leggauss(POINTS)[1]
-    * np.polynomial.legendre.legval(2.0 * _NODES - 1.0, np.eye(POINTS)[-1])
+from stickslip_ros.model._linear_step import (
+    AT_END,
+    COLUMNS,
+    END_POSITION,
+    END_VELOCITY,
+    NODES,
+    POINTS,
+    ROWS,
+    crossing,
+    fill_lagged,
+    fill_matrix,
+    find_dip,
+    fit_friction,
+    inside,
+    multiply,
+    roughness,
 )
 
 # How a slip ends.
 ARRESTED, SLIDES_ON, UNDECIDED, TOO_ROUGH = 0, 1, 2, 3
-
-# Rows of a step's matrix: velocity at the Gauss points, then position and velocity at the end.
-# Columns: position and velocity at the start, then friction at the Gauss points.
-_END_POSITION, _END_VELOCITY, _ROWS, _COLUMNS = POINTS, POINTS + 1, POINTS + 2, POINTS + 2
 
 _NO_ARREST_BEFORE = 0.5  # a joint that has just left still gains speed
 _TOUCH = 1e-11  # of the commanded velocity: a dip that ends so close above zero touches it
@@ -52,153 +52,6 @@ _MOST_SHORTENING = 64
 _MOST_LAG_STEPS = 1 << 15
 _REMEMBERED = 256
 _MOST_PERIODS = 500
-
-
-@njit(cache=True)
-def _responses(time, damping_ratio, out):
-    """G_m(t) = Σ_n a_n t^(n+m)/(n+m)!, m = 0 … POINTS + 1, with a_n the impulse response's Taylor coefficients.
-
-    G_1 and G_0 are position and velocity after an impulse, G_{k+2} and G_{k+1} those under the force t^k/k!.
-    """
-    top = POINTS + 1
-    power = 1.0
-    for m in range(1, top):
-        power *= time / m
-    # power = t^(top-1)/(top-1)!
-    twice = 2.0 * damping_ratio
-    before, coefficient = 0.0, 1.0
-    lower = power
-    upper = 0.0
-    term = power
-    for n in range(_SERIES_TERMS):
-        term *= time / (top + n)
-        upper += coefficient * term
-        before, coefficient = coefficient, -twice * coefficient - before
-        lower += coefficient * term
-    out[top] = upper
-    out[top - 1] = lower
-    for m in range(top - 2, -1, -1):
-        power *= (m + 1) / time if time > 0.0 else 0.0
-        if m == 0:
-            power = 1.0
-        out[m] = power - twice * out[m + 1] - out[m + 2]
-
-
-@njit(cache=True)
-def _velocity_row(time, step, damping_ratio, responses, row):
-    """Row that gives the velocity ``time`` after a step's start; fills ``responses`` on the way."""
-    _responses(time, damping_ratio, responses)
-    row[0] = -responses[1]
-    row[1] = responses[0]
-    _force_columns(step, responses, 1, row)
-
-
-@njit(cache=True)
-def _force_columns(step, responses, order, row):
-    for j in range(POINTS):
-        row[2 + j] = 0.0
-    scale = 1.0
-    for k in range(POINTS):
-        value = scale * responses[k + order]
-        for j in range(POINTS):
-            row[2 + j] -= value * _LAGRANGE[k, j]
-        scale *= (k + 1) / step
-
-
-@njit(cache=True)
-def fill_matrix(step, damping_ratio, matrix):
-    """The matrix of one step."""
-    responses = np.empty(POINTS + 2)
-    for i in range(POINTS):
-        _velocity_row(_NODES[i] * step, step, damping_ratio, responses, matrix[i])
-    _velocity_row(step, step, damping_ratio, responses, matrix[_END_VELOCITY])
-    row = matrix[_END_POSITION]
-    row[0] = responses[0] + 2.0 * damping_ratio * responses[1]
-    row[1] = responses[1]
-    _force_columns(step, responses, 2, row)
-
-
-@njit(cache=True)
-def _fill_lagged(step, lag, damping_ratio, lagged):
-    """Rows that give the velocity one lag before each Gauss point, where that is inside the step."""
-    responses = np.empty(POINTS + 2)
-    for i in range(POINTS):
-        time = _NODES[i] * step - lag
-        if time >= 0.0:
-            _velocity_row(time, step, damping_ratio, responses, lagged[i])
-
-
-@njit(cache=True)
-def _fit_friction(vector, step, coefficients):
-    """Coefficients of the friction's interpolating polynomial in t^k/k!."""
-    scale = 1.0
-    for k in range(POINTS):
-        total = 0.0
-        for j in range(POINTS):
-            total += _LAGRANGE[k, j] * vector[2 + j]
-        coefficients[k] = scale * total
-        scale *= (k + 1) / step
-
-
-@njit(cache=True)
-def _inside(time, damping_ratio, position, velocity, coefficients, responses):
-    """Position, velocity, acceleration and friction ``time`` after the start of a step."""
-    _responses(time, damping_ratio, responses)
-    twice = 2.0 * damping_ratio
-    new_position = position * (responses[0] + twice * responses[1]) + velocity * responses[1]
-    new_velocity = velocity * responses[0] - position * responses[1]
-    friction = 0.0
-    power = 1.0
-    for k in range(POINTS):
-        new_position -= coefficients[k] * responses[k + 2]
-        new_velocity -= coefficients[k] * responses[k + 1]
-        friction += coefficients[k] * power
-        power *= time / (k + 1)
-    return new_position, new_velocity, -new_position - twice * new_velocity - friction, friction
-
-
-@njit(cache=True)
-def _crossing(low, high, damping_ratio, position, velocity, coefficients, target, responses):
-    """Time inside a step at which the velocity falls through a target."""
-    width = high - low
-    time = 0.5 * (low + high)
-    for _ in range(60):
-        _, speed, acceleration, _ = _inside(time, damping_ratio, position, velocity, coefficients, responses)
-        if speed > target:
-            low = time
-        else:
-            high = time
-        following = time - (speed - target) / acceleration if acceleration < 0.0 else low - width
-        if not low < following < high:
-            following = 0.5 * (low + high)
-        moved = abs(following - time)
-        time = following
-        if moved <= 1e-9 * width:
-            # Newton's method has converged quadratically.
-            break
-    return time
-
-
-@njit(cache=True)
-def _dip(high, damping_ratio, position, velocity, coefficients, responses):
-    """Time inside a step at which the acceleration rises through zero."""
-    low = 0.0
-    while high - low > 1e-14 * (high + low):
-        time = 0.5 * (low + high)
-        if _inside(time, damping_ratio, position, velocity, coefficients, responses)[2] < 0.0:
-            low = time
-        else:
-            high = time
-    return high
-
-
-@njit(cache=True)
-def _roughness(vector):
-    """Highest Legendre coefficient of the friction's polynomial: what a step that is too long leaves over."""
-    total = 0.0
-    for j in range(POINTS):
-        total += _HIGHEST[j] * vector[2 + j]
-    return abs(total)
 
 
 @njit(cache=True)
@@ -218,8 +71,8 @@ def prepare(damping_ratio, stribeck, velocity, lag, refinement):
     halvings = 1 if aligned else _MOST_HALVINGS
     return (
         steps,
-        np.empty((halvings, _ROWS, _COLUMNS)),
-        np.empty((halvings, POINTS, _COLUMNS)),
+        np.empty((halvings, ROWS, COLUMNS)),
+        np.empty((halvings, POINTS, COLUMNS)),
         np.zeros(halvings, dtype=np.bool_),
         np.empty((min(int(steps[1]) * _MOST_SHORTENING, _MOST_LAG_STEPS), POINTS)),
         np.empty((1 if aligned or lag == 0.0 else _REMEMBERED, POINTS + 3)),
@@ -248,8 +101,8 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
     """
     steps, matrices, lagged_rows, filled, ring, latest = prepared
     longest, lag_steps = steps[0], int(steps[1])
-    vector = np.empty(_COLUMNS)
-    result = np.empty(_ROWS)
+    vector = np.empty(COLUMNS)
+    result = np.empty(ROWS)
     responses = np.empty(POINTS + 2)
     coefficients = np.empty(POINTS)
     start = 2.0 * damping_ratio * velocity - level
@@ -264,7 +117,7 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
         coefficients[:] = 0.0
         coefficients[0] = level
         _remember(latest, 0, 0.0, position, speed, coefficients)
-        position, speed, acceleration, _ = _inside(lag, damping_ratio, position, speed, coefficients, responses)
+        position, speed, acceleration, _ = inside(lag, damping_ratio, position, speed, coefficients, responses)
         time = lag
         index = 1
     touch = _TOUCH * velocity
@@ -283,9 +136,9 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
             else:
                 for j in range(POINTS):
                     vector[2 + j] = level * ring[slot, j]
-                if _roughness(vector) > rough:
+                if roughness(vector) > rough:
                     return TOO_ROUGH, time, position, 0.0, 0.0, recorded
-            _multiply(matrices[0], vector, result)
+            multiply(matrices[0], vector, result)
             for j in range(POINTS):
                 v = velocity + result[j]
                 ring[slot, j] = 1.0 / (1.0 + v * v)
@@ -298,35 +151,35 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
                     time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows[halving], latest, index,
                     vector, responses,
                 )  # fmt: skip
-                roughness = _roughness(vector)
-                if (solved and roughness <= rough) or halving + 1 == _MOST_HALVINGS:
+                left_over = roughness(vector)
+                if (solved and left_over <= rough) or halving + 1 == _MOST_HALVINGS:
                     break
                 halving += 1
-            _multiply(matrices[halving], vector, result)
+            multiply(matrices[halving], vector, result)
             if lag > 0.0:
-                _fit_friction(vector, step, coefficients)
+                fit_friction(vector, step, coefficients)
                 _remember(latest, index, time, position, speed, coefficients)
-            if roughness < 1e-3 * rough and halving > 0:
+            if left_over < 1e-3 * rough and halving > 0:
                 halving -= 1
         friction = 0.0
         for j in range(POINTS):
-            friction += _AT_END[j] * vector[2 + j]
+            friction += AT_END[j] * vector[2 + j]
         acceleration_before = acceleration
-        acceleration = -result[_END_POSITION] - 2.0 * damping_ratio * result[_END_VELOCITY] - friction
+        acceleration = -result[END_POSITION] - 2.0 * damping_ratio * result[END_VELOCITY] - friction
         if time + step > _NO_ARREST_BEFORE:
             low, high = _first_not_above_zero(velocity, result)
             arrest = -1.0
             if high > 0.0:
-                _fit_friction(vector, step, coefficients)
-                arrest = _crossing(
+                fit_friction(vector, step, coefficients)
+                arrest = crossing(
                     low * step, high * step, damping_ratio, position, speed, coefficients, -velocity, responses
                 )
             elif acceleration_before < 0.0 <= acceleration:
-                _fit_friction(vector, step, coefficients)
-                dip = _dip(step, damping_ratio, position, speed, coefficients, responses)
-                lowest = velocity + _inside(dip, damping_ratio, position, speed, coefficients, responses)[1]
+                fit_friction(vector, step, coefficients)
+                dip = find_dip(step, damping_ratio, position, speed, coefficients, responses)
+                lowest = velocity + inside(dip, damping_ratio, position, speed, coefficients, responses)[1]
                 if lowest < -touch:
-                    arrest = _crossing(0.0, dip, damping_ratio, position, speed, coefficients, -velocity, responses)
+                    arrest = crossing(0.0, dip, damping_ratio, position, speed, coefficients, -velocity, responses)
                 elif lowest <= touch:
                     arrest = dip
                 else:
@@ -342,7 +195,7 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
                     if rises >= 2 or settles:
                         return SLIDES_ON, time, position, 0.0, 0.0, recorded
             if arrest >= 0.0:
-                end, _, _, friction = _inside(arrest, damping_ratio, position, speed, coefficients, responses)
+                end, _, _, friction = inside(arrest, damping_ratio, position, speed, coefficients, responses)
                 shape = min(max(friction / level, 0.0), 1.0) if level > 0.0 else 1.0
                 duration = time + arrest
                 if recorded < record.shape[0]:
@@ -351,7 +204,7 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
                 return ARRESTED, duration, end, shape, end - start + velocity * duration, recorded
         time += step
         index += 1
-        position, speed = result[_END_POSITION], result[_END_VELOCITY]
+        position, speed = result[END_POSITION], result[END_VELOCITY]
         if recorded < record.shape[0]:
             _record(record, recorded, time, position, speed, friction / level if level > 0.0 else 1.0)
             recorded += 1
@@ -368,7 +221,7 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
 def _fill(halving, step, lag, lag_steps, damping_ratio, matrices, lagged_rows, filled):
     fill_matrix(step, damping_ratio, matrices[halving])
     if lag_steps == 0:
-        _fill_lagged(step, lag, damping_ratio, lagged_rows[halving])
+        fill_lagged(step, lag, damping_ratio, lagged_rows[halving])
     filled[halving] = True
 
 
@@ -390,7 +243,7 @@ def _remembered(latest, index, time, damping_ratio, responses):
     while back > oldest and latest[back % latest.shape[0], 0] > time:
         back -= 1
     row = latest[back % latest.shape[0]]
-    return _inside(max(time - row[0], 0.0), damping_ratio, row[1], row[2], row[3:], responses)[1]
+    return inside(max(time - row[0], 0.0), damping_ratio, row[1], row[2], row[3:], responses)[1]
 
 
 @njit(cache=True)
@@ -399,9 +252,9 @@ def _first_not_above_zero(velocity, result):
     before = 0.0
     for j in range(POINTS):
         if velocity + result[j] <= 0.0:
-            return before, _NODES[j]
-        before = _NODES[j]
-    return before, 1.0 if velocity + result[_END_VELOCITY] <= 0.0 else -1.0
+            return before, NODES[j]
+        before = NODES[j]
+    return before, 1.0 if velocity + result[END_VELOCITY] <= 0.0 else -1.0
 
 
 @njit(cache=True)
@@ -412,15 +265,6 @@ def _record(record, row, time, position, velocity, shape):
     record[row, 3] = shape
 
 
-@njit(cache=True, fastmath=True)
-def _multiply(matrix, vector, result):
-    for i in range(_ROWS):
-        total = 0.0
-        for j in range(_COLUMNS):
-            total += matrix[i, j] * vector[j]
-        result[i] = total
-
-
 @njit(cache=True)
 def _iterate(
     time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows, latest, index, vector, responses
@@ -428,7 +272,7 @@ def _iterate(
     """Fill in the friction at the Gauss points of a step longer than the lag; False if it does not settle."""
     first = POINTS
     for j in range(POINTS):
-        shift = _NODES[j] * step - lag
+        shift = NODES[j] * step - lag
         if shift < 0.0:
             lagged = velocity + _remembered(latest, index, time + shift, damping_ratio, responses)
         else:
@@ -439,7 +283,7 @@ def _iterate(
         change = 0.0
         for j in range(first, POINTS):
             lagged = velocity
-            for k in range(_COLUMNS):
+            for k in range(COLUMNS):
                 lagged += lagged_rows[j, k] * vector[k]
             friction = level / (1.0 + lagged * lagged)
             change = max(change, abs(friction - vector[2 + j]))
