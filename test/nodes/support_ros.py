@@ -75,7 +75,7 @@ class Probe:
         """Wait until the monitor listens and is heard."""
         self.wait(
             lambda: self.states.get_subscription_count() > 0 and "stickslip_monitor" in self.diagnostics,
-            60.0,  # on a fresh machine it compiles first
+            180.0,  # on a fresh machine, and in a fresh install space, it compiles first
             "the monitor",
         )
 
