@@ -15,7 +15,7 @@ from stickslip_ros.cli.paper_figures import figure_13_axes
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
-from stickslip_ros.model.extinction_map import extinction_map
+from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.simulation import simulate_cycles
 from stickslip_ros.model.verdict import exact_verdict
@@ -46,11 +46,12 @@ def _cycles(groups: object) -> None:
     count, few = 100, 5
     ours = best(lambda: simulate_cycles(groups, count))
     point = np.array([getattr(groups, name) for name in dop853_reference.POINT], dtype=float)
-    theirs = once(lambda: dop853_reference.cycles(point, few, 1e-8)) * count / few
+    by_solve_ivp: list[np.ndarray] = []
+    theirs = once(lambda: by_solve_ivp.append(dop853_reference.cycles(point, few, 1e-8))) * count / few
     exact = dop853_reference.cycles(point, few, 1e-12)
     found = simulate_cycles(groups, few)
     error = np.abs(found.breakaway_level / exact[:, 2] - 1).max()
-    error_theirs = np.abs(dop853_reference.cycles(point, few, 1e-8)[:, 2] / exact[:, 2] - 1).max()
+    error_theirs = np.abs(by_solve_ivp[0][:, 2] / exact[:, 2] - 1).max()
     print(
         f"100 cycles of 1 joint             {1e3 * ours:8.2f} ms (error {error:.0e}), "
         f"{theirs / ours:6.0f} x solve_ivp with events (error {error_theirs:.0e})"
@@ -60,18 +61,14 @@ def _cycles(groups: object) -> None:
 def _map() -> None:
     joint = load_joint("puma560_joint1").joint
     velocity, stiffness = figure_13_axes(joint)
-    groups = dimensionless_groups(joint, Gains(stiffness=stiffness[:, None]), velocity[None, :])
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    found: list[np.ndarray] = []
-    taken = once(
-        lambda: found.append(np.asarray(exact_critical_damping_ratio(groups, tolerance=0.01, workers=_WORKERS)))
-    )
+    maps: list[ExtinctionMap] = []
+    taken = once(lambda: maps.append(extinction_map(joint, velocity, stiffness, workers=_WORKERS)))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    computed = maps[0]
     print(
-        f"map of Fig. 13, {found[0].size} points        {taken:8.2f} s on {_WORKERS} threads, rho_c to 1 %; "
-        f"peak memory {peak / 1024:.0f} MB, of which the map {max(peak - before, 0) / 1024:.0f} MB"
+        f"map of Fig. 13, {computed.exact_damping.size} points        {taken:8.2f} s on {_WORKERS} threads, "
+        f"rho_c to 1 %; peak memory of the whole run {peak / 1024:.0f} MB"
     )
-    computed = extinction_map(joint, velocity, stiffness, workers=_WORKERS)
     needed = computed.paper_damping > 0
     enough = np.mean(computed.paper_damping[needed] >= 0.99 * computed.exact_damping[needed])
     print(

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.cli.demo_log import DemoData
+from stickslip_ros.cli.plotting import BLUE, GREEN, GREY, RED
 
-_BLUE, _GREY, _RED, _GREEN = "#1f5fa8", "#777777", "#c0392b", "#2e8b57"
 _MOST_POINTS = 6000
 
 
@@ -45,32 +45,32 @@ def draw(data: DemoData, path: Path, *, title: str, gains_changed_at: float | No
     if data.references:
         references = np.array(data.references)
         references = references[:: max(1, len(references) // _MOST_POINTS)]
-        top.plot(references[:, 0] - start, scale * references[:, 1], color=_GREY, linewidth=1.2, label="reference")
-    top.plot(states[:, 0] - start, scale * states[:, 1], color=_BLUE, linewidth=1.6, label="measured position")
+        top.plot(references[:, 0] - start, scale * references[:, 1], color=GREY, linewidth=1.2, label="reference")
+    top.plot(states[:, 0] - start, scale * states[:, 1], color=BLUE, linewidth=1.6, label="measured position")
     for number, cycle in enumerate(data.cycles):
         begin, end = cycle["breakaway"] - start, cycle["arrest"] - start
         top.axvspan(
-            begin, end, color=_RED, alpha=0.12, linewidth=0, label="slip of a detected cycle" if number == 0 else None
+            begin, end, color=RED, alpha=0.12, linewidth=0, label="slip of a detected cycle" if number == 0 else None
         )
     top.set_ylabel(f"position [{prefix}{unit}]")
     top.legend(loc="upper left", frameon=False)
     top.set_title(title, loc="left")
     if has_velocity:
         panel = panels.pop(0)
-        panel.plot(states[:, 0] - start, scale * states[:, 2], color=_BLUE, linewidth=1.0)
+        panel.plot(states[:, 0] - start, scale * states[:, 2], color=BLUE, linewidth=1.0)
         panel.set_ylabel(f"velocity [{prefix}{unit}/s]")
     if margins:
         panel = panels.pop(0)
         times, values = np.array(margins).T
-        panel.axhline(0.0, color=_GREY, linewidth=0.8)
-        panel.fill_between(times, values, 0.0, where=values > 0, color=_GREEN, alpha=0.25, linewidth=0, step="post")
-        panel.fill_between(times, values, 0.0, where=values <= 0, color=_RED, alpha=0.25, linewidth=0, step="post")
-        panel.step(times, values, where="post", color=_BLUE, linewidth=1.4)
+        panel.axhline(0.0, color=GREY, linewidth=0.8)
+        panel.fill_between(times, values, 0.0, where=values > 0, color=GREEN, alpha=0.25, linewidth=0, step="post")
+        panel.fill_between(times, values, 0.0, where=values <= 0, color=RED, alpha=0.25, linewidth=0, step="post")
+        panel.step(times, values, where="post", color=BLUE, linewidth=1.4)
         smallest = np.min(np.abs(values[values != 0]), initial=1.0)
         panel.set_yscale("symlog", linthresh=max(smallest, 1e-4), linscale=0.4)
         panel.set_ylabel("energy margin of\nEq. (43) [$M \\dot{x}_s^2$]")
-        panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=_GREEN)
-        panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=_RED)
+        panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=GREEN)
+        panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=RED)
     for panel in axes[:, 0]:
         if gains_changed_at is not None:
             panel.axvline(gains_changed_at - start, color="black", linestyle="--", linewidth=1.0)

@@ -25,6 +25,7 @@ _STIFFNESS_LABEL = "stiffness  $k_p/M$  [1/s²]"
 _SPEED_LABEL = "commanded velocity  $\\dot x_d$  [mrad/s]"
 _DAMPINGS = (0.0, 10.0, 30.0, 60.0)  # k_v [N·m·s/rad]
 _MAP_POINTS = (100, 80)
+_CYCLES = 12
 _LARGEST_STIFFNESS = 1200.0  # k_p/M [1/s²]
 _SPEEDS = (0.05, 3.0)  # of the Stribeck velocity
 _WIDE_SPEEDS = (0.02, 50.0)
@@ -77,24 +78,24 @@ def _figure_1(joint: Joint) -> Figure:
     )
 
 
-def _slip_curves(groups: DimensionlessGroups, label: str, colour: str, cycles: int = 12) -> list[Curve]:
-    """First slip and, thinner in words, the last of several cycles."""
-    motion = simulate_trajectory(groups, cycles)
+def _slip_curves(groups: DimensionlessGroups, colour: str) -> list[Curve]:
+    """The first slip and the last of several cycles."""
+    motion = simulate_trajectory(groups, _CYCLES)
     starts = np.flatnonzero(np.diff(motion.time, prepend=-math.inf) > 0)
     leaves = [index for index in starts if motion.velocity[index] == 0.0 and motion.shape[index] == 1.0]
     ends = [*leaves[1:], len(motion.time)]
     curves = []
-    for which, name, style in ((0, f"{label}first slip", "-"), (len(leaves) - 1, f"{label}slip {len(leaves)}", "--")):
+    for which, name, style in ((0, "first slip", "-"), (len(leaves) - 1, f"slip {len(leaves)}", "--")):
         part = slice(leaves[which], ends[which])
         curves.append(Curve(label=name, x=motion.position[part], y=motion.velocity[part], colour=colour, style=style))
     return curves
 
 
-def _circle(groups: DimensionlessGroups, level: float) -> Curve:
-    """The unperturbed slip: no damping, friction constant at its breakaway level."""
+def _circle(groups: DimensionlessGroups) -> Curve:
+    """The unperturbed first slip: no damping, friction constant at its breakaway level."""
     angle = np.linspace(0.0, 2.0 * math.pi, 361)
     velocity = float(groups.velocity)
-    centre = 2.0 * float(groups.damping_ratio) * velocity - level
+    centre = 2.0 * float(groups.damping_ratio) * velocity - float(groups.stribeck)
     return Curve(
         label="unperturbed circle",
         x=centre + velocity * np.sin(angle + math.pi),
@@ -108,7 +109,7 @@ def _slip_panel(groups: DimensionlessGroups, title: str, curves: list[Curve]) ->
     return Panel(
         x_label="position  $\\xi$  (relative to steady motion)  [1]",
         y_label="velocity  $\\dot x/\\dot x_s$  [1]",
-        curves=(_circle(groups, float(groups.stribeck)), *curves),
+        curves=(_circle(groups), *curves),
         title=title,
         legend="upper left",
         equal=True,
@@ -121,7 +122,7 @@ def _figure_5(joint: Joint) -> Figure:
     for stribeck, words in ((float(own.stribeck), "joint 1"), (11.4, "the print's caption")):
         groups = replace(own, stribeck=stribeck)
         title = f"$F^*_{{s\\infty}}$ = {stribeck:.3g} ({words})"
-        panels.append(_slip_panel(groups, title, _slip_curves(groups, "", BLUE)))
+        panels.append(_slip_panel(groups, title, _slip_curves(groups, BLUE)))
     return Figure(
         name="figure_05",
         title="Fig. 5  A slip in the phase plane, and the circle it would be without friction's work",
@@ -144,8 +145,8 @@ def _figure_6(joint: Joint) -> Figure:
             "Without lag friction is back at its full level when the joint stops."
         ),
         panels=(
-            _slip_panel(own, f"with the joint's lag, τ* = {float(own.lag):.3g}", _slip_curves(own, "", BLUE)),
-            _slip_panel(without, "without lag, τ* = 0", _slip_curves(without, "", ORANGE)),
+            _slip_panel(own, f"with the joint's lag, τ* = {float(own.lag):.3g}", _slip_curves(own, BLUE)),
+            _slip_panel(without, "without lag, τ* = 0", _slip_curves(without, ORANGE)),
         ),
     )
 
@@ -172,14 +173,13 @@ def _figure_8(_: Joint) -> Figure:
 def _figure_9(_: Joint) -> Figure:
     velocity = np.geomspace(0.02, 50.0, 400)
     curves = tuple(
-        Curve(label=f"τ* = {lag:g}", x=velocity, y=np.asarray(work_integral(velocity, lag)), colour=colour)
+        Curve(label=f"τ* = {lag:g}", x=np.log10(velocity), y=np.asarray(work_integral(velocity, lag)), colour=colour)
         for lag, colour in zip((0.0, 0.5, 1.0, 1.5, 2.0, 3.0), COLOURS, strict=True)
     )
-    logarithm = tuple(replace(curve, x=np.log10(curve.x)) for curve in curves)
     panel = Panel(
         x_label="commanded over Stribeck velocity, its decimal logarithm  log₁₀ $\\dot\\xi_d$  [1]",
         y_label="work integral  $I(\\dot\\xi_d, \\tau^*)$  [1]",
-        curves=logarithm,
+        curves=curves,
     )
     return Figure(
         name="figure_09",
@@ -199,17 +199,30 @@ def _wide_axes(joint: Joint) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return velocity, float(joint.inertia) * np.geomspace(5.0, _WIDE_STIFFNESS, 400)
 
 
+def _paper_boundary(
+    joint: Joint,
+    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    damping: float,
+    label: str,
+    colour: str,
+    *,
+    rises_from_coulomb: bool = False,
+) -> Curve:
+    velocity, stiffness = axes
+    groups = dimensionless_groups(joint, Gains(stiffness=stiffness[:, None], damping=damping), velocity[None, :])
+    margin = np.asarray(energy_margin(groups, rises_from_coulomb=rises_from_coulomb))
+    return boundary(label, 1e3 * velocity, stiffness / float(joint.inertia), margin, colour, "-")
+
+
 def _paper_boundaries(
     joint: Joint, axes: tuple[NDArray[np.float64], NDArray[np.float64]], *, rises_from_coulomb: bool = False
 ) -> tuple[Curve, ...]:
-    velocity, stiffness = axes
-    curves = []
-    for damping, colour in zip(_DAMPINGS, COLOURS, strict=False):
-        groups = dimensionless_groups(joint, Gains(stiffness=stiffness[:, None], damping=damping), velocity[None, :])
-        margin = np.asarray(energy_margin(groups, rises_from_coulomb=rises_from_coulomb))
-        x, y = 1e3 * velocity, stiffness / float(joint.inertia)
-        curves.append(boundary(f"$k_v$ = {damping:g} N·m·s/rad", x, y, margin, colour, "-"))
-    return tuple(curves)
+    return tuple(
+        _paper_boundary(
+            joint, axes, damping, f"$k_v$ = {damping:g} N·m·s/rad", colour, rises_from_coulomb=rises_from_coulomb
+        )
+        for damping, colour in zip(_DAMPINGS, COLOURS, strict=False)
+    )
 
 
 def _map_panel(curves: tuple[Curve, ...]) -> Panel:
@@ -291,11 +304,8 @@ def _figure_13(joint: Joint, computed: ExtinctionMap) -> Figure:
 def _figure_14(joint: Joint, computed: ExtinctionMap) -> Figure:
     total = 4.9
     bare = replace(joint, friction=replace(joint.friction, viscous=total))
-    velocity, stiffness = _axes(joint)
-    groups = dimensionless_groups(bare, Gains(stiffness=stiffness[:, None]), velocity[None, :])
-    x, y = 1e3 * velocity, stiffness / float(joint.inertia)
     curves = (
-        boundary("Eq. (43)", x, y, np.asarray(energy_margin(groups)), BLUE, "-"),
+        _paper_boundary(bare, _axes(bare), 0.0, "Eq. (43)", BLUE),
         _exact_boundary(joint, computed, total, "integrated exactly", GREEN),
     )
     return Figure(

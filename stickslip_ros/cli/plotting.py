@@ -6,11 +6,15 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BLUE, RED, GREEN, ORANGE, PURPLE, GREY = "#1f5fa8", "#c0392b", "#2e8b57", "#d9822b", "#7d4fa3", "#777777"
 COLOURS = (BLUE, RED, GREEN, ORANGE, PURPLE, GREY)
@@ -49,7 +53,7 @@ class Panel:
     logarithmic: bool = False
     equal: bool = False
     legend: str = "best"
-    words: tuple[tuple[float, float, str], ...] = field(default=())
+    words: tuple[tuple[float, float, str], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,11 +105,9 @@ def save(figure: Figure, folder: Path) -> list[Path]:
     return files
 
 
-def _draw(panel: Panel, axis: object) -> None:
-    from matplotlib.axes import Axes
+def _draw(panel: Panel, axis: Axes) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    assert isinstance(axis, Axes)
     for region in panel.regions:
         axis.contourf(
             region.x, region.y, np.ma.masked_invalid(region.inside), levels=[0.0, np.inf], colors=[region.colour],

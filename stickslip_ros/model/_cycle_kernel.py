@@ -59,6 +59,15 @@ def _cycle(level, point, prepared, tolerance, record):
 
 
 @njit(cache=True)
+def _store(row, duration, distance, dwell, level, arrested):
+    row[SLIP_DURATION] = duration
+    row[SLIP_DISTANCE] = distance
+    row[DWELL] = dwell
+    row[BREAKAWAY_LEVEL] = level
+    row[ARREST_LEVEL] = arrested
+
+
+@njit(cache=True)
 def _feasible(damping_ratio, stribeck, velocity):
     """Whether a slip takes a bearable number of steps."""
     return max(np.sqrt(velocity), stribeck) < _SHARPEST and damping_ratio <= LARGEST_DAMPING_RATIO
@@ -79,11 +88,7 @@ def cycles(damping_ratios, stribecks, velocities, lags, rise_times, levels, refi
             ends, duration, distance, dwell, arrested, following, _ = _cycle(level, point, prepared, tolerance, nothing)
             if ends != ARRESTED:
                 break
-            summaries[i, n, SLIP_DURATION] = duration
-            summaries[i, n, SLIP_DISTANCE] = distance
-            summaries[i, n, DWELL] = dwell
-            summaries[i, n, BREAKAWAY_LEVEL] = level
-            summaries[i, n, ARREST_LEVEL] = arrested
+            _store(summaries[i, n], duration, distance, dwell, level, arrested)
             level = following
 
 
@@ -102,11 +107,7 @@ def trajectory(
         )
         total += count
         rows[n] = total
-        summaries[n, SLIP_DURATION] = duration
-        summaries[n, SLIP_DISTANCE] = distance
-        summaries[n, DWELL] = dwell
-        summaries[n, BREAKAWAY_LEVEL] = level
-        summaries[n, ARREST_LEVEL] = arrested
+        _store(summaries[n], duration, distance, dwell, level, arrested)
         if ends != ARRESTED:
             return n + 1
         level = following

@@ -62,14 +62,19 @@ def _lagged_velocity(time, state, history):
 
 
 @njit(cache=True)
+def _instant_shape(velocity, parameters):
+    ratio = velocity / parameters[STRIBECK_VELOCITY]
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@njit(cache=True)
 def _shape(time, velocity, state, history, parameters, delayed):
     """Ψ of Eq. (5)."""
     if delayed:
         if time - state[EVENT_TIME] <= parameters[LAG]:
             return 1.0
         velocity = _lagged_velocity(time - parameters[LAG], state, history)
-    ratio = velocity / parameters[STRIBECK_VELOCITY]
-    return 1.0 / (1.0 + ratio * ratio)
+    return _instant_shape(velocity, parameters)
 
 
 @njit(cache=True)
@@ -100,20 +105,15 @@ def _slide(step, reference, reference_velocity, shape_0, shape_1, shape_2, state
     z1 = reference - x
     x2, v2 = x + half * v, v + half * a1
     z2 = middle - x2
-    s = shape_1
-    if not delayed:
-        s = 1.0 / (1.0 + (v2 / parameters[STRIBECK_VELOCITY]) ** 2)
+    s = shape_1 if delayed else _instant_shape(v2, parameters)
     a2 = _acceleration(x2, v2, z + half * z1, middle, reference_velocity, s, state, parameters)
     x3, v3 = x + half * v2, v + half * a2
     z3 = middle - x3
-    if not delayed:
-        s = 1.0 / (1.0 + (v3 / parameters[STRIBECK_VELOCITY]) ** 2)
+    s = shape_1 if delayed else _instant_shape(v3, parameters)
     a3 = _acceleration(x3, v3, z + half * z2, middle, reference_velocity, s, state, parameters)
     x4, v4 = x + step * v3, v + step * a3
     z4 = end - x4
-    s = shape_2
-    if not delayed:
-        s = 1.0 / (1.0 + (v4 / parameters[STRIBECK_VELOCITY]) ** 2)
+    s = shape_2 if delayed else _instant_shape(v4, parameters)
     a4 = _acceleration(x4, v4, z + step * z3, end, reference_velocity, s, state, parameters)
     out[0] = x + step / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     out[1] = v + step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)

@@ -75,10 +75,9 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
     1.0 if it does, 0.0 if it dies out; NaN if the controller is too fast beside the joint to be followed.
     """
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
-    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
-    sampled = conditions.controller_period > 0
-    period = conditions.controller_period if sampled else natural_period / _SAMPLES_A_PERIOD
-    if period * _FASTEST_CONTROLLER < natural_period:
+    natural_period = _natural_period(joint, gains)
+    period = _step_period(conditions, natural_period)
+    if math.isnan(period):
         return math.nan
     friction = joint.friction
     coulomb = _COULOMB * float(friction.stribeck)
@@ -93,7 +92,7 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
         gains,
         error_integral=constant / float(gains.integral) if gains.integral else 0.0,
         load=conditions.load,
-        sampled=sampled,
+        sampled=conditions.controller_period > 0,
         control_delay=conditions.control_delay,
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
@@ -128,18 +127,20 @@ def hunts(joint: Joint, gains: Gains, conditions: Conditions) -> float:
     -------
     1.0 if the slips go on without vanishing, 0.0 if they do not; NaN if that cannot be followed.
     """
-    stiffness = float(gains.stiffness)
-    natural_period = 2.0 * math.pi * math.sqrt(float(joint.inertia) / stiffness)
+    natural_period = _natural_period(joint, gains)
     if gains.integral == 0:
         return 0.0
     friction = joint.friction
-    sampled = conditions.controller_period > 0
-    period = conditions.controller_period if sampled else natural_period / _SAMPLES_A_PERIOD
-    if period * _FASTEST_CONTROLLER < natural_period:
+    period = _step_period(conditions, natural_period)
+    if math.isnan(period):
         return math.nan
-    offset = max(float(friction.coulomb) + float(friction.stribeck), 1e-12) / stiffness
+    offset = max(float(friction.coulomb) + float(friction.stribeck), 1e-12) / float(gains.stiffness)
     simulation = JointSimulation(
-        joint, gains, load=conditions.load, sampled=sampled, control_delay=conditions.control_delay
+        joint,
+        gains,
+        load=conditions.load,
+        sampled=conditions.controller_period > 0,
+        control_delay=conditions.control_delay,
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
     slips: list[float] = []
@@ -165,6 +166,16 @@ def hunts(joint: Joint, gains: Gains, conditions: Conditions) -> float:
         return float(len(slips) > 2)
     recent, earlier = max(slips[-4:]), max(slips[-_HUNTS // 2 - 4 : -_HUNTS // 2])
     return float(recent > _HUNT_KEEPS * earlier)
+
+
+def _natural_period(joint: Joint, gains: Gains) -> float:
+    return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
+
+
+def _step_period(conditions: Conditions, natural_period: float) -> float:
+    """The controller's period, or a sampling of continuous control; NaN if too short to be followed [s]."""
+    period = conditions.controller_period or natural_period / _SAMPLES_A_PERIOD
+    return math.nan if period * _FASTEST_CONTROLLER < natural_period else period
 
 
 def _settled(levels: list[float]) -> bool:

@@ -10,6 +10,8 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint, Real
 
+_LEAST_STRIBECK = 1e-9  # [N·m] without Stribeck friction there would be no scale
+
 
 @dataclass(frozen=True, kw_only=True)
 class DimensionlessGroups:
@@ -53,6 +55,20 @@ def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> Dimensio
             lag=natural_frequency * friction.lag,
             rise_time=natural_frequency * friction.rise_time,
         )
+
+
+def stiffness_scale(joint: Joint) -> Real:
+    """k_p [N·m/rad] at which F*_s∞ = 1: M (F_s∞/(M x˙_s))², around which boundaries are looked for."""
+    frequency = np.maximum(np.asarray(joint.friction.stribeck, dtype=float), _LEAST_STRIBECK) / (
+        joint.inertia * np.asarray(joint.friction.stribeck_velocity)
+    )
+    return np.asarray(joint.inertia * frequency * frequency)
+
+
+def stiffness_of_lag(joint: Joint) -> Real:
+    """k_p [N·m/rad] at which the lag is a natural period, τ* = 2π; infinite without lag."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return np.asarray(joint.inertia * np.square(2 * np.pi / np.asarray(joint.friction.lag, dtype=float)))
 
 
 def damping_for_ratio(joint: Joint, stiffness: Real, damping_ratio: Real) -> Real:

@@ -10,13 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _cycle_kernel as kernel
-from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
+from stickslip_ros.model.dimensionless import (
+    DimensionlessGroups,
+    dimensionless_groups,
+    stiffness_of_lag,
+    stiffness_scale,
+)
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.simulation import point_arrays
@@ -96,17 +101,13 @@ def exact_critical_damping_ratio(
 
     parts = [slice(begin, begin + _CHUNK) for begin in range(0, found.size, _CHUNK)]
     done = 0
-    if workers == 1 or len(parts) == 1:
-        for part in parts:
-            done += work(part)
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        # A thread costs more than a joint's verdict.
+        sizes = map(work, parts) if workers == 1 or len(parts) == 1 else pool.map(work, parts)
+        for size in sizes:
+            done += size
             if progress is not None:
                 progress(done, found.size)
-    else:
-        with ThreadPoolExecutor(max_workers=workers) as pool:
-            for future in as_completed([pool.submit(work, part) for part in parts]):
-                done += future.result()
-                if progress is not None:
-                    progress(done, found.size)
     return float(found[0]) if shape == () else found.reshape(shape)
 
 
@@ -131,11 +132,8 @@ def exact_least_smooth_stiffness(
     there is no answer. Much stiffer joints may stick again: with a lag near a natural period the falling part of
     the Stribeck curve feeds an oscillation.
     """
-    friction, inertia = joint.friction, float(joint.inertia)
-    own = inertia * (max(float(friction.stribeck), 1e-9) / (inertia * float(friction.stribeck_velocity))) ** 2
-    low, high = own / _LARGEST_STRIBECK**2, own * _STIFFNESS_RANGE
-    if friction.lag > 0:
-        high = min(high, inertia * (2.0 * math.pi / float(friction.lag)) ** 2)
+    own = float(stiffness_scale(joint))
+    low, high = own / _LARGEST_STRIBECK**2, min(own * _STIFFNESS_RANGE, float(stiffness_of_lag(joint)))
     return _boundary(
         lambda stiffness: dimensionless_groups(joint, Gains(stiffness=stiffness, damping=damping), velocity),
         _grid(min(low, 0.1 * high), high),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.dimensionless import dimensionless_groups, stiffness_of_lag, stiffness_scale
 from stickslip_ros.model.exact import Progress, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
@@ -55,13 +55,11 @@ def map_axes(
 
     They span what Stribeck friction does to the joint, and the operating point if there is one.
     """
-    friction, inertia = joint.friction, float(joint.inertia)
-    own = inertia * (max(float(friction.stribeck), 1e-9) / (inertia * float(friction.stribeck_velocity))) ** 2
+    own = float(stiffness_scale(joint))
     low, high = (share * own for share in _STIFFNESSES)
-    if friction.lag > 0:
-        high = min(high, inertia * (2.0 * math.pi / float(friction.lag)) ** 2)
-        low = min(low, 0.01 * high)
-    slow, fast = (share * float(friction.stribeck_velocity) for share in _VELOCITIES)
+    high = min(high, float(stiffness_of_lag(joint)))
+    low = min(low, 0.01 * high)
+    slow, fast = (share * float(joint.friction.stribeck_velocity) for share in _VELOCITIES)
     if velocity:
         slow, fast = min(slow, abs(velocity) / _ROOM), max(fast, abs(velocity) * _ROOM)
     if stiffness:

@@ -10,7 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
+from stickslip_ros.model.dimensionless import (
+    DimensionlessGroups,
+    dimensionless_groups,
+    stiffness_of_lag,
+    stiffness_scale,
+)
 from stickslip_ros.model.extinction import critical_damping_ratio, energy_margin, reduction_factor, steady_stribeck
 from stickslip_ros.model.friction import Gains, Joint, Real
 
@@ -160,15 +165,10 @@ def least_smooth_stiffness(
     0 if every stiffness is smooth; infinite if none is up to the end of the domain (τ* = 2π, or
     without lag eight decades above the stiffness M (F_s∞/(M x˙_s))²); NaN where not applicable.
     """
-    friction = joint.friction
-    # The frequency at which F*_s∞ = 1 is the joint's own; the boundary is looked for around it.
-    own = np.maximum(np.asarray(friction.stribeck, dtype=float), 1e-9) / (
-        joint.inertia * np.asarray(friction.stribeck_velocity)
-    )
-    shape = np.broadcast_shapes(np.shape(own), np.shape(velocity), np.shape(damping), np.shape(friction.lag))
-    centre = np.broadcast_to(joint.inertia * own * own, shape)
-    with np.errstate(divide="ignore", over="ignore"):
-        limit = joint.inertia * np.square(2 * np.pi / np.asarray(friction.lag, dtype=float)) * (1 - 1e-12)
+    own = stiffness_scale(joint)
+    shape = np.broadcast_shapes(np.shape(own), np.shape(velocity), np.shape(damping), np.shape(joint.friction.lag))
+    centre = np.broadcast_to(own, shape)
+    limit = stiffness_of_lag(joint) * (1 - 1e-12)
     high = np.minimum(centre * 10.0**_STIFFNESS_DECADES, limit)
     low = high * 10.0 ** (-2 * _STIFFNESS_DECADES)
 

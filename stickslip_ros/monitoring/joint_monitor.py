@@ -112,6 +112,7 @@ class JointMonitor:
         self._detector = CycleDetector()
         self._motion = MotionRecord()
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
+        self._open_rest: float | None = None
         self._rested_at = -math.inf
 
     def reset(self) -> None:
@@ -157,7 +158,8 @@ class JointMonitor:
             self.cycle_count += len(found)
             cycles += found
             self._motion.follow_direction(self._detector.detector)
-            if self._detector.detector.open_rest() is not None:
+            self._open_rest = self._detector.detector.open_rest()
+            if self._open_rest is not None:
                 self._rested_at = self._motion.last_time
             self._extend_segments(part)
         return cycles
@@ -184,7 +186,7 @@ class JointMonitor:
             return Finding(status=Status.NOT_JUDGED, reason="too few samples")
         if self._sticks(now):
             return Finding(status=Status.STICK_SLIP, reason=HUNTING if self._recent[-1].hunting else "")
-        rest_since = detector.open_rest()
+        rest_since = self._open_rest
         if rest_since is not None or detector.knots <= 1:
             return self._at_rest(rest_since if rest_since is not None else self._motion.first_time, now)
         moving_for = now - max(self._motion.turned, self._motion_began())
@@ -203,7 +205,7 @@ class JointMonitor:
         period = float(np.median([cycle.period for cycle in self._recent]))
         # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
         since = max(self._recent[-1].arrest, self._last_breakaway())
-        patience = _PERIODS_TO_TRUST if self._detector.detector.open_rest() is None else _PERIODS_AT_REST
+        patience = _PERIODS_TO_TRUST if self._open_rest is None else _PERIODS_AT_REST
         return now - since <= patience * period
 
     def _at_rest(self, since: float, now: float) -> Finding:
