@@ -15,9 +15,13 @@ from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, lowest_smooth_velocity, stability_margin
 from stickslip_ros.monitoring.advice import AdviceLimits, Recommendation, recommend
+from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.detection import Cycle, CycleDetector
+from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.friction_learner import FrictionLearner
 from stickslip_ros.monitoring.motion import MotionRecord
-from stickslip_ros.monitoring.samples import Batch, SampleFilter
+from stickslip_ros.monitoring.samples import Batch, SampleBuffer, SampleFilter
+from stickslip_ros.monitoring.slip_windows import slip_window
 from stickslip_ros.monitoring.status import Finding, Segment, Status
 
 _PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
@@ -28,6 +32,7 @@ _RECENT_CYCLES = 5
 _SAME_SPEED = 0.01
 _DIP_AT_RISK = 0.2  # of the mean speed
 _SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
+_NOW = 0.1  # [s] over which the present velocity is taken
 _SLICE = 0.05  # [s] how finely findings are dated within a batch
 
 
@@ -39,11 +44,15 @@ class MonitorOptions:
     ----------
     warn_margin : relative damping reserve ρ/ρ_c − 1 below which smooth motion is at risk.
     least_motion : motion must last so long before it is called smooth, if no period is known [s].
+    learn : whether friction is learnt from the motion.
+    memory : slips after which what they taught has faded to a third.
     limits : what advice must reach and keep within.
     """
 
     warn_margin: float = 0.1
     least_motion: float = field(default=1.0, metadata={"unit": "s"})
+    learn: bool = True
+    memory: float = 100.0
     limits: AdviceLimits = field(default_factory=AdviceLimits)
 
 
@@ -60,6 +69,14 @@ class Assessment:
     gains : the controller's gains, None if unknown.
     margin : what Eq. (43) predicts, None if joint or gains are unknown.
     margin_reason : why there is no margin, or it does not apply; "" if it does.
+    margin_std : standard error of the energy margin from those of the friction [M x˙_s²]; NaN if that is
+        configured, not learnt.
+    stick_slip_probability : that Eq. (43) predicts stick slip, given these errors; NaN likewise.
+    rests_on : where the friction comes from that the margin uses.
+    joint : inertia and friction that the margin uses; margin_gains : its gains; per_inertia : whether both are, the
+        gains being unknown.
+    position : of the last sample [rad]; mean_velocity : over the last tenths of a second [rad/s].
+    estimate : what was learnt, None if nothing yet; notice : what changed abruptly, or "".
     lowest_smooth_velocity : [rad/s], NaN if unknown.
     recommendation : None if joint or gains are unknown.
     cycles : how many were counted; last_cycle : the latest one.
@@ -75,6 +92,16 @@ class Assessment:
     gains: Gains | None
     margin: StabilityMargin | None
     margin_reason: str
+    margin_std: float
+    stick_slip_probability: float
+    rests_on: str
+    joint: Joint | None
+    margin_gains: Gains | None
+    per_inertia: bool
+    position: float
+    mean_velocity: float
+    estimate: FrictionEstimate | None
+    notice: str
     lowest_smooth_velocity: float
     recommendation: Recommendation | None
     cycles: int
@@ -86,7 +113,10 @@ class Assessment:
 
 
 class JointMonitor:
-    """Watches one joint.
+    """Watches one joint, and learns its friction from slips.
+
+    Learning from a slip takes milliseconds; a study of many, from which learning begins, seconds. Studies are
+    made by :meth:`learn`, or elsewhere with the means of ``learner``.
 
     Parameters
     ----------
@@ -98,18 +128,49 @@ class JointMonitor:
     def __init__(
         self, joint: Joint | None = None, gains: Gains | None = None, options: MonitorOptions | None = None
     ) -> None:
-        self.joint = joint
-        self.gains = gains
         self.options = options or MonitorOptions()
+        self._joint = joint
+        self._gains = gains
+        self.learner = FrictionLearner(joint, self.options.memory)
+        self._gains_since = -math.inf
+        self._belief: Belief | None = None
+        self._disbelief = ""
+        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
         self._filter = SampleFilter()
         self._advice: tuple[tuple[object, ...], float, float, Recommendation] | None = None
         self.cycle_count = 0
         self.segments: deque[Segment] = deque(maxlen=10_000)
         self._begin()
 
+    @property
+    def joint(self) -> Joint | None:
+        """Inertia and friction as configured."""
+        return self._joint
+
+    @joint.setter
+    def joint(self, joint: Joint | None) -> None:
+        if joint != self._joint:
+            self._joint = self.learner.configured = joint
+
+    @property
+    def gains(self) -> Gains | None:
+        """The controller's gains; a change takes effect with the next sample."""
+        return self._gains
+
+    @gains.setter
+    def gains(self, gains: Gains | None) -> None:
+        if gains != self._gains:
+            self._gains = gains
+            self._gains_since = self._filter.last_time
+
+    def learn(self) -> None:
+        """Study the slips seen, if that is due: up to seconds."""
+        self.learner.study_now()
+
     def _begin(self) -> None:
         """Forget the motion seen so far, not what is known of the joint."""
         self._detector = CycleDetector()
+        self._samples = SampleBuffer()
         self._motion = MotionRecord()
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
         self._open_rest: float | None = None
@@ -121,6 +182,7 @@ class JointMonitor:
         self._filter = SampleFilter()
         self.cycle_count = 0
         self.segments.clear()
+        self.learner.reset()
 
     @property
     def last_time(self) -> float:
@@ -153,7 +215,10 @@ class JointMonitor:
         for indices in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(slices)) + 1):
             part = batch.where(slice(int(indices[0]), int(indices[-1]) + 1))
             travels = self._motion.take(part)
+            self._samples.add(part)
             found = self._detector.feed(part.time, part.position, part.velocity, travels, part.effort)
+            for cycle in found:
+                self._learn_from(cycle)
             self._recent.extend(found)
             self.cycle_count += len(found)
             cycles += found
@@ -163,6 +228,20 @@ class JointMonitor:
                 self._rested_at = self._motion.last_time
             self._extend_segments(part)
         return cycles
+
+    def _learn_from(self, cycle: Cycle) -> None:
+        """Let the learner see one slip, if gains and reference were what they are throughout."""
+        rest_begin = cycle.breakaway - cycle.dwell
+        if not self.options.learn or cycle.hunting or self._gains_since > rest_begin:
+            return
+        samples = self._samples.between(
+            cycle.breakaway - min(cycle.dwell, max(2.0 * cycle.slip_duration, 1.0)), cycle.arrest + cycle.dwell
+        )
+        detector = self._detector.detector
+        if samples is not None:
+            window = slip_window(samples, cycle, self._gains, resolution=detector.resolution, noise=detector.noise)
+            if window is not None:
+                self.learner.take(window)
 
     def _extend_segments(self, batch: Batch) -> None:
         status = self.finding().status
@@ -241,7 +320,7 @@ class JointMonitor:
         dip = self._detector.detector.slowest_share(since)
         if dip < _DIP_AT_RISK:
             return Finding(status=Status.AT_RISK, reason=f"the speed falls to {100 * dip:.0f} % of its mean")
-        margin, _ = self._margin()
+        margin, _, _ = self._margin()
         if margin is not None and margin.applicable:
             reserve = _reserve(margin)
             if reserve < self.options.warn_margin:
@@ -261,41 +340,53 @@ class JointMonitor:
         mean = self._motion.mean_velocity(window)
         return mean, "mean motion" if math.isfinite(mean) else ""
 
-    def _margin(self) -> tuple[StabilityMargin | None, str]:
-        if self.joint is None:
-            return None, "inertia and friction of the joint are not configured"
-        if self.gains is None:
-            return None, "the controller's gains are not known"
+    def _believe(self) -> tuple[Belief | None, str]:
+        """What to compute with: the same as before until something has changed that matters."""
+        basis = (self.learner.estimate, self._joint, self._gains)
+        if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
+            return self._belief, self._disbelief
+        belief, self._disbelief = believed(*basis)
+        if belief is None or self._belief is None or not much_the_same(belief, self._belief):
+            self._belief = belief
+        self._basis = basis
+        return self._belief, self._disbelief
+
+    def _margin(self) -> tuple[StabilityMargin | None, str, Belief | None]:
+        belief, reason = self._believe()
+        if belief is None:
+            return None, reason, None
         velocity, source = self.velocity()
         if not source:
-            return None, "the commanded velocity is not known"
-        margin = stability_margin(self.joint, self.gains, velocity)
-        return margin, str(margin.reason or "")
+            return None, "the commanded velocity is not known", belief
+        margin = stability_margin(belief.joint, belief.gains, velocity)
+        return margin, str(margin.reason or ""), belief
 
-    def _advise(self, velocity: float) -> tuple[float, Recommendation]:
+    def _advise(self, belief: Belief, velocity: float) -> tuple[float, Recommendation]:
         """Lowest smooth velocity and advice; kept while what they depend on changes by less than a per cent."""
-        assert self.joint is not None
-        assert self.gains is not None
         speed = abs(velocity)
-        key = (self.joint, self.gains, self.options.limits)
+        key = (belief.joint, belief.gains, self.options.limits)
+        lowest = math.nan
         if self._advice is not None:
             known, known_speed, lowest, recommendation = self._advice
             if known == key and abs(speed - known_speed) <= _SAME_SPEED * known_speed:
                 return lowest, recommendation
-            if known != key:
-                lowest = float(lowest_smooth_velocity(self.joint, self.gains))
-        else:
-            lowest = float(lowest_smooth_velocity(self.joint, self.gains))
-        self._advice = (key, speed, lowest, recommend(self.joint, self.gains, speed, self.options.limits))
-        return self._advice[2:]
+        if self._advice is None or self._advice[0] != key:
+            lowest = float(lowest_smooth_velocity(belief.joint, belief.gains))
+        advice = recommend(
+            belief.joint, belief.gains, speed, self.options.limits, belief.uncertainty, gains_known=belief.gains_known
+        )
+        self._advice = (key, speed, lowest, advice)
+        return lowest, advice
 
     def assessment(self) -> Assessment:
         """Everything known of the joint now."""
         velocity, source = self.velocity()
         lowest, recommendation = math.nan, None
-        margin, reason = self._margin()
-        if margin is not None:
-            lowest, recommendation = self._advise(velocity)
+        margin, reason, belief = self._margin()
+        std = probability = math.nan
+        if margin is not None and belief is not None:
+            lowest, recommendation = self._advise(belief, velocity)
+            std, probability = uncertainty_of(margin, belief, velocity)
         detector = self._detector.detector
         return Assessment(
             finding=self.finding(),
@@ -305,6 +396,16 @@ class JointMonitor:
             gains=self.gains,
             margin=margin,
             margin_reason=reason,
+            margin_std=std,
+            stick_slip_probability=probability,
+            rests_on=belief.rests_on if belief else "",
+            joint=belief.joint if belief else None,
+            margin_gains=belief.gains if belief else None,
+            per_inertia=belief is not None and not belief.gains_known,
+            position=self._motion.position,
+            mean_velocity=self._motion.mean_velocity(_NOW),
+            estimate=self.learner.estimate,
+            notice=self.learner.notice,
             lowest_smooth_velocity=lowest,
             recommendation=recommendation,
             cycles=self.cycle_count,

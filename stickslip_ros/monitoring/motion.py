@@ -25,7 +25,7 @@ class MotionRecord:
         self.turned = -math.inf
         self.last_way = 0.0
         self._direction = 0
-        self._position = math.nan
+        self.position = math.nan
         self._travel = 0.0
         self._reference = math.nan
         self._reference_velocity = math.nan
@@ -42,13 +42,13 @@ class MotionRecord:
             self.sample_interval = interval if math.isnan(old) else old + 0.1 * (interval - old)
         if math.isnan(self.first_time):
             self.first_time = float(batch.time[0])
-            self._position = float(batch.position[0])
+            self.position = float(batch.position[0])
         travels = self._reference_way(batch, steps)
-        self.last_way = float(batch.position[-1]) - self._position
-        self._position = float(batch.position[-1])
+        self.last_way = float(batch.position[-1]) - self.position
+        self.position = float(batch.position[-1])
         self.last_time = float(batch.time[-1])
         self._past.append(
-            (self.last_time, self._position, self._reference, self._travel if self._has_reference else math.nan)
+            (self.last_time, self.position, self._reference, self._travel if self._has_reference else math.nan)
         )
         return travels
 
@@ -110,4 +110,4 @@ class MotionRecord:
         entry = self._since(self.last_time - window)
         if entry is None or not self.last_time > entry[0]:
             return math.nan
-        return (self._position - entry[1]) / (self.last_time - entry[0])
+        return (self.position - entry[1]) / (self.last_time - entry[0])

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -13,11 +13,24 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, steady_friction
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import Assessment
 from stickslip_ros.monitoring.status import Status
+
+ESTIMATE_UNITS = {
+    "inertia": "kg*m^2",
+    "coulomb": "N*m",
+    "viscous": "N*m*s/rad",
+    "stribeck": "N*m",
+    "stribeck_velocity": "rad/s",
+    "lag": "s",
+    "rise_time": "s",
+    "load": "N*m",
+}
+PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}
 
 
 class MessageError(StickSlipError, ValueError):
@@ -115,6 +128,10 @@ MARGIN_FIELDS = (
     "exact_critical_damping_ratio",
     "exact_lowest_smooth_velocity",
     "exact_least_smooth_stiffness",
+    "margin_std",
+    "stick_slip_probability",
+    "stiffness_factor",
+    "damping_factor",
 )
 STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
@@ -136,7 +153,62 @@ def margin_row(assessment: Assessment, exact: ExactVerdict) -> list[float]:
         exact.critical_damping_ratio,
         exact.lowest_smooth_velocity,
         exact.least_smooth_stiffness,
+        assessment.margin_std,
+        assessment.stick_slip_probability,
+        *_factors(assessment),
     ]
+
+
+def _factors(assessment: Assessment) -> tuple[float, float]:
+    """Advice as factors on stiffness and damping."""
+    advice = assessment.recommendation
+    return (math.nan, math.nan) if advice is None else (advice.stiffness_factor, advice.damping_factor)
+
+
+def friction_message(time: Time, assessments: Mapping[str, Assessment]) -> JointState:
+    """Friction of every joint at its speed, by the joint that its margin uses; NaN where none is known."""
+    message = JointState(name=list(assessments))
+    message.header.stamp = time
+    for assessment in assessments.values():
+        message.position.append(assessment.position)
+        message.velocity.append(assessment.mean_velocity)
+        known = assessment.joint is not None and math.isfinite(assessment.mean_velocity)
+        friction = math.nan
+        if known and assessment.joint is not None and not assessment.per_inertia:
+            friction = float(steady_friction(assessment.joint.friction, assessment.mean_velocity))
+        message.effort.append(friction)
+    return message
+
+
+def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+    """What was learnt, one number a key, and the whole in words."""
+    values: list[tuple[str, object]] = []
+    words = []
+    for name, unit in ESTIMATE_UNITS.items():
+        found = estimate.load if name == "load" else estimate[name]
+        if estimate.normalised:
+            if name in ("inertia", "coulomb", "load"):
+                continue
+            unit = PER_INERTIA.get(name, unit)
+        if math.isnan(found.value):
+            continue
+        values += [(f"{name} [{unit}]", found.value), (f"{name} std [{unit}]", found.std)]
+        words.append(f"{name.replace('_', ' ')} {found.value:.4g} ± {found.std:.2g}{'' if found.identified else '?'}")
+    if estimate.normalised:
+        frequency = estimate.natural_frequency
+        values += [
+            ("natural_frequency learnt [rad/s]", frequency.value),
+            ("natural_frequency std [rad/s]", frequency.std),
+        ]
+        words.insert(0, f"natural frequency {frequency.value:.4g} ± {frequency.std:.2g}")
+    values += [
+        ("friction learnt", "; ".join(words)),
+        ("not identified", ", ".join(estimate.unidentified)),
+        ("slips learnt from [1]", estimate.slips),
+        ("slips not explained [1]", estimate.aside),
+        ("friction fit mean square [1]", estimate.mean_square),
+    ]
+    return values
 
 
 def joint_diagnostic(
@@ -181,10 +253,26 @@ def joint_diagnostic(
         ]
     if advice is not None:
         values += [
-            ("recommended stiffness [N*m/rad]", advice.stiffness),
-            ("recommended damping [N*m*s/rad]", advice.damping),
+            ("recommended stiffness_factor [1]", advice.stiffness_factor),
+            ("recommended damping_factor [1]", advice.damping_factor),
             ("recommendation", advice.reason),
         ]
+        if gains is not None:
+            values += [
+                ("recommended stiffness [N*m/rad]", advice.stiffness),
+                ("recommended damping [N*m*s/rad]", advice.damping),
+            ]
+    if assessment.rests_on:
+        values.append(("margin rests on", assessment.rests_on))
+    if math.isfinite(assessment.margin_std):
+        values += [
+            ("energy_margin std [M*stribeck_velocity^2]", assessment.margin_std),
+            ("stick_slip_probability [1]", assessment.stick_slip_probability),
+        ]
+    if assessment.estimate is not None:
+        values += friction_values(assessment.estimate)
+    if assessment.notice:
+        values.append(("friction change", assessment.notice))
     values.append(("cycles [1]", assessment.cycles))
     if cycle is not None:
         values += [
@@ -209,9 +297,13 @@ def _summary(assessment: Assessment, warn_margin: float, silent_for: float | Non
         return DiagnosticStatus.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
         advice = assessment.recommendation
-        return DiagnosticStatus.ERROR, f"stick_slip; {advice.reason}" if advice is not None else text
+        if assessment.notice.endswith("learning anew"):
+            text += f"; {assessment.notice}"
+        return DiagnosticStatus.ERROR, f"{text}; {advice.reason}" if advice is not None else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):
         return DiagnosticStatus.WARN, text
+    if assessment.estimate is not None and assessment.estimate.mismatch:
+        return DiagnosticStatus.WARN, f"{text}; {assessment.estimate.mismatch}"
     if margin is None:
         return DiagnosticStatus.WARN, f"{text}; no margin: {assessment.margin_reason}"
     if margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:

@@ -110,6 +110,7 @@ def read(node: Node, name: str, changes: dict[str, Parameter] | None = None) -> 
         gains = Gains(stiffness=p, damping=0.0 if math.isnan(d) else d, integral=0.0 if math.isnan(i) else i)
     limits = AdviceLimits(
         wanted_margin=value("wanted_margin"),
+        confidence=value("confidence"),
         stiffness_range=(value(f"limits.{name}.p_min"), value(f"limits.{name}.p_max")),
         damping_range=(value(f"limits.{name}.d_min"), value(f"limits.{name}.d_max")),
     )

@@ -35,6 +35,7 @@ from stickslip_ros.nodes.conversion import (
     MARGIN_FIELDS,
     MessageError,
     cycle_diagnostic,
+    friction_message,
     gains_from_message,
     joint_diagnostic,
     joint_rows,
@@ -48,6 +49,7 @@ from stickslip_ros.nodes.gain_source import ControllerGains
 from stickslip_ros.nodes.reference_pairing import ReferencePairing
 from stickslip_ros.nodes.references import reference_message_type, reference_rows
 from stickslip_ros.nodes.running import run
+from stickslip_ros.nodes.study_worker import StudyWorker
 
 _DRAIN_PERIOD = 0.02
 _STALE_AFTER = 1.0
@@ -69,6 +71,7 @@ class Monitor(Node):
         self._refused: Counter[str] = Counter()
         self._changing = False
         self._exact = ExactWorker()
+        self._studies = StudyWorker()
         load_compiled_parts()
         self._declare()
         names = [name for name in self.get_parameter("joints").value if name]
@@ -90,6 +93,7 @@ class Monitor(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._margins = self.create_publisher(Float64MultiArray, "~/margins", 10)
         self._cycles = self.create_publisher(DiagnosticArray, "~/cycles", 1000)
+        self._friction = self.create_publisher(JointState, "~/friction", 10)
         self._recommended = self.create_publisher(Float64MultiArray, "~/recommended_gains", 10)
         self.create_service(Trigger, "~/reset", self._reset)
         # Timers on ROS time would stop with a paused or looping simulation.
@@ -115,6 +119,11 @@ class Monitor(Node):
         parameter("publish_rate", 10.0, "how often diagnostics and margins are published [Hz]", read_only=True)
         parameter("warn_margin", 0.1, "damping reserve rho/rho_c - 1 below which smooth motion is at risk [1]")
         parameter("wanted_margin", 0.2, "damping reserve rho/rho_c - 1 that advice must reach [1]")
+        parameter(
+            "confidence", 0.9, "probability with which advice must reach it, the friction learnt being uncertain [1]"
+        )
+        parameter("learn", True, "whether friction is learnt from the motion")
+        parameter("memory", 100.0, "slips after which what they taught has faded to a third [1]")
         parameter("least_motion", 1.0, "how long motion must last before it is called smooth [s]")
 
     def _add_joint(self, name: str) -> None:
@@ -139,7 +148,13 @@ class Monitor(Node):
             changed = (changes or {}).get(name)
             return float(changed.value if changed is not None else self.get_parameter(name).value)
 
-        return MonitorOptions(warn_margin=value("warn_margin"), least_motion=value("least_motion"), limits=limits)
+        return MonitorOptions(
+            warn_margin=value("warn_margin"),
+            least_motion=value("least_motion"),
+            learn=bool(value("learn")),
+            memory=value("memory"),
+            limits=limits,
+        )
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse what would make no joint, with the reason; nothing is changed here."""
@@ -278,33 +293,39 @@ class Monitor(Node):
         rows: list[float] = []
         ended: list[DiagnosticStatus] = []
         advised: dict[str, tuple[float, float]] = {}
+        assessments: dict[str, Assessment] = {}
         for name, monitor in self._monitors.items():
+            self._studies.attend(name, monitor.learner)
             assessment = monitor.assessment()
+            assessments[name] = assessment
             silent_for = now - self._heard[name] if name in self._heard else math.inf
-            exact = self._exact_verdict(name, monitor, assessment, now)
+            exact = self._exact_verdict(name, assessment, now)
             stale = silent_for if silent_for > _STALE_AFTER else None
             array.status.append(joint_diagnostic(name, assessment, exact, warn_margin=warn_margin, silent_for=stale))
             if silent_for > _STALE_AFTER:
                 ended += [cycle_diagnostic(name, cycle) for cycle in monitor.finish()]
             rows += margin_row(assessment, exact)
             advice = assessment.recommendation
-            advised[name] = (advice.stiffness, advice.damping) if advice is not None else (math.nan, math.nan)
+            known = advice is not None and assessment.gains is not None
+            advised[name] = (advice.stiffness, advice.damping) if known and advice else (math.nan, math.nan)
         self._diagnostics.publish(array)
         self._publish_cycles(ended)
         if not self._monitors:
             return
+        self._friction.publish(friction_message(array.header.stamp, assessments))
         self._margins.publish(table(list(self._monitors), MARGIN_FIELDS, rows))
         self._publish_advice(advised)
 
-    def _exact_verdict(self, name: str, monitor: JointMonitor, assessment: Assessment, now: float) -> ExactVerdict:
-        if monitor.joint is None or monitor.gains is None or not assessment.velocity_source:
+    def _exact_verdict(self, name: str, assessment: Assessment, now: float) -> ExactVerdict:
+        joint, gains = assessment.joint, assessment.margin_gains
+        if joint is None or gains is None or not assessment.velocity_source:
             return UNKNOWN
-        conditions = self._conditions[name]
-        return self._exact.verdict(name, monitor.joint, monitor.gains, conditions, assessment.velocity, now)
+        return self._exact.verdict(name, joint, gains, self._conditions[name], assessment.velocity, now)
 
     def destroy_node(self) -> None:
-        """End the worker too."""
+        """End the workers too."""
         self._exact.close()
+        self._studies.close()
         super().destroy_node()
 
     def _publish_advice(self, advised: dict[str, tuple[float, float]]) -> None:

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip identify`: inertia and friction of a joint, from a recording or from an experiment that moves it.
+
+From a recording (.csv or .npz, columns named with their units): its slips, and where the effort is known its
+sliding, are fitted. The experiment rests, moves slowly, faster, and the same way back, by the parameters of a
+simulated joint or as a trajectory for a joint_trajectory_controller; --plan only says what it would do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+from stickslip_ros.cli.margin import number
+from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.joint_file import UNITS, joint_file_text, write_joint_file
+from stickslip_ros.known_joints import KnownJoint, load_joint
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.monitoring.identification import Identification, identify
+from stickslip_ros.recordings import find_recording, load_recording
+
+if TYPE_CHECKING:
+    from stickslip_ros.monitoring.samples import Batch
+
+_STEP_TIME, _REST, _LARGEST_WAY = 15.0, 3.0, 0.5
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "identify", help="learn a joint's inertia and friction from a recording or an experiment", description=__doc__
+    )
+    parser.add_argument(
+        "recording", nargs="?", metavar="RECORDING", help="a .csv or .npz file, or the beginning of a known one's name"
+    )
+    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then [N·m/rad]")
+    parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then [N·m·s/rad] (default 0)")
+    parser.add_argument("--integral", type=float, metavar="KI", default=0.0, help="k_i then [N·m/(rad·s)] (default 0)")
+    parser.add_argument("--prior", metavar="NAME", help="known joint or joint file, right within a factor of two")
+    experiment = parser.add_argument_group("experiment, instead of a recording")
+    experiment.add_argument("--simulated", metavar="NODE", help="of a simulated joint, e.g. /simulated_joint")
+    experiment.add_argument("--controller", metavar="NODE", help="a joint_trajectory_controller")
+    experiment.add_argument("--on", metavar="JOINT", default="joint1", help="the joint to move (default: %(default)s)")
+    experiment.add_argument("--speeds", metavar="V,V", help="speeds of the ladder, slow to fast [rad/s]")
+    experiment.add_argument(
+        "--step-time", type=float, metavar="S", default=_STEP_TIME, help="at each speed [s] (default: %(default)s)"
+    )
+    experiment.add_argument("--rest", type=float, metavar="S", default=_REST, help="in between [s] (default 3)")
+    experiment.add_argument(
+        "--largest-way", type=float, metavar="X", default=_LARGEST_WAY,
+        help="refuse to move further from the start than this [rad] (default: %(default)s)",
+    )  # fmt: skip
+    experiment.add_argument("--plan", action="store_true", help="say what would be done, and move nothing")
+    parser.add_argument("--name", help="of the joint in the joint file (default: the recording's or the joint's)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write a joint file (.yaml), for config/joints")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Identify and print; exit status 0 if something was found, 1 if the motion shows nothing."""
+    prior = load_joint(options.prior) if options.prior else None
+    chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
+    if sum(chosen) != 1:
+        raise InvalidParameterError("what to identify", "one of RECORDING, --simulated and --controller", sum(chosen))
+    gains = _gains(options)
+    if options.recording:
+        path = find_recording(options.recording)
+        batch, name, source = load_recording(path).batch, path.stem, f"Identified from {path.name}."
+    else:
+        experiment = _experiment(options)
+        if experiment is None:
+            return 0
+        batch, heard = experiment
+        gains = gains or heard
+        name, source = options.on, f"Identified by a ladder of speeds {options.speeds} rad/s."
+    with Console(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
+        found = identify(batch, gains, prior.joint if prior else None)
+    if options.json:
+        print(json.dumps(_as_json(found), ensure_ascii=False))
+    else:
+        _print(found)
+    if not found.parameters() and found.slips is None:
+        return 1
+    if options.out:
+        text = joint_file_text(
+            options.name or name, found.joint(prior.joint if prior else None), found, gains, _full(source, prior)
+        )
+        write_joint_file(options.out, text)
+        if not options.json:
+            Console(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
+    return 0
+
+
+def _full(source: str, prior: KnownJoint | None) -> str:
+    return f"{source} What is not identified is of {prior.name}." if prior else source
+
+
+def _gains(options: argparse.Namespace) -> Gains | None:
+    if options.stiffness is None:
+        return None
+    for name in ("stiffness", "damping", "integral"):
+        if not math.isfinite(getattr(options, name)):
+            raise InvalidParameterError(f"--{name}", "a finite number", getattr(options, name))
+    return Gains(stiffness=options.stiffness, damping=options.damping, integral=options.integral)
+
+
+def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | None:
+    """Run the ladder; None if it is only to be planned."""
+    # ROS is needed for this alone.
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from stickslip_ros.nodes.speed_ladder import LadderNode, speed_ladder
+
+    try:
+        speeds = [float(word) for word in (options.speeds or "").split(",") if word]
+    except ValueError as error:
+        raise InvalidParameterError("--speeds", "numbers separated by commas", options.speeds) from error
+    steps = speed_ladder(speeds, duration=options.step_time, rest=options.rest)
+    way = sum(speeds) * options.step_time
+    total = sum(step.duration for step in steps)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(f"{options.on}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back.")
+    if way > options.largest_way:
+        raise InvalidParameterError("way of the ladder", f"<= --largest-way ({options.largest_way:g} rad)", way)
+    if options.plan:
+        for step in steps:
+            console.print(f"  {step.duration:6.1f} s at {step.velocity:+.4g} rad/s")
+        return None
+    # Ctrl-C must reach this process as an exception, so that the joint is brought to rest first.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = LadderNode(options.on, simulated=options.simulated or "", controller=options.controller or "")
+        try:
+            with progress_bar("moving") as bar:
+                batch = node.run(steps, lambda done, _: bar(round(done), round(total)))
+            return batch, node.gains
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _as_json(found: Identification) -> dict[str, Any]:
+    """The friction as in the JSON of `analyze`; null for what is not known."""
+    parameters = found.parameters()
+    friction = {
+        name: {
+            "value": number(parameters[name][0].value),
+            "std": number(parameters[name][0].std),
+            "identified": parameters[name][0].identified,
+            "from": parameters[name][1],
+        }
+        for name in NAMES
+        if name in parameters
+    }
+    slips = found.slips
+    frequency = slips.natural_frequency if slips is not None else None
+    return {
+        "friction": friction,
+        "cycles": len(found.cycles),
+        "slips": slips.slips if slips else 0,
+        "rests_on": slips.summary() if slips else None,
+        "mismatch": slips.mismatch or None if slips else None,
+        "per_inertia": found.per_inertia,
+        "natural_frequency": number(frequency.value) if frequency else None,
+        "sliding_speeds": [found.sliding.slowest, found.sliding.fastest] if found.sliding else None,
+    }
+
+
+def _print(found: Identification) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    parameters = found.parameters()
+    slips = found.slips
+    console.print(f"{len(found.cycles)} stick-slip cycles found; usual speed {found.speed:.4g} rad/s.")
+    if slips is not None:
+        console.print(f"[yellow]{slips.mismatch}[/]" if slips.mismatch else slips.summary())
+    if not parameters:
+        console.print(
+            "[yellow]The motion shows nothing of the friction: no slips, and no sliding with known effort.[/]"
+        )
+        return
+    per_inertia = found.per_inertia
+    rows = []
+    for name in NAMES:
+        if name not in parameters:
+            continue
+        unit = UNITS[name] + (" / inertia" if per_inertia and name in ("viscous", "stribeck") else "")
+        rows.append((name.replace("_", " "), *parameters[name], unit))
+    if per_inertia and slips is not None:
+        rows.append(("natural frequency", slips.natural_frequency, "slips", "rad/s"))
+    table = Table(box=None, padding=(0, 1))
+    for heading, justify in (
+        ("", "left"),
+        ("value", "right"),
+        ("± error", "right"),
+        ("", "left"),
+        ("", "left"),
+        ("", "left"),
+    ):
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for name, estimate, origin, unit in rows:
+        sure = "[green]identified[/]" if estimate.identified else "[yellow]not identified[/]"
+        table.add_row(name, f"{estimate.value:.4g}", f"{estimate.std:.2g}", unit, sure, f"[dim]from {origin}[/]")
+    console.print(table)
+    if found.sliding is not None:
+        console.print(
+            f"Sliding was seen from {found.sliding.slowest:.3g} to {found.sliding.fastest:.3g} rad/s; "
+            "beyond these speeds the curve of friction is a guess."
+        )
+    load = slips.load if slips is not None else None
+    if load is not None and math.isfinite(load.value):
+        console.print(f"Constant load {load.value:.4g} ± {load.std:.2g} N·m.")
+    elif slips is not None and not slips.normalised:
+        console.print(
+            "One direction only: a constant load, if any, is part of the Coulomb friction. No margin needs it."
+        )

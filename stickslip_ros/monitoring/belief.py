@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Which joint and gains a margin is computed with: those learnt from the motion, or those configured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring.advice import Uncertainty
+from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.samples import FloatArray
+
+_SAME = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belief:
+    """Joint and gains that the margin uses, and how sure they are.
+
+    Attributes
+    ----------
+    joint, gains : per inertia if the gains are not known.
+    uncertainty : None for what is configured.
+    rests_on : in words.
+    """
+
+    joint: Joint
+    gains: Gains
+    uncertainty: Uncertainty | None
+    gains_known: bool
+    rests_on: str
+
+
+def much_the_same(one: Belief, other: Belief) -> bool:
+    """Whether two beliefs differ by no more than a per cent, so that what was computed from one holds for the other.
+
+    Learning moves every value with every slip, mostly by nothing to speak of.
+    """
+    if (one.gains_known, one.uncertainty is None) != (other.gains_known, other.uncertainty is None):
+        return False
+    if one.uncertainty is None or other.uncertainty is None:
+        return one == other
+    if one.gains_known and one.gains != other.gains:
+        return False
+    values = np.array([_values(belief) for belief in (one, other)])
+    spread = np.array([_values(belief, draws=True).std(axis=1) for belief in (one, other)])
+    return bool(np.all(np.abs(values[0] - values[1]) < _SAME) and np.all(np.abs(spread[0] - spread[1]) < _SAME))
+
+
+def _values(belief: Belief, *, draws: bool = False) -> FloatArray:
+    """Logarithms of what the margin depends on."""
+    joint = belief.uncertainty.joint if draws and belief.uncertainty else belief.joint
+    friction, stiffness = joint.friction, np.asarray(belief.gains.stiffness, dtype=float)
+    if draws and belief.uncertainty:
+        stiffness = stiffness * belief.uncertainty.stiffness
+    values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, friction.viscous)
+    shape = np.broadcast_shapes(stiffness.shape, np.shape(friction.stribeck))
+    return np.log([np.broadcast_to(value, shape) for value in (joint.inertia, stiffness, *values)])
+
+
+def believed(
+    estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None
+) -> tuple[Belief | None, str]:
+    """What to believe, or None and what is missing.
+
+    What was learnt counts before what is configured, which was its prior; but not if the model explains too little.
+    """
+    if estimate is not None and estimate.usable:
+        belief = _learnt(estimate, gains)
+        if belief is not None:
+            return belief, ""
+    mismatch = estimate.mismatch if estimate is not None else ""
+    if configured is None:
+        if mismatch:
+            return None, f"{mismatch}; and no joint is configured"
+        return None, "inertia and friction of the joint are neither configured nor learnt yet"
+    if gains is None:
+        return None, "the controller's gains are not known"
+    rests_on = "; ".join(part for part in ("the configuration", mismatch) if part)
+    return Belief(joint=configured, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
+
+
+def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
+    if gains is not None and gains.stiffness > 0:
+        estimate = estimate.with_stiffness(float(gains.stiffness), float(gains.damping))
+    known = gains if not estimate.normalised else estimate.gains
+    if known is None:
+        return None
+    joint, stiffness = estimate.draws()
+    ratios = stiffness / float(known.stiffness) if estimate.normalised else np.ones_like(stiffness)
+    return Belief(
+        joint=estimate.joint(),
+        gains=known,
+        uncertainty=Uncertainty(joint=joint, stiffness=ratios),
+        gains_known=not estimate.normalised,
+        rests_on=estimate.summary(),
+    )
+
+
+def uncertainty_of(margin: StabilityMargin, belief: Belief, velocity: float) -> tuple[float, float]:
+    """Standard error of the energy margin [M x˙_s²] and the probability of stick slip by Eq. (43); NaN if unknown."""
+    if belief.uncertainty is None or not margin.applicable:
+        return math.nan, math.nan
+    gains = Gains(stiffness=float(belief.gains.stiffness) * belief.uncertainty.stiffness, damping=belief.gains.damping)
+    draws = stability_margin(belief.uncertainty.joint, gains, velocity)
+    return float(np.std(np.asarray(draws.energy_margin))), float(np.mean(~np.asarray(draws.smooth)))

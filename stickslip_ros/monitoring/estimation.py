@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The friction of a joint estimated from its slips, with errors, and what the data leave open.
+
+Simulated slips are fitted to observed positions, Eq. (4) with (5) and (6); nothing is differentiated. The
+force comes from gains and reference, from the effort, or, where neither is known, from the reference's mean
+speed alone: then everything is per inertia, and ω stands for the stiffness, which is all that Eq. (43) and
+the exact condition need. In one direction a constant load cannot be told from Coulomb friction, and need
+not be: neither condition contains it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stickslip_ros.model.friction import Friction, Gains, Joint, Real
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.slip_problem import (
+    INERTIA,
+    LAG,
+    PARAMETERS,
+    RISE_TIME,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+    SlipProblem,
+)
+from stickslip_ros.monitoring.slip_search import Solution, search
+from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
+
+NAMES = ("inertia", "coulomb", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_time")
+IDENTIFIED = 0.05  # relative standard error from which on the data are said to determine a parameter
+DOES_NOT_FIT = "friction model does not fit"
+LEAST_SLIPS = 3
+
+_INDEX = {
+    "inertia": INERTIA,
+    "viscous": VISCOUS,
+    "stribeck": STRIBECK,
+    "stribeck_velocity": STRIBECK_VELOCITY,
+    "lag": LAG,
+    "rise_time": RISE_TIME,
+}
+_KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
+_BLOCKS, _BLOCK = 4, 16  # of slips in a row, that a fit takes of more
+_UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
+_FEW = 8  # slips more than parameters, before their scatter says something
+_USABLE, _USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
+_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much more widens the errors
+_SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
+_ASIDE = 0.34  # share of slips that nothing explains
+_SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
+_DRAWS = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEstimate:
+    """One parameter: value and standard error in its unit, and whether the data determine it.
+
+    What is not identified rests on the prior: the configured value, or a wide guess.
+    """
+
+    value: float
+    std: float
+    identified: bool
+
+
+_UNKNOWN = ParameterEstimate(value=math.nan, std=math.nan, identified=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionEstimate:
+    """What the slips say of a joint.
+
+    Attributes
+    ----------
+    source : where the force was known from.
+    normalised : whether inertia and forces are per inertia, the gains being unknown; ``stiffness`` then is ω².
+    logarithms : of the parameters in the order of the fit, their covariance ``covariance`` with all that is known
+        of misfit in it; shapes (6,), (6, 6).
+    coulomb : kinetic friction, in one direction with any load; NaN per inertia.
+    load : constant torque against the controller [N·m], NaN if the motion has but one direction.
+    slips : how many were fitted; aside : how many were left out because nothing explains them.
+    mean_square : of the residuals in their errors, about 1. left_over : share of a slip that the model cannot
+        explain, part of these errors; 0 if it explains all.
+    scatter : standard deviation of the kinetic friction from slip to slip [N·m].
+    mismatch : "" or what the model does not explain; the errors are the wider for it.
+    configured : whether the prior was a configured joint.
+    """
+
+    source: ForceSource
+    normalised: bool
+    logarithms: FloatArray
+    covariance: FloatArray
+    coulomb: ParameterEstimate
+    load: ParameterEstimate
+    slips: int
+    aside: int
+    mean_square: float
+    left_over: float
+    scatter: float
+    mismatch: str
+    configured: bool
+
+    def __getitem__(self, name: str) -> ParameterEstimate:
+        """A parameter by its name, one of :data:`NAMES`."""
+        if name == "coulomb":
+            return self.coulomb
+        index = _INDEX[name]
+        if name == "inertia" and self.normalised:
+            return ParameterEstimate(value=1.0, std=0.0, identified=False)
+        value = math.exp(self.logarithms[index])
+        error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
+        return ParameterEstimate(value=value, std=value * min(error, _SPREAD_LIMIT), identified=error <= IDENTIFIED)
+
+    @property
+    def usable(self) -> bool:
+        """Whether to believe it rather than a configured joint."""
+        return self.left_over < _USABLE and self.aside <= _USABLE_ASIDE * (self.slips + self.aside)
+
+    @property
+    def natural_frequency(self) -> ParameterEstimate:
+        """ω [1/s] where the gains are unknown; NaN else, since it then depends on the gains."""
+        if not self.normalised:
+            return _UNKNOWN
+        value = math.exp(0.5 * self.logarithms[INERTIA])
+        error = 0.5 * math.sqrt(max(float(self.covariance[INERTIA, INERTIA]), 0.0))
+        return ParameterEstimate(value=value, std=value * error, identified=error <= IDENTIFIED)
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """Names of the parameters that the margin depends on and the data do not determine."""
+        names = NAMES if not self.normalised else NAMES[1:]
+        return tuple(name for name in names if name != "coulomb" and not self[name].identified)
+
+    @property
+    def gains(self) -> Gains | None:
+        """Per inertia the stiffness, ω², with all damping counted as friction; else None."""
+        return Gains(stiffness=math.exp(self.logarithms[INERTIA])) if self.normalised else None
+
+    def joint(self) -> Joint:
+        """The joint as estimated; of inertia one where the gains are unknown."""
+        return _joint(self.logarithms, self.coulomb.value, normalised=self.normalised)
+
+    def draws(self) -> tuple[Joint, FloatArray]:
+        """Joints as likely as the errors allow, as one of arrays, and the stiffness of each where that is estimated.
+
+        The draws are always the same standard normal ones, so that what is computed from them is smooth.
+        """
+        values, vectors = np.linalg.eigh(self.covariance)
+        root = vectors * np.sqrt(np.clip(values, 0.0, _SPREAD_LIMIT**2))
+        logarithms = self.logarithms[:, None] + root @ _NORMAL
+        joint = _joint(logarithms, max(self.coulomb.value, 0.0), normalised=self.normalised)
+        return joint, np.exp(logarithms[INERTIA])
+
+    def with_stiffness(self, stiffness: float, damping: float) -> FrictionEstimate:
+        """The estimate in units of torque, from the gains in force; itself if it is in them already.
+
+        Inertia is k_p/ω²; what of the damping the controller does not give is friction.
+        """
+        if not self.normalised or not stiffness > 0:
+            return self
+        slopes = np.eye(PARAMETERS)
+        logarithms = self.logarithms.copy()
+        logarithms[INERTIA] = math.log(stiffness) - self.logarithms[INERTIA]
+        slopes[INERTIA, INERTIA] = -1.0
+        inertia = math.exp(logarithms[INERTIA])
+        for index in (STRIBECK, VISCOUS):
+            logarithms[index] += logarithms[INERTIA]
+            slopes[index, INERTIA] = -1.0
+        total = math.exp(logarithms[VISCOUS])
+        viscous = total - damping
+        error = math.sqrt(max(float(slopes[VISCOUS] @ self.covariance @ slopes[VISCOUS]), 1e-12)) * total
+        # Less than its error is no friction to speak of; the logarithm needs some.
+        viscous = max(viscous, 0.3 * error, 1e-6 * inertia)
+        logarithms[VISCOUS] = math.log(viscous)
+        slopes[VISCOUS] *= min(total / viscous, 1e3)
+        return replace(self, normalised=False, logarithms=logarithms, covariance=slopes @ self.covariance @ slopes.T)
+
+    def summary(self) -> str:
+        """One sentence on what the estimate rests on."""
+        text = f"learnt from {self.slips} slips by {self.source.value}"
+        if self.unidentified:
+            prior = "the configuration" if self.configured else "a guess"
+            text += f"; {', '.join(self.unidentified)} from {prior}"
+        if self.mismatch:
+            text += f"; {self.mismatch}"
+        return text
+
+
+def _normal_draws() -> FloatArray:
+    """Standard normal draws with exactly zero mean and unit covariance, shape (6, draws)."""
+    draws = np.random.default_rng(43).standard_normal((PARAMETERS, _DRAWS))
+    draws = np.concatenate([draws, -draws], axis=1)
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(draws @ draws.T / draws.shape[1]), draws))
+
+
+_NORMAL = _normal_draws()
+
+
+def _joint(logarithms: FloatArray, coulomb: float, *, normalised: bool) -> Joint:
+    values: list[Real] = list(np.exp(logarithms)) if logarithms.ndim > 1 else np.exp(logarithms).tolist()
+    return Joint(
+        inertia=1.0 if normalised else values[INERTIA],
+        friction=Friction(
+            coulomb=max(coulomb, 0.0) if math.isfinite(coulomb) else 0.0,
+            viscous=values[VISCOUS],
+            stribeck=values[STRIBECK],
+            stribeck_velocity=values[STRIBECK_VELOCITY],
+            lag=values[LAG],
+            rise_time=values[RISE_TIME],
+        ),
+    )
+
+
+def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None) -> FrictionEstimate | None:
+    """Estimate from all slips at once; None if there are too few, or nothing fits.
+
+    Parameters
+    ----------
+    windows : in order of time. Where forces are known of some slips and not of others, the known ones count.
+    configured : a prior, right within a factor of two or so; where the data speak they outweigh it.
+    """
+    chosen = _some_of(best_known(windows))
+    if len(chosen) < LEAST_SLIPS:
+        return None
+    problem = SlipProblem(chosen)
+    solution = search(problem, prior_knowledge(configured, normalised=problem.normalised))
+    if solution is None:
+        return None
+    return assess(problem, solution, configured=configured is not None)
+
+
+def best_known(windows: list[SlipWindow]) -> list[SlipWindow]:
+    """The windows whose force has the best source that enough of them have."""
+    for source in (ForceSource.GAINS, ForceSource.EFFORT):
+        chosen = [window for window in windows if window.source is source]
+        if len(chosen) >= max(LEAST_SLIPS, 0.5 * len(windows)):
+            return chosen
+    return [window for window in windows if window.source is ForceSource.SPEED]
+
+
+def _some_of(windows: list[SlipWindow]) -> list[SlipWindow]:
+    """Blocks of slips from everywhere: a block has Eq. (6) from slip to slip, and the blocks what changes."""
+    if len(windows) <= _BLOCKS * _BLOCK:
+        return windows
+    starts = np.round(np.linspace(0, len(windows) - _BLOCK, _BLOCKS)).astype(int)
+    return [windows[number] for start in starts for number in range(start, start + _BLOCK)]
+
+
+def prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tuple[float, float]]:
+    """Mean and standard deviation of the parameters' logarithms that a configured joint gives."""
+    if joint is None:
+        return {}
+    friction = joint.friction
+    known = {
+        STRIBECK_VELOCITY: float(friction.stribeck_velocity),
+        LAG: float(friction.lag),
+        RISE_TIME: float(friction.rise_time),
+    }
+    if not normalised:
+        known |= {
+            INERTIA: float(joint.inertia),
+            VISCOUS: float(friction.viscous),
+            STRIBECK: float(friction.stribeck),
+        }
+    return {index: (math.log(value), _KNOWN_SPREAD) for index, value in known.items() if value > 0}
+
+
+def assess(problem: SlipProblem, solution: Solution, *, configured: bool) -> FrictionEstimate:
+    """The estimate that a fit gives, its errors, and what speaks against the model."""
+    fit = solution.fit
+    aside = int((~problem.usable).sum())
+    left_over = solution.tolerance / float(np.median(problem.distances))
+    scatter = solution.balance_error / math.exp(fit.parameters[STRIBECK])
+    reasons = []
+    if solution.tolerance > 0:
+        reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
+    if scatter > _SCATTER:
+        reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
+    if aside > _ASIDE * problem.count:
+        reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
+    blank = FrictionEstimate(
+        source=problem.windows[0].source,
+        normalised=problem.normalised,
+        logarithms=fit.parameters[:PARAMETERS],
+        covariance=np.zeros((PARAMETERS, PARAMETERS)),
+        coulomb=_UNKNOWN,
+        load=_UNKNOWN,
+        slips=problem.count - aside,
+        aside=aside,
+        mean_square=solution.mean_square,
+        left_over=left_over,
+        scatter=solution.balance_error,
+        mismatch=f"{DOES_NOT_FIT}: {'; '.join(reasons)}" if reasons else "",
+        configured=configured,
+    )
+    return estimate_from(blank, fit.parameters, fit.kinetic, honest_covariance(problem, fit, solution.prior))
+
+
+def estimate_from(
+    estimate: FrictionEstimate, parameters: FloatArray, kinetic: FloatArray, covariance: FloatArray
+) -> FrictionEstimate:
+    """The estimate with other values: parameters' logarithms (p,), kinetic (k,), covariance (p + k, p + k)."""
+    coulomb = load = _UNKNOWN
+    if not estimate.normalised:
+        size = len(parameters)
+        errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))
+        scale = abs(float(kinetic[0])) + math.exp(parameters[STRIBECK])
+        found = [
+            ParameterEstimate(
+                value=float(value),
+                std=float(error),
+                identified=float(error) <= IDENTIFIED * scale,
+            )
+            for value, error in zip(kinetic, errors, strict=True)
+        ]
+        coulomb, load = [*found, _UNKNOWN][:2]
+    return replace(
+        estimate,
+        logarithms=parameters[:PARAMETERS],
+        covariance=covariance[:PARAMETERS, :PARAMETERS],
+        coulomb=coulomb,
+        load=load,
+    )
+
+
+def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
+    """Covariance of parameters and kinetic friction, from the data's information and the prior's."""
+    total = information.copy()
+    size = len(prior.mean)
+    total[:size, :size] += prior.information[:size, :size]
+    # Scaled, because forces and logarithms differ by orders of magnitude.
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
+    scales = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
+
+
+def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
+    """The covariance, widened by what the residuals show: their size, slips unexplained, scatter between slips."""
+    covariance = covariance_of(fit.information, prior)
+    mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
+    aside = 1.0 - float(problem.usable.mean())
+    covariance *= (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + _UNEXPLAINED * aside)
+    used = fit.scores[problem.usable]
+    freedom = len(used) - covariance.shape[1]
+    if freedom < _FEW:
+        return covariance
+    seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
+    factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), 1e-300)))
+    return np.asarray(covariance * np.outer(factors, factors))

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Friction learnt slip by slip while a joint runs: bounded in time and memory, fading, watchful for changes.
+
+A study fits the kept slips from no guess at all and takes up to seconds; it is asked for at the beginning,
+then ever more seldom, and may run elsewhere. Between studies each new slip updates the last one's result
+in milliseconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import LinAlgError
+
+from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.estimation import (
+    NAMES,
+    FrictionEstimate,
+    assess,
+    best_known,
+    covariance_of,
+    estimate_from,
+    honest_covariance,
+    prior_knowledge,
+)
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_fit import Prior, SlipEvidence, SlipFit, Tolerances, evidence
+from stickslip_ros.monitoring.slip_problem import LEVEL, RISE_TIME, STRIBECK, SlipProblem
+from stickslip_ros.monitoring.slip_search import Solution, search
+from stickslip_ros.monitoring.slip_windows import SlipWindow
+
+_KEPT = 64
+_FIRST_STUDY = 4
+_LATER_STUDIES = 1.6  # times as many slips as the last one had
+_OFTEN_ENOUGH = 48  # slips between studies once there are many
+_LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
+_STRANGE = 9.0  # mean square of a slip's residuals that the friction known does not explain
+_FORCE_STRANGE = 6.0  # standard deviations of the kinetic friction
+_OFF = 0.01  # of the slip distance: less is no change
+_FORCE_OFF = 0.02  # of the Stribeck friction, likewise
+_STRANGE_IN_A_ROW = 3
+_WELL_STUDIED = 12  # slips of a study that is believed
+_UPDATE_WEIGHT = 0.3  # of a slip by itself, whose errors the next study will know better
+_UPDATE_LINK = 0.03  # how well the level left by one slip is known at the next, without the slips before
+_SIGNIFICANT = 4.0  # standard errors, by which a parameter must differ to be named
+_SMALL = 0.03  # relative change that is not worth naming
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learnt:
+    """What a study found: the estimate, and what updates start from."""
+
+    estimate: FrictionEstimate
+    parameters: FloatArray
+    kinetic: FloatArray
+    information: FloatArray
+    prior: Prior
+    balance_error: float
+    stray: float
+    tolerance: float
+    link_error: float
+    last_window: SlipWindow
+    remains: float
+    widening: FloatArray
+
+
+def study(windows: list[SlipWindow], configured: Joint | None = None) -> Learnt | None:
+    """Fit slips from no guess at all; None if nothing fits them. Pure, so it may run in another thread."""
+    problem = SlipProblem(windows)
+    solution = search(problem, prior_knowledge(configured, normalised=problem.normalised))
+    if solution is None:
+        return None
+    fit = solution.fit
+    return Learnt(
+        estimate=assess(problem, solution, configured=configured is not None),
+        parameters=fit.parameters,
+        kinetic=fit.kinetic,
+        information=fit.information,
+        prior=solution.prior,
+        balance_error=solution.balance_error,
+        stray=problem.stray,
+        tolerance=solution.tolerance,
+        link_error=solution.link_error,
+        last_window=windows[-1],
+        remains=_remains(fit),
+        widening=_widening(fit, solution, problem),
+    )
+
+
+def _widening(fit: SlipFit, solution: Solution, problem: SlipProblem) -> FloatArray:
+    """Factors by which a study widened the errors, for the updates that follow it."""
+    narrow = np.diag(covariance_of(fit.information, solution.prior))
+    wide = np.diag(honest_covariance(problem, fit, solution.prior))
+    return np.asarray(np.sqrt(np.maximum(wide, 1e-300) / np.maximum(narrow, 1e-300)))
+
+
+def _remains(fit: SlipFit) -> float:
+    """Share of F_s∞ left at the last arrest."""
+    level = float(np.exp(fit.unknowns[-1, LEVEL])) * float(fit.found[-1, kernel.REMAINS])
+    return level / math.exp(fit.parameters[STRIBECK])
+
+
+class FrictionLearner:
+    """Learns one joint's friction.
+
+    Parameters
+    ----------
+    configured : prior, or None.
+    memory : slips after which what they said has faded to a third.
+    """
+
+    def __init__(self, configured: Joint | None = None, memory: float = 100.0) -> None:
+        self.configured = configured
+        self.memory = memory
+        self.estimate: FrictionEstimate | None = None
+        self.notice = ""
+        self._windows: deque[SlipWindow] = deque(maxlen=_KEPT)
+        self._state: Learnt | None = None
+        self._strange: list[SlipWindow] = []
+        self._before_change: FrictionEstimate | None = None
+        self._changed_at = math.nan
+        self._seen = 0
+        self._studied = 0
+
+    def take(self, window: SlipWindow) -> None:
+        """Learn from a slip, in bounded time."""
+        self._seen += 1
+        self._windows.append(window)
+        if self._state is not None and not self._state.estimate.normalised:
+            self._update(window)
+
+    def wanted_study(self) -> list[SlipWindow] | None:
+        """The slips to study, if a study is due; pass what :func:`study` makes of them to :meth:`adopt`."""
+        due = max(_FIRST_STUDY, min(_LATER_STUDIES * self._studied, self._studied + _OFTEN_ENOUGH))
+        if self._seen < due:
+            return None
+        chosen = best_known(list(self._windows))
+        if len(chosen) < _FIRST_STUDY:
+            return None
+        self._studied = self._seen
+        return chosen
+
+    def adopt(self, learnt: Learnt | None) -> None:
+        """Take over a study's result; slips that came meanwhile are in the next."""
+        if learnt is None or learnt.last_window.breakaway < self._changed_at:
+            return
+        better = self.estimate is not None and self.estimate.usable
+        if better and not learnt.estimate.usable:
+            return
+        self._state, self.estimate = learnt, learnt.estimate
+        if self._before_change is not None and not learnt.estimate.mismatch:
+            self.notice = _difference(self._before_change, learnt.estimate, self._changed_at)
+            self._before_change = None
+
+    def study_now(self) -> None:
+        """Study here, if a study is due."""
+        windows = self.wanted_study()
+        if windows:
+            self.adopt(study(windows, self.configured))
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.__init__(self.configured, self.memory)  # type: ignore[misc]
+
+    def _update(self, window: SlipWindow) -> None:
+        state = self._state
+        assert state is not None
+        if window.source is not state.last_window.source:
+            return
+        follows = (
+            abs(state.last_window.arrest - window.rest_begin) < 0.02 * (window.breakaway - window.rest_begin) + 1e-9
+        )
+        problem = SlipProblem([window], (state.last_window.arrest, state.remains) if follows else None)
+        if problem.balance.shape[1] != len(state.kinetic):
+            # With both directions known the load has a place of its own.
+            problem.balance = np.array([[1.0, window.direction]])
+        problem.stray = state.stray
+        problem.weigh(problem.speeds_at_nodes, state.tolerance)
+        # A level to begin with, as Eq. (6) has it.
+        share = problem.dwells[0] / (problem.dwells[0] + math.exp(state.parameters[RISE_TIME]))
+        left = state.remains if follows else 0.5
+        unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
+        try:
+            said = evidence(
+                problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),
+                parameters=state.parameters, kinetic=state.kinetic, unknowns=unknowns,
+            )  # fmt: skip
+        except LinAlgError:
+            return
+        if self._is_strange(problem, said, state):
+            self._find_strange(window)
+            return
+        self._strange = []
+        size = len(state.parameters)
+        information = (1.0 - 1.0 / self.memory) * state.information + _UPDATE_WEIGHT * said.information
+        pull = _UPDATE_WEIGHT * said.gradient
+        pull[:size] += state.prior.information @ (state.prior.mean - state.parameters) / self.memory
+        covariance = covariance_of(information, state.prior)
+        step = np.clip(covariance @ pull, -_LARGEST_STEP, _LARGEST_STEP)
+        parameters = np.clip(state.parameters + step[:size], state.prior.lower, state.prior.upper)
+        kinetic = state.kinetic + covariance[size:] @ pull
+        level = float(np.exp(said.unknowns[-1, LEVEL])) * float(said.found[-1, kernel.REMAINS])
+        wide = covariance * np.outer(state.widening, state.widening)
+        self._state = replace(
+            state,
+            estimate=estimate_from(state.estimate, parameters, kinetic, wide),
+            parameters=parameters,
+            kinetic=kinetic,
+            information=information,
+            last_window=window,
+            remains=level / math.exp(parameters[STRIBECK]),
+        )
+        self.estimate = self._state.estimate
+
+    def _is_strange(self, problem: SlipProblem, said: SlipEvidence, state: Learnt) -> bool:
+        """Whether a slip is more than errors and imprecise knowledge off what was learnt."""
+        square = float(np.mean(said.residuals**2))
+        off = float(np.sqrt(np.mean((said.residuals * problem.errors) ** 2))) / float(problem.distances[0])
+        force = abs(float(said.misfits[0]))
+        level = math.exp(state.parameters[STRIBECK])
+        return (square > _STRANGE * max(1.0, state.estimate.mean_square) and off > _OFF) or (
+            force > _FORCE_STRANGE * math.hypot(state.balance_error, _FORCE_OFF * level)
+        )
+
+    def _find_strange(self, window: SlipWindow) -> None:
+        """Note a slip that what is known does not explain; several in a row are a change."""
+        self._strange.append(window)
+        if len(self._strange) < _STRANGE_IN_A_ROW:
+            return
+        assert self.estimate is not None
+        if self._studied < _WELL_STUDIED or self.estimate.mismatch:
+            # What was learnt from so few may simply be wrong.
+            self._strange, self._studied = [], 0
+            return
+        self._changed_at = self._strange[0].breakaway
+        self.notice = f"friction changed abruptly at {self._changed_at:.1f} s; learning anew"
+        self._before_change, self.estimate, self._state = self.estimate, None, None
+        self._windows.clear()
+        self._windows.extend(self._strange)
+        self._seen, self._studied, self._strange = len(self._windows), 0, []
+
+
+def _difference(before: FrictionEstimate, after: FrictionEstimate, time: float) -> str:
+    """What changed, in words."""
+    changes = []
+    for name in NAMES:
+        old, new = before[name], after[name]
+        if not (old.identified and new.identified):
+            continue
+        apart = abs(new.value - old.value)
+        if apart > _SIGNIFICANT * math.hypot(old.std, new.std) and apart > _SMALL * abs(old.value):
+            changes.append(f"{name.replace('_', ' ')} {old.value:.3g} to {new.value:.3g}")
+    what = ", ".join(changes) or "in ways that the slips since do not name"
+    return f"friction changed abruptly at {time:.1f} s: {what}"

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Everything that one recording says of a joint's friction: from its slips, and from its sliding."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate, ParameterEstimate, estimate_friction
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.sliding import SlidingFriction, sliding_friction
+from stickslip_ros.monitoring.slip_windows import slip_window
+
+_FROM_SLIDING = ("coulomb", "viscous", "stribeck", "stribeck_velocity")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identification:
+    """What a recording says.
+
+    Attributes
+    ----------
+    slips : estimate from slips, None if there were too few. sliding : the curve of friction, None if the effort
+        is unknown or the joint hardly slid.
+    cycles : stick-slip cycles that were found. speed : usual speed of the motion [rad/s].
+    resolution : of the position [rad]. gains : in force, None if unknown.
+    """
+
+    slips: FrictionEstimate | None
+    sliding: SlidingFriction | None
+    cycles: tuple[Cycle, ...]
+    speed: float
+    resolution: float
+    gains: Gains | None
+
+    @property
+    def per_inertia(self) -> bool:
+        """Whether inertia and forces are not known, only their ratios."""
+        return self.slips is not None and self.slips.normalised and self.gains is None
+
+    def parameters(self) -> dict[str, tuple[ParameterEstimate, str]]:
+        """Each parameter that is known, and from what: "slips" or "sliding"; what is identified first."""
+        found: dict[str, tuple[ParameterEstimate, str]] = {}
+        slips = self.slips
+        if slips is not None and slips.normalised and self.gains is not None:
+            slips = slips.with_stiffness(float(self.gains.stiffness), float(self.gains.damping))
+        if slips is not None:
+            found = {name: (slips[name], "slips") for name in NAMES if math.isfinite(slips[name].value)}
+        if self.per_inertia:
+            del found["inertia"]
+        elif self.sliding is not None:
+            for name in _FROM_SLIDING:
+                known = found.get(name)
+                value = self.sliding.estimate(name)
+                if known is None or (value.identified and not known[0].identified):
+                    found[name] = (value, "sliding")
+        return found
+
+    def joint(self, prior: Joint | None = None) -> Joint:
+        """A joint of all that is known, the rest from a prior.
+
+        Raises
+        ------
+        InvalidParameterError
+            If inertia, Stribeck friction or velocity are known from neither; the message says what would show them.
+        """
+        values = {
+            name: estimate.value
+            for name, (estimate, _) in self.parameters().items()
+            if not (self.per_inertia and name in ("stribeck", "viscous"))
+        }
+        if prior is not None:
+            from_prior = {"inertia": prior.inertia} | {name: getattr(prior.friction, name) for name in NAMES[1:]}
+            values = {name: float(value) for name, value in from_prior.items()} | values
+        for name in ("inertia", "stribeck", "stribeck_velocity"):
+            if name not in values:
+                raise InvalidParameterError(
+                    name, "shown by the motion (slips with known gains or effort show it), or given by --joint", None
+                )
+        inertia = values.pop("inertia")
+        return Joint(inertia=inertia, friction=Friction(**{name: max(value, 0.0) for name, value in values.items()}))
+
+
+def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> Identification:
+    """Identify a joint from a recording; takes seconds.
+
+    Parameters
+    ----------
+    batch : samples in order of time. gains : of the controller, None if unknown. prior : as for a monitor.
+    """
+    monitor = JointMonitor(prior, gains)
+    cycles = monitor.process(batch) + monitor.finish()
+    state = monitor.assessment()
+    windows = [
+        slip_window(batch, cycle, gains, resolution=state.resolution, noise=state.noise)
+        for cycle in cycles
+        if not cycle.hunting
+    ]
+    speeds = [abs(segment.velocity) for segment in monitor.segments if segment.velocity]
+    return Identification(
+        slips=estimate_friction([window for window in windows if window is not None], prior),
+        sliding=sliding_friction(batch, resolution=state.resolution, inertia=None),
+        cycles=tuple(cycles),
+        speed=sorted(speeds)[len(speeds) // 2] if speeds else math.nan,
+        resolution=state.resolution,
+        gains=gains,
+    )

@@ -1,0 +1,523 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Least squares on a :class:`SlipProblem`: Levenberg-Marquardt with each slip's own unknowns eliminated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import LinAlgError, solveh_banded
+
+from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_problem import (
+    BREAKAWAY,
+    LEVEL,
+    PARAMETERS,
+    POSITION,
+    RISE_TIME,
+    SHAPE,
+    STRIBECK,
+    UNKNOWNS,
+    SlipProblem,
+)
+
+_HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
+_STEP = 1e-4  # of a logarithm, for differences
+_LONGEST_STEP = 0.7  # of a logarithm
+_ATTEMPTS = 8
+_ENOUGH_OF_OWN = 0.02  # relative gain of an iteration on the slips' own unknowns alone
+_FIXED = 1e-5  # a prior this narrow holds a parameter
+_LEAST_DWELL = 1e-3  # of the detected one
+_WEAK = 1e-4  # weight of the detected breakaway beside the data's
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prior:
+    """Normal prior, with bounds.
+
+    Attributes
+    ----------
+    mean, lower, upper : of the parameters' logarithms, shape (p,).
+    information : inverse of the covariance, shape (p, p), or with the kinetic friction (p + k, p + k).
+    kinetic : mean of the kinetic friction, shape (k,); empty if nothing is known of it.
+    """
+
+    mean: FloatArray
+    information: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    kinetic: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @staticmethod
+    def of(mean: FloatArray, deviation: FloatArray, lower: FloatArray, upper: FloatArray) -> Prior:
+        """Independent parameters of given standard deviations, shape (p,)."""
+        return Prior(mean=mean, information=np.diag(1.0 / deviation**2), lower=lower, upper=upper)
+
+    def distance(self, parameters: FloatArray, kinetic: FloatArray) -> FloatArray:
+        """How far from the mean, in the order of ``information``."""
+        off = parameters - self.mean
+        return np.concatenate([off, kinetic - self.kinetic]) if len(self.kinetic) else off
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """How far the ties between the slips may stretch.
+
+    Attributes
+    ----------
+    balance : standard deviation of the kinetic friction from slip to slip [N·m]; infinite: it is free.
+    level : of the logarithm of the level at breakaway about Eq. (6); infinite: it is free.
+    """
+
+    balance: float = math.inf
+    level: float = math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipFit:
+    """Where a fit ended.
+
+    Attributes
+    ----------
+    parameters : logarithms, shape (p,). unknowns : of each slip, shape (slips, 3).
+    kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
+    information : of the data on parameters and kinetic together, shape (p + k, p + k).
+    scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
+    residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
+    link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
+    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the kernel.
+    """
+
+    parameters: FloatArray
+    unknowns: FloatArray
+    kinetic: FloatArray
+    information: FloatArray
+    scores: FloatArray
+    residuals: FloatArray
+    misfits: FloatArray
+    link_misfits: FloatArray
+    cost: float
+    velocities: FloatArray
+    found: FloatArray
+
+
+@dataclass
+class _Point:
+    """The residuals at one point, and the slopes of the links between slips."""
+
+    parameters: FloatArray
+    unknowns: FloatArray
+    kinetic: FloatArray
+    observed: FloatArray
+    balance: FloatArray
+    links: FloatArray
+    found: FloatArray
+    velocities: FloatArray
+    cost: float = math.inf
+
+
+class _Fit:
+    """The problem with its prior and tolerances: residuals and their slopes."""
+
+    def __init__(self, problem: SlipProblem, prior: Prior, tolerances: Tolerances) -> None:
+        self.problem, self.prior = problem, prior
+        self.balance_weight = problem.usable / tolerances.balance
+        self.active = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
+        self.columns = len(prior.mean) + problem.balance.shape[1]
+        # Where nothing is known of the slip before, its remains are anything from none to all.
+        share = _share(problem.dwells, math.exp(prior.mean[RISE_TIME]))
+        unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
+        self.linked = problem.linked.copy()
+        self.linked[0] = problem.before is not None
+        self.level_errors = np.where(self.linked, tolerances.level, unknown)
+
+    def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> _Point:
+        problem = self.problem
+        positions, velocities, found = problem.simulate(parameters, unknowns)
+        missing = ~np.isfinite(found[:, kernel.ARREST])
+        found[missing, kernel.ARREST] = problem.last_times[missing]
+        observed = (problem.targets - positions[problem.observed]) / problem.errors * problem.weights
+        misfit = found[:, kernel.HELD] - np.exp(unknowns[:, LEVEL]) - problem.balance @ kinetic
+        balance = misfit * self.balance_weight
+        links = (unknowns[:, LEVEL] - self._levels(parameters, unknowns, found)[0]) / self.level_errors
+        rest = (unknowns[:, POSITION] - problem.rests) / problem.rest_errors
+        drift = (unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations
+        off = self.prior.distance(parameters, kinetic)
+        cost = _robust(observed) + _robust(balance) + _robust(links)
+        cost += float(rest @ rest) + _WEAK * float(drift @ drift) + float(off @ self.prior.information @ off)
+        return _Point(
+            parameters, unknowns, kinetic, observed, balance, links, found, velocities,
+            cost if math.isfinite(cost) else math.inf,
+        )  # fmt: skip
+
+    def _levels(self, parameters: FloatArray, unknowns: FloatArray, found: FloatArray) -> tuple[FloatArray, ...]:
+        """Logarithm of the level that Eq. (6) gives at each breakaway, and its slopes.
+
+        By: the logarithms of F_s∞ and γ, the dwell, the logarithm of what remained of the level before.
+        """
+        problem = self.problem
+        stribeck, rise_time = np.exp(parameters[STRIBECK]), float(np.exp(parameters[RISE_TIME]))
+        arrest, remains = problem.before or (0.0, 0.0)
+        began = np.where(self.linked, np.append(arrest, found[:-1, kernel.ARREST]), problem.rests_begin)
+        dwell = np.maximum(unknowns[:, BREAKAWAY] - began, _LEAST_DWELL * problem.dwells)
+        share = _share(dwell, rise_time)
+        steepness = rise_time / (dwell + rise_time) ** 2
+        before = np.append(remains * stribeck, np.exp(unknowns[:-1, LEVEL]) * found[:-1, kernel.REMAINS])
+        level = before + (stribeck - before) * share
+        linked = self.linked
+        by_stribeck = np.where(linked, stribeck * share / level, 1.0)
+        by_stribeck[0] = 1.0  # what is left before the first slip is known as a share
+        return (
+            np.where(linked, np.log(level), np.log(stribeck) + 0.5 * np.log(share)),
+            by_stribeck,
+            np.where(linked, -(stribeck - before) / level * dwell * steepness, -0.5 * (1.0 - share)),
+            np.where(linked, (stribeck - before) / level * steepness, 0.5 * steepness / share),
+            np.where(linked, before * (1.0 - share) / level, 0.0),
+        )
+
+    def levels(self, point: _Point) -> FloatArray:
+        """Logarithm of the level that Eq. (6) gives at each breakaway."""
+        return self._levels(point.parameters, point.unknowns, point.found)[0]
+
+    def best_kinetic(self, unknowns: FloatArray, found: FloatArray) -> FloatArray:
+        """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
+        problem = self.problem
+        target = found[:, kernel.HELD] - np.exp(unknowns[:, LEVEL])
+        weights = problem.usable.astype(float)
+        kinetic = np.zeros(problem.balance.shape[1])
+        for _ in range(10):
+            kinetic = np.linalg.lstsq(problem.balance * weights[:, None], target * weights, rcond=None)[0]
+            misfit = np.abs(target - problem.balance @ kinetic)
+            weights = np.sqrt(problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + 1e-300))
+        return kinetic
+
+    def slopes(self, point: _Point) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """Slopes of observations, balance and links: by the parameters, and by each slip's unknowns.
+
+        Of the latter the last are those of the link that follows the slip.
+        """
+        problem, count = self.problem, self.problem.count
+        _, by_stribeck, by_rise_time, by_dwell, by_remains = self._levels(point.parameters, point.unknowns, point.found)
+        by_arrest = by_dwell / self.level_errors  # of a link, by the arrest before it
+
+        def links_by(found: FloatArray, step: float | FloatArray) -> FloatArray:
+            """Slopes of the links by what moved the ends of the slips before them."""
+            arrest = (found[:, kernel.ARREST] - point.found[:, kernel.ARREST]) / step
+            remains = np.log(found[:, kernel.REMAINS] / point.found[:, kernel.REMAINS]) / step
+            slopes = by_arrest[1:] * arrest[:-1] - (by_remains / self.level_errors)[1:] * remains[:-1]
+            return np.append(0.0, np.where(problem.linked[1:], slopes, 0.0))
+
+        observed = np.zeros((len(point.observed), self.columns))
+        balance, links = np.zeros((count, self.columns)), np.zeros((count, self.columns))
+        for k in self.active:
+            if SHAPE <= k < PARAMETERS:
+                continue
+            moved = point.parameters.copy()
+            moved[k] += _STEP
+            other = self.evaluate(moved, point.unknowns, point.kinetic)
+            observed[:, k] = (other.observed - point.observed) / _STEP
+            balance[:, k] = (other.balance - point.balance) / _STEP
+            links[:, k] = links_by(other.found, _STEP)
+        if STRIBECK in self.active:
+            links[:, STRIBECK] = -by_stribeck / self.level_errors
+        if RISE_TIME in self.active:
+            links[:, RISE_TIME] = -by_rise_time / self.level_errors
+        balance[:, len(point.parameters) :] = -problem.balance * self.balance_weight[:, None]
+
+        own = np.zeros((len(point.observed), UNKNOWNS))
+        own_balance, own_link, next_link = (np.zeros((count, UNKNOWNS)) for _ in range(3))
+        steps = np.stack([0.02 * problem.rest_errors, 1e-4 * problem.durations, np.full(count, 1e-3)], axis=1)
+        for k in range(UNKNOWNS):
+            moved = point.unknowns.copy()
+            moved[:, k] += steps[:, k]
+            other = self.evaluate(point.parameters, moved, point.kinetic)
+            own[:, k] = (other.observed - point.observed) / steps[problem.slip_of, k]
+            own_balance[:, k] = (other.balance - point.balance) / steps[:, k]
+            next_link[:-1, k] = links_by(other.found, steps[:, k])[1:]
+        own_link[:, BREAKAWAY] = -by_dwell / self.level_errors
+        own_link[:, LEVEL] = 1.0 / self.level_errors
+        next_link[:-1, LEVEL] -= (by_remains / self.level_errors)[1:]
+        return (observed, balance, links), (own, own_balance, own_link, next_link)
+
+
+@dataclass
+class _NormalEquations:
+    """Equations for the steps of parameters (with kinetic friction) and of the slips' unknowns."""
+
+    matrix: FloatArray
+    gradient: FloatArray
+    mixed: FloatArray
+    band: FloatArray
+    slope: FloatArray
+
+    @staticmethod
+    def assemble(
+        problem: SlipProblem, point: _Point, shared: tuple[FloatArray, ...], own: tuple[FloatArray, ...]
+    ) -> _NormalEquations:
+        """Collect the equations from the slopes by the parameters and by each slip's own unknowns."""
+        observed, balance, links = shared
+        own_observed, own_balance, own_link, next_link = own
+        count, columns = balance.shape
+        weights = _weights(point.observed)
+        balance_weights, link_weights = _weights(point.balance), _weights(point.links)
+        rows = np.concatenate([observed, balance, links])
+        row_weights = np.concatenate([weights, balance_weights, link_weights])
+        residuals = np.concatenate([point.observed, point.balance, point.links])
+
+        def next_one(values: FloatArray) -> FloatArray:
+            return np.concatenate([values[1:], np.zeros_like(values[:1])])
+
+        weighted = own_observed * weights[:, None]
+        begins = np.searchsorted(problem.slip_of, np.arange(count))
+        mixed = np.add.reduceat(weighted[:, :, None] * observed[:, None, :], begins, axis=0)
+        diagonal = np.add.reduceat(weighted[:, :, None] * own_observed[:, None, :], begins, axis=0)
+        slope = -np.add.reduceat(weighted * point.observed[:, None], begins, axis=0)
+        for mine, weight, columns_of, residual in (
+            (own_balance, balance_weights, balance, point.balance),
+            (own_link, link_weights, links, point.links),
+            (next_link, next_one(link_weights), next_one(links), next_one(point.links)),
+        ):
+            scaled = mine * weight[:, None]
+            mixed += scaled[:, :, None] * columns_of[:, None, :]
+            diagonal += scaled[:, :, None] * mine[:, None, :]
+            slope -= scaled * residual[:, None]
+        diagonal[:, POSITION, POSITION] += 1.0 / problem.rest_errors**2
+        slope[:, POSITION] -= (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
+        diagonal[:, BREAKAWAY, BREAKAWAY] += _WEAK / problem.durations**2
+        slope[:, BREAKAWAY] -= _WEAK * (point.unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations**2
+        # Rows of the slip after, columns of the slip: its link joins them.
+        coupling = (link_weights[1:, None] * own_link[1:])[:, :, None] * next_link[:-1, None, :]
+        band = np.zeros((2 * UNKNOWNS, UNKNOWNS * count))
+        for a in range(UNKNOWNS):
+            for b in range(UNKNOWNS):
+                if a >= b:
+                    band[a - b, b::UNKNOWNS] = diagonal[:, a, b]
+                band[UNKNOWNS + a - b, b:-UNKNOWNS:UNKNOWNS] = coupling[:, a, b] if count > 1 else 0.0
+        return _NormalEquations(
+            matrix=rows.T @ (rows * row_weights[:, None]),
+            gradient=-rows.T @ (row_weights * residuals),
+            mixed=mixed.reshape(count * UNKNOWNS, columns),
+            band=band,
+            slope=slope.ravel(),
+        )
+
+    @staticmethod
+    def scores(
+        problem: SlipProblem,
+        point: _Point,
+        shared: tuple[FloatArray, ...],
+        own: tuple[FloatArray, ...],
+        by_parameters: FloatArray,
+    ) -> FloatArray:
+        """Each slip's share of the gradient by the parameters, its own unknowns eliminated; shape (slips, columns)."""
+        observed, balance, links = shared
+        own_observed, own_balance, own_link, next_link = own
+        count = problem.count
+        follow = by_parameters.reshape(count, UNKNOWNS, -1)
+        begins = np.searchsorted(problem.slip_of, np.arange(count))
+        projected = observed - np.einsum("ma,mac->mc", own_observed, follow[problem.slip_of])
+        scores = np.add.reduceat(projected * (_weights(point.observed) * point.observed)[:, None], begins, axis=0)
+        projected = balance - np.einsum("na,nac->nc", own_balance, follow)
+        scores += projected * (_weights(point.balance) * point.balance)[:, None]
+        projected = links - np.einsum("na,nac->nc", own_link, follow)
+        projected[1:] -= np.einsum("na,nac->nc", next_link[:-1], follow[:-1])
+        scores += projected * (_weights(point.links) * point.links)[:, None]
+        rest = (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
+        scores -= rest[:, None] * follow[:, POSITION]
+        return -scores
+
+    def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""
+        band = self.band.copy()
+        band[0] *= 1.0 + damping
+        solved = solveh_banded(band, np.column_stack([self.mixed, self.slope]), lower=True, check_finite=False)
+        by_parameters, by_slope = solved[:, :-1], solved[:, -1]
+        return (
+            self.matrix - self.mixed.T @ by_parameters,
+            self.gradient - self.mixed.T @ by_slope,
+            by_parameters,
+            by_slope,
+        )
+
+
+def fit_slips(
+    problem: SlipProblem,
+    prior: Prior,
+    tolerances: Tolerances,
+    *,
+    parameters: FloatArray,
+    unknowns: FloatArray,
+    iterations: int = 25,
+    enough: float = 1e-3,
+) -> SlipFit:
+    """Fit from a start; the start itself comes back if nothing near it is better.
+
+    Parameters
+    ----------
+    parameters : logarithms, shape (p,). unknowns : of the slips, shape (slips, 3).
+    iterations : at most. enough : gain of an iteration below which it stops.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the start cannot be simulated.
+    """
+    fit = _Fit(problem, prior, tolerances)
+    kinetic = prior.kinetic
+    if not len(kinetic):
+        kinetic = fit.best_kinetic(unknowns, problem.simulate(parameters, unknowns)[2])
+    point = fit.evaluate(parameters, unknowns, kinetic)
+    if not math.isfinite(point.cost):
+        raise LinAlgError("the start of the fit cannot be simulated")
+    size = len(parameters)
+    weight = np.zeros((fit.columns, fit.columns))
+    weighted = slice(0, len(prior.information))
+    weight[weighted, weighted] = prior.information
+    damping = 1e-3
+    slopes = fit.slopes(point)
+    equations = _NormalEquations.assemble(problem, point, *slopes)
+    for _ in range(iterations):
+        pull = np.zeros(fit.columns)
+        pull[weighted] = -prior.information @ prior.distance(point.parameters, point.kinetic)
+        before = point
+        for _ in range(_ATTEMPTS):
+            try:
+                reduced, gradient, by_parameters, by_slope = equations.eliminate(damping)
+                full = reduced + weight
+                full += damping * np.diag(np.diag(full)) + 1e-14 * np.trace(full) * np.eye(fit.columns)
+                step = np.linalg.solve(full, gradient + pull)
+            except LinAlgError:
+                damping = max(damping, 1e-6) * 10.0
+                continue
+            step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step[:size]))), 1e-300))
+            own = (by_slope - by_parameters @ step).reshape(-1, UNKNOWNS)
+            candidate = fit.evaluate(
+                np.clip(point.parameters + step[:size], prior.lower, prior.upper),
+                _moved(problem, point.unknowns, own),
+                point.kinetic + step[size:],
+            )
+            if candidate.cost < point.cost:
+                point = candidate
+                break
+            damping = max(damping, 1e-6) * 6.0
+        if point is before:
+            break
+        damping = max(damping / 8.0, 1e-9)
+        slopes = fit.slopes(point)
+        equations = _NormalEquations.assemble(problem, point, *slopes)
+        if before.cost - point.cost < enough * max(1.0, 1e-3 * point.cost):
+            break
+    information, _, by_parameters, _ = equations.eliminate(0.0)
+    return SlipFit(
+        parameters=point.parameters,
+        unknowns=point.unknowns,
+        kinetic=point.kinetic,
+        information=information,
+        scores=_NormalEquations.scores(problem, point, *slopes, by_parameters),
+        residuals=point.observed,
+        misfits=_misfits(problem, point),
+        link_misfits=point.unknowns[:, LEVEL] - fit.levels(point),
+        cost=point.cost,
+        velocities=point.velocities,
+        found=point.found,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipEvidence:
+    """What one problem's slips say about given parameters, their own unknowns fitted and eliminated.
+
+    Attributes
+    ----------
+    information, gradient : on parameters and kinetic friction, shapes (p + k, p + k) and (p + k,).
+    unknowns, residuals, misfits, found : as of :class:`SlipFit`.
+    """
+
+    information: FloatArray
+    gradient: FloatArray
+    unknowns: FloatArray
+    residuals: FloatArray
+    misfits: FloatArray
+    found: FloatArray
+
+
+def evidence(
+    problem: SlipProblem,
+    tolerances: Tolerances,
+    *,
+    parameters: FloatArray,
+    kinetic: FloatArray,
+    unknowns: FloatArray,
+    iterations: int = 8,
+) -> SlipEvidence:
+    """Fit the slips' own unknowns to the parameters as they are, and see which way the slips would move these.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the slips cannot be simulated.
+    """
+    size = len(parameters)
+    held = Prior(mean=parameters, information=np.eye(size), lower=parameters, upper=parameters)
+    fit = _Fit(problem, held, tolerances)
+    shared, fit.active = fit.active, []
+    point = fit.evaluate(parameters, unknowns, kinetic)
+    if not math.isfinite(point.cost):
+        raise LinAlgError("the slips cannot be simulated")
+    damping = 1e-4
+    for _ in range(iterations):
+        equations = _NormalEquations.assemble(problem, point, *fit.slopes(point))
+        before = point.cost
+        while damping < 1.0:
+            own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
+            candidate = fit.evaluate(parameters, _moved(problem, point.unknowns, own), kinetic)
+            if candidate.cost < point.cost:
+                point = candidate
+                break
+            damping *= 10.0
+        damping = max(damping / 10.0, 1e-9)
+        if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
+            break
+    fit.active = shared
+    equations = _NormalEquations.assemble(problem, point, *fit.slopes(point))
+    information, gradient, _, _ = equations.eliminate(0.0)
+    return SlipEvidence(
+        information=information,
+        gradient=gradient,
+        unknowns=point.unknowns,
+        residuals=point.observed,
+        misfits=_misfits(problem, point),
+        found=point.found,
+    )
+
+
+def _misfits(problem: SlipProblem, point: _Point) -> FloatArray:
+    """Kinetic friction at each breakaway beside what the fit has [N·m]."""
+    held = point.found[:, kernel.HELD] - np.exp(point.unknowns[:, LEVEL])
+    return np.asarray(held - problem.balance @ point.kinetic)
+
+
+def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> FloatArray:
+    """The unknowns after a step, each no further than where the equations hold."""
+    limits = np.stack([4.0 * problem.rest_errors, 0.1 * problem.durations, np.full(problem.count, 0.7)], axis=1)
+    moved = unknowns + np.clip(step, -limits, limits)
+    latest = problem.last_times - 0.2 * problem.durations
+    moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], problem.first_times, latest)
+    return moved
+
+
+def _share(dwell: FloatArray, rise_time: float) -> FloatArray:
+    """Share of the rise of Eq. (6) that a dwell completes."""
+    return dwell / (dwell + rise_time)
+
+
+def _robust(residuals: FloatArray) -> float:
+    size = np.abs(residuals)
+    return float(np.where(size < _HUBER, size * size, 2.0 * _HUBER * size - _HUBER**2).sum())
+
+
+def _weights(residuals: FloatArray) -> FloatArray:
+    return np.minimum(1.0, _HUBER / np.maximum(np.abs(residuals), 1e-12))

@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Several observed slips of one joint as one problem of least squares.
+
+The logarithms of six parameters are unknown, and for each slip where the joint rested, when it broke away
+and with what Stribeck friction. Each slip is simulated on its own from these; what ties the slips together
+are Eq. (6), from one slip's end to the next one's beginning, and the balance of forces at every breakaway.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
+
+# Indices of the parameters; beyond them stand the reference's speeds where only they are known.
+INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
+PARAMETERS = 6
+SHAPE = 4  # as many parameters, the first ones, shape a single slip
+# Columns of a slip's unknowns.
+POSITION, BREAKAWAY, LEVEL = range(3)
+UNKNOWNS = 3
+
+_STEPS_PER_RADIAN = 20.0
+_LEAST_LAG = 0.05  # of a step: less is none
+_LONG_SLIP = 1.6  # of its neighbours: two slips, the rest between them unseen
+_NEIGHBOURS = 5
+_SAME_REST = 0.02  # of a dwell: how well two cycles agree on the rest between them
+_OTHER_SPEED = 0.12  # a change of the mean speed of cycles by this factor is a change of the reference's
+_LASTING = 3  # slips: a change of speed lasts
+_SLOWEST = 0.02  # of a slip's mean speed: slower motion says no more about an edge
+_UNIFORM = 1.0 / math.sqrt(12.0)
+_KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03  # relative errors of a reference's speed
+_LARGEST_STRAY = 0.5  # of a sample interval, by which stamps may stray
+
+
+def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
+    """Whether a slip begins from the rest that the one before ended in."""
+    return abs(before.arrest - window.rest_begin) < _SAME_REST * (window.breakaway - window.rest_begin) + 1e-9
+
+
+class SlipProblem:
+    """Observed slips, and what a simulation of them needs.
+
+    Where gains or force are unknown the inertia is taken as one, and its place among the parameters holds the
+    stiffness, which then is ω²; damping and forces are per inertia likewise.
+
+    Parameters
+    ----------
+    windows : in order of time, all with the force from one source; at least one.
+    before : arrest before the first slip [s] and the share of F_s∞ that was left then, if known.
+    """
+
+    def __init__(self, windows: list[SlipWindow], before: tuple[float, float] | None = None) -> None:
+        self.windows = windows
+        self.before = before
+        self.count = count = len(windows)
+        self.normalised = windows[0].source is ForceSource.SPEED
+        self.directions = np.array([float(window.direction) for window in windows])
+        self.rests_begin = np.array([window.rest_begin for window in windows])
+        self.breakaways = np.array([window.breakaway for window in windows])
+        self.arrests = np.array([window.arrest for window in windows])
+        self.durations = self.arrests - self.breakaways
+        self.dwells = self.breakaways - self.rests_begin
+        self.distances = np.array([abs(window.slip_distance) for window in windows])
+        self.rests = np.array([window.rest_position for window in windows])
+        self.rest_errors = np.array([window.rest_error for window in windows])
+        sizes = [len(window.times) for window in windows]
+        self.edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        self.times = np.concatenate([window.times for window in windows])
+        self.first_times, self.last_times = self.times[self.edges[:-1]], self.times[self.edges[1:] - 1]
+        self._references = np.concatenate([window.references for window in windows])
+        self.forces = np.concatenate([window.forces for window in windows])
+        self._slip_of_node = np.repeat(np.arange(count), sizes)
+        self._gains = np.array(
+            [
+                (float(window.gains.stiffness), float(window.gains.damping)) if window.gains else (0.0, 0.0)
+                for window in windows
+            ]
+        )
+        self._collect_observations()
+        self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
+        self.usable = np.ones(count, dtype=bool)
+        self.groups, self.speeds, self.speed_errors = self._reference_speeds()
+        self.set_aside(self._not_alone())
+        # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
+        if self.normalised:
+            self.balance = np.eye(len(self.speeds))[self.groups]
+        elif self.directions.min() < self.directions.max():
+            self.balance = np.stack([np.ones(count), self.directions], axis=1)
+        else:
+            self.balance = np.ones((count, 1))
+        self.usual_speed = float(np.median(self.distances / self.durations))
+        self.stray = 0.0
+        self.speeds_at_nodes = self._measured_speeds()
+        self.weigh(self.speeds_at_nodes)
+
+    def _collect_observations(self) -> None:
+        windows = self.windows
+        sizes = [len(window.observed) for window in windows]
+        offsets = np.repeat(self.edges[:-1], sizes)
+        self.observed = offsets + np.concatenate([window.observed for window in windows])
+        self.slip_of = np.repeat(np.arange(self.count), sizes)
+        self.values = np.concatenate([window.values for window in windows])
+        self.gaps = np.concatenate([window.gaps for window in windows])
+        self._at_edge = np.isfinite(self.gaps)
+        self._resolutions = np.repeat([window.resolution for window in windows], sizes)
+        self._noises = np.repeat([window.noise for window in windows], sizes)
+
+    def _not_alone(self) -> NDArray[np.bool_]:
+        """Which slips hold more than one slip at one speed.
+
+        Those that last much longer than their neighbours, as a rest within them was not seen, and where only
+        speeds are known those at a change of speed.
+        """
+        long = np.zeros(self.count, dtype=bool)
+        if self.normalised:
+            changes = np.flatnonzero(np.diff(self.groups))
+            long[changes] = long[changes + 1] = True
+        for number in range(self.count):
+            near = slice(max(0, number - _NEIGHBOURS), number + _NEIGHBOURS + 1)
+            alike = self.durations[near][self.groups[near] == self.groups[number]]
+            long[number] |= self.durations[number] > _LONG_SLIP * np.median(alike)
+        return long
+
+    def set_aside(self, which: NDArray[np.bool_]) -> None:
+        """Leave slips out of the fit; what follows them begins anew."""
+        self.usable = self.usable & ~which
+        self.linked = self.follows & np.append(False, self.usable[:-1]) & self.usable
+        self.weights = self.usable[self.slip_of].astype(float)
+
+    def take_up(self, usable: NDArray[np.bool_], stray: float) -> None:
+        """Go on as an earlier fit left it."""
+        self.usable = np.ones(self.count, dtype=bool)
+        self.stray = stray
+        self.set_aside(~usable)
+
+    def begin_anew(self) -> None:
+        """Take back what earlier fits set aside or found of the stamps."""
+        self.usable = np.ones(self.count, dtype=bool)
+        self.stray = 0.0
+        self.set_aside(self._not_alone())
+
+    def _reference_speeds(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+        """Stretches of one speed of the reference: the number of each slip's, the speeds, their relative errors."""
+        groups = np.zeros(self.count, dtype=np.int64)
+        if not self.normalised:
+            return groups, np.zeros(0), np.zeros(0)
+        given = np.array([window.reference_speed for window in self.windows])
+        known = bool(np.isfinite(given).all())
+        means = given
+        if not known:
+            way = np.append(np.diff(self.rests), math.nan)
+            way[:-1][~self.follows[1:]] = math.nan
+            own = np.array([window.slip_distance for window in self.windows])
+            time = np.append(np.diff(self.breakaways), math.nan)
+            means = np.where(np.isfinite(way), way / time, own / (self.arrests - self.rests_begin))
+        start = 0
+        for number in range(1, self.count):
+            ratios = means[number : number + _LASTING] / np.median(means[start:number])
+            if (ratios > 1.0 + _OTHER_SPEED).all() or (ratios < 1.0 / (1.0 + _OTHER_SPEED)).all():
+                start = number
+            groups[number] = groups[number - 1] + (start == number)
+        speeds, errors = [], []
+        for group in range(int(groups[-1]) + 1):
+            members = np.flatnonzero(groups == group)
+            first, last = members[0], members[-1]
+            if known:
+                speeds.append(float(means[members].mean()))
+                errors.append(_KNOWN_SPEED)
+            elif len(members) > 2 and self.follows[members[1:]].all():
+                # From breakaway to breakaway, so that only their scatter counts.
+                time = self.breakaways[last] - self.breakaways[first]
+                speeds.append(float(self.rests[last] - self.rests[first]) / float(time))
+                errors.append(max(_MEAN_SPEED / (len(members) - 1), _KNOWN_SPEED))
+            else:
+                speeds.append(float(np.median(means[members])))
+                errors.append(_FEW_CYCLES)
+        return groups, np.array(speeds), np.array(errors)
+
+    def shape(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The kernel's parameters, gains and references for given parameters."""
+        plant = np.exp(parameters[:PARAMETERS])
+        if not self.normalised:
+            return plant, self._gains, self._references
+        gains = np.zeros_like(self._gains)
+        gains[:, 0] = plant[INERTIA]
+        plant[INERTIA] = 1.0
+        speeds = self.speeds * np.exp(parameters[PARAMETERS:])
+        references = speeds[self.groups][self._slip_of_node] * (self.times - self.times[0])
+        return plant, gains, references
+
+    def natural_frequency(self, parameters: FloatArray) -> float:
+        """ω [1/s] with the largest gain; that of the slips' duration where there is no stiffness."""
+        plant, gains, _ = self.shape(parameters)
+        stiffness = float(gains[:, 0].max())
+        if stiffness <= 0:
+            return 2.0 * math.pi / float(np.median(self.durations))
+        return math.sqrt(stiffness / float(plant[INERTIA]))
+
+    def loading_rate(self, parameters: FloatArray) -> float:
+        """How fast the force on the resting joint rises, median of the slips [N·m/s]."""
+        _, gains, references = self.shape(parameters)
+        ends = self.edges[1:] - 1
+        rates = np.abs(references[ends] - references[self.edges[:-1]]) / (self.last_times - self.first_times)
+        return float(np.median(gains[:, 0] * rates))
+
+    def simulate(self, parameters: FloatArray, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions and velocities at the nodes, and what is found of each slip (columns of the kernel).
+
+        ``unknowns`` of shape (slips, 3): rest position [rad], breakaway [s], logarithm of the level [N·m].
+        """
+        plant, gains, references = self.shape(parameters)
+        decay = (float(plant[VISCOUS]) + float(gains[:, 1].max())) / float(plant[INERTIA])
+        step = 1.0 / (_STEPS_PER_RADIAN * max(self.natural_frequency(parameters), decay))
+        step = max(step, float(self.durations.max()) / 4000.0)
+        if plant[LAG] < _LEAST_LAG * step:
+            plant[LAG] = 0.0
+        starts = unknowns.copy()
+        starts[:, LEVEL] = np.exp(unknowns[:, LEVEL])
+        positions, velocities = np.empty(len(self.times)), np.empty(len(self.times))
+        found = np.empty((self.count, kernel.FOUND_COLUMNS))
+        kernel.simulate_windows(
+            plant, self.directions, starts, gains, self.edges, self.times, references, self.forces, step,
+            positions, velocities, found,
+        )  # fmt: skip
+        return positions, velocities, found
+
+    def weigh(self, speeds: FloatArray, tolerance: float = 0.0) -> None:
+        """Set what each observation says of the position, and its standard deviation, for speeds at the nodes.
+
+        Where a count changed the joint was at the edge between two counts some time in the sample's gap.
+        ``tolerance`` [rad] is added to every error: it widens the valley while the parameters are far off.
+        """
+        speed = np.abs(speeds[self.observed])
+        gaps = np.where(self._at_edge, self.gaps, 0.0)
+        way = np.minimum(np.maximum(speed, _SLOWEST * self.usual_speed) * gaps, self._resolutions)
+        edge = self.values - 0.5 * self.directions[self.slip_of] * (self._resolutions - way)
+        self.targets = np.where(self._at_edge, edge, self.values)
+        count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
+        self.errors = np.sqrt((_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.stray) ** 2 + tolerance**2)
+
+    def measure_stray(self, residuals: FloatArray, velocities: FloatArray) -> None:
+        """Set by how much the stamps stray [s], from residuals of a fit [1], where the joint moves fast."""
+        speed = np.abs(velocities[self.observed])
+        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & (self.weights > 0)
+        if not fast.any():
+            return
+        in_time = self.errors[fast] / speed[fast]
+        expected = in_time**2 - self.stray**2
+        excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
+        gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
+        largest = _LARGEST_STRAY * float(np.median(gaps))
+        self.stray = min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
+
+    def _measured_speeds(self) -> FloatArray:
+        """Speed at the observed nodes from the observations around them [rad/s]."""
+        speeds = np.zeros(len(self.times))
+        for number in range(self.count):
+            mine = np.flatnonzero(self.slip_of == number)
+            values, times = self.values[mine], self.times[self.observed[mine]]
+            reach = max(2, len(mine) // 16)
+            index = np.arange(len(mine))
+            left, right = np.maximum(index - reach, 0), np.minimum(index + reach, len(mine) - 1)
+            speeds[self.observed[mine]] = np.abs(values[right] - values[left]) / np.maximum(
+                times[right] - times[left], 1e-9
+            )
+        return speeds
+
+    def detected(self, level: float) -> FloatArray:
+        """The slips' unknowns as the detection sees them, with one level [N·m] for all."""
+        return np.stack([self.rests, self.breakaways, np.full(self.count, math.log(level))], axis=1)
+
+    def only(self, which: list[int]) -> SlipProblem:
+        """The problem of some of the slips."""
+        return SlipProblem([self.windows[number] for number in which])

@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The friction behind many slips, from no guess at all.
+
+Three stages, each the start of the next: the shape of a few slips that are alike; every slip's own
+breakaway and level with that shape; all parameters together, while the ties between the slips (Eq. (6) and
+the balance of forces) are drawn tight. Tight from the beginning, the least squares have many wrong valleys.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
+
+from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_fit import Prior, SlipFit, Tolerances, fit_slips
+from stickslip_ros.monitoring.slip_problem import (
+    INERTIA,
+    LAG,
+    LEVEL,
+    PARAMETERS,
+    RISE_TIME,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+    SlipProblem,
+)
+from stickslip_ros.monitoring.slip_start import ShapeGuess, shape_guesses
+
+_ALIKE = 4
+_STARTS = 6
+_SPREAD, _GENERALISED = 12, 4  # slips from everywhere; shapes tried on them
+_APART = 0.8  # of a logarithm: guesses closer than this are one
+_SHAPE_TOLERANCES = (0.01, 0.002)  # of the slip distance
+_GOOD = 1.3  # mean square of residuals, with which the search ends
+_OUTLIER, _OUTLIER_SHARE = 9.0, 25.0  # mean square of a slip's residuals; over the median of the slips
+_USUAL_RISE_TIME = 0.3  # [s], from which the scan departs only for a reason
+# Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
+_TIGHTENING = ((0.01, 0.2, 0.2), (0.003, 0.05, 0.05), (0.003, 0.01, 0.003), (0.0, 0.002, 3e-4))
+TIGHT_LEVEL = 1e-4
+_LEAST_BALANCE = 1e-4  # of the level
+_FINAL = 3
+_SHAPES_TRIED = 2
+_LOOSE_ROUNDS = 5
+_LOOSE_TRIED = 3
+_LEAST_LINK = 1e-3
+_ITERATIONS = 20
+_HELD = 1e-6  # standard deviation of a logarithm that is not to change
+_RISE_TIME_SPREAD = 2.0
+_WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """A fit of all slips.
+
+    Attributes
+    ----------
+    fit, prior : with its prior. usable : which slips it explains, shape (slips,).
+    balance_error : scatter of the kinetic friction from slip to slip that was found [N·m].
+    link_error : of the logarithm of the level at breakaway about Eq. (6).
+    tolerance : standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all.
+    stray : by how much stamps stray [s].
+    """
+
+    fit: SlipFit
+    prior: Prior
+    usable: NDArray[np.bool_]
+    balance_error: float
+    link_error: float = 1e-4
+    tolerance: float = 0.0
+    stray: float = 0.0
+
+    @property
+    def mean_square(self) -> float:
+        """Of the residuals; about 1 if the errors are what they are taken for."""
+        return float(np.mean(self.fit.residuals[self.fit.residuals != 0.0] ** 2))
+
+
+def search(problem: SlipProblem, known: Mapping[int, tuple[float, float]] | None = None) -> Solution | None:
+    """Find the friction behind the slips; None if nothing fits at all.
+
+    Parameters
+    ----------
+    known : mean and standard deviation of parameters' logarithms, by index.
+    """
+    known = {RISE_TIME: (math.log(_USUAL_RISE_TIME), _RISE_TIME_SPREAD), **(known or {})}
+    alike = _most_alike(problem)
+    some = problem.only(alike)
+    shapes = []
+    for guess in _distinct([guess for slip in (0, min(1, len(alike) - 1)) for guess in shape_guesses(some, slip)]):
+        try:
+            shapes.append(_fit_shape(problem.only(alike), guess))
+        except LinAlgError:
+            continue
+    shapes = _generalised(problem, shapes)
+    best: Solution | None = None
+    for shape in shapes[:_SHAPES_TRIED]:
+        try:
+            solution = _fit_all(problem, shape, known)
+        except LinAlgError:
+            continue
+        if best is None or solution.mean_square < best.mean_square:
+            best = solution
+        if solution.mean_square < _GOOD:
+            break
+    if best is not None and best.mean_square >= _GOOD:
+        best = _best_loose_fit(problem, best, shapes)
+    if best is not None:
+        problem.take_up(best.usable, best.stray)
+        problem.weigh(best.fit.velocities, best.tolerance)
+    return best
+
+
+def _most_alike(problem: SlipProblem) -> list[int]:
+    """A few slips in a row, as alike as there are."""
+    number = min(_ALIKE, problem.count)
+    best, least = 0, math.inf
+    for first in range(problem.count - number + 1):
+        part = slice(first, first + number)
+        distances, durations = problem.distances[part], problem.durations[part]
+        spread = float(np.std(distances) / np.mean(distances) + np.std(durations) / np.mean(durations))
+        spread += 5.0 * len(np.unique(problem.groups[part])) + 5.0 * float((~problem.usable[part]).sum())
+        spread += float((~problem.follows[first + 1 : first + number]).sum())
+        spread += 5.0 * len({problem.windows[slip].gains for slip in range(first, first + number)})
+        spread += 5.0 * float(np.ptp(problem.directions[part]))
+        # Of longer slips there are more counts.
+        spread += 0.05 * float(problem.distances.max() / np.mean(distances))
+        if spread < least:
+            best, least = first, spread
+    return list(range(best, best + number))
+
+
+def _distinct(guesses: list[ShapeGuess]) -> list[ShapeGuess]:
+    """The best guesses that are not nearly the same."""
+    kept: list[tuple[FloatArray, ShapeGuess]] = []
+    for guess in sorted(guesses, key=lambda guess: guess.misfit):
+        place = np.log([guess.inertia, guess.level, guess.stribeck_velocity, guess.lag])
+        if all(float(np.max(np.abs(place - other))) > _APART for other, _ in kept):
+            kept.append((place, guess))
+        if len(kept) == _STARTS:
+            break
+    return [guess for _, guess in kept]
+
+
+def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
+    duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
+    size = PARAMETERS + len(problem.speeds)
+    lower, upper = np.full(size, -math.inf), np.full(size, math.inf)
+    mass = 1.0 if problem.normalised else inertia
+    lower[VISCOUS], upper[VISCOUS] = math.log(1e-5 * mass / duration), math.log(1e3 * mass / duration)
+    lower[STRIBECK_VELOCITY] = math.log(1e-4 * problem.usual_speed)
+    upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
+    lower[LAG], upper[LAG] = math.log(1e-3 * duration), math.log(duration)
+    lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
+    return lower, upper
+
+
+def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
+    """Fit slips that are alike, each with its own level."""
+    duration = float(np.median(problem.durations))
+    parameters = np.zeros(PARAMETERS + len(problem.speeds))
+    parameters[INERTIA] = math.log(guess.inertia)
+    mass = 1.0 if problem.normalised else guess.inertia
+    parameters[VISCOUS] = math.log(max(guess.viscous, 0.02 * mass * problem.natural_frequency(parameters)))
+    parameters[STRIBECK_VELOCITY] = math.log(guess.stribeck_velocity)
+    parameters[LAG] = math.log(max(guess.lag, 0.003 * duration))
+    parameters[STRIBECK] = math.log(guess.level)
+    parameters[RISE_TIME] = math.log(_USUAL_RISE_TIME)
+    return _free_fit(problem, parameters, guess.level)
+
+
+def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> SlipFit:
+    """Fit the shape alone: every slip has its own level and kinetic friction."""
+    deviation = np.concatenate([np.full(4, _WIDE), np.full(2, _HELD), problem.speed_errors])
+    lower, upper = bounds(problem, math.exp(parameters[INERTIA]))
+    lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
+    prior = Prior.of(parameters, deviation, lower, upper)
+    unknowns = problem.detected(level)
+    distance = float(np.median(problem.distances))
+    for tolerance in _SHAPE_TOLERANCES:
+        problem.weigh(problem.speeds_at_nodes, tolerance * distance)
+        fit = fit_slips(problem, prior, Tolerances(), parameters=parameters, unknowns=unknowns)
+        parameters, unknowns = fit.parameters, fit.unknowns
+        problem.speeds_at_nodes = fit.velocities
+    return fit
+
+
+def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
+    """The shapes, made to fit slips from everywhere, each with its own level; the best first."""
+    usable = np.flatnonzero(problem.usable)
+    spread = usable[np.unique(np.round(np.linspace(0, len(usable) - 1, min(_SPREAD, len(usable)))).astype(int))]
+    fits = []
+    for shape in sorted(shapes, key=lambda fit: fit.cost):
+        some = problem.only(spread.tolist())
+        level = math.exp(float(np.median(shape.unknowns[:, LEVEL])))
+        parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(some.speeds))])
+        parameters[STRIBECK] = math.log(level)
+        try:
+            fits.append(_free_fit(some, parameters, level))
+        except LinAlgError:
+            continue
+        if len(fits) == _GENERALISED:
+            break
+    return sorted(fits, key=lambda fit: fit.cost)
+
+
+def _fit_all(problem: SlipProblem, shape: SlipFit, known: Mapping[int, tuple[float, float]]) -> Solution:
+    distance = float(np.median(problem.distances))
+    lower, upper = bounds(problem, math.exp(shape.parameters[INERTIA]))
+    fit, parameters = _breakaways(problem, shape)
+    mean = parameters.copy()
+    deviation = np.concatenate([np.full(PARAMETERS, _WIDE), problem.speed_errors])
+    for index, (center, spread) in known.items():
+        mean[index], deviation[index] = center, spread
+    prior = Prior.of(mean, deviation, lower, upper)
+    parameters = np.clip(parameters, lower, upper)
+    level = math.exp(parameters[STRIBECK])
+    for position, balance, link in _TIGHTENING:
+        problem.weigh(fit.velocities, position * distance)
+        tolerances = Tolerances(balance=balance * level, level=link)
+        fit = fit_slips(
+            problem, prior, tolerances, parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS
+        )
+        parameters = fit.parameters
+        _set_outliers_aside(problem, fit)
+    for _ in range(_FINAL):
+        problem.measure_stray(fit.residuals, fit.velocities)
+        problem.weigh(fit.velocities)
+        balance = balance_error(problem, fit)
+        tolerances = Tolerances(balance=balance, level=TIGHT_LEVEL)
+        fit = fit_slips(
+            problem, prior, tolerances, parameters=fit.parameters, unknowns=fit.unknowns, iterations=_ITERATIONS
+        )
+        _set_outliers_aside(problem, fit)
+    return Solution(
+        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=TIGHT_LEVEL, stray=problem.stray
+    )
+
+
+def _breakaways(problem: SlipProblem, shape: SlipFit) -> tuple[SlipFit, FloatArray]:
+    """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
+    problem.begin_anew()
+    parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(problem.speeds))])
+    problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
+    held = Prior.of(parameters, np.full(len(parameters), _HELD), parameters - 1.0, parameters + 1.0)
+    unknowns = problem.detected(math.exp(float(np.median(shape.unknowns[:, LEVEL]))))
+    fit = fit_slips(problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12)
+    parameters[STRIBECK], parameters[RISE_TIME] = np.log(_scan_rise_time(problem, fit))
+    return fit, parameters
+
+
+def _best_loose_fit(problem: SlipProblem, tight: Solution, shapes: list[SlipFit]) -> Solution:
+    """Where the model explains the slips only in part: of fits that explain about as much the one of least memory."""
+    kept: list[SlipFit] = []
+    for shape in shapes:
+        if all(abs(float(shape.parameters[LAG] - other.parameters[LAG])) > _APART for other in kept):
+            kept.append(shape)
+    loose = [fit for shape in kept[:_LOOSE_TRIED] if (fit := _fit_loosely(problem, tight.prior, shape)) is not None]
+
+    def badness(solution: Solution) -> float:
+        parameters = solution.fit.parameters
+        return solution.tolerance * (1.0 + problem.natural_frequency(parameters) * math.exp(parameters[LAG]))
+
+    return min(loose, key=badness, default=tight)
+
+
+def _fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution | None:
+    """Fit slips that the model explains only in part: what is left over is measured and taken as error."""
+    distance = float(np.median(problem.distances))
+    try:
+        fit, parameters = _breakaways(problem, shape)
+        parameters = np.clip(parameters, prior.lower, prior.upper)
+        level = math.exp(parameters[STRIBECK])
+        tolerance, balance, link = 0.01 * distance, 0.2 * level, 0.2
+        for _ in range(_LOOSE_ROUNDS):
+            problem.weigh(fit.velocities, tolerance)
+            fit = fit_slips(
+                problem, prior, Tolerances(balance=balance, level=link),
+                parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS,
+            )  # fmt: skip
+            parameters = fit.parameters
+            _set_outliers_aside(problem, fit)
+            used = problem.weights > 0
+            tolerance = float(np.sqrt(np.mean((fit.residuals * problem.errors)[used] ** 2)))
+            balance = min(balance_error(problem, fit), level)
+            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), _LEAST_LINK, 0.3))
+    except LinAlgError:
+        return None
+    return Solution(
+        fit=fit,
+        prior=prior,
+        usable=problem.usable,
+        balance_error=balance,
+        link_error=link,
+        tolerance=tolerance,
+    )
+
+
+def _scatter(values: FloatArray) -> float:
+    """Standard deviation, robust; 0 of nothing."""
+    return 1.48 * float(np.median(np.abs(values))) if len(values) else 0.0
+
+
+def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
+    """Scatter of the kinetic friction from slip to slip [N·m], at least what rounding makes."""
+    used = fit.misfits[problem.usable]
+    freedom = len(used) - problem.balance.shape[1] - 1
+    least = math.hypot(
+        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.stray * problem.loading_rate(fit.parameters)
+    )
+    if freedom < 1:
+        return 100.0 * least
+    return max(_scatter(used) * math.sqrt(len(used) / freedom), least)
+
+
+def _set_outliers_aside(problem: SlipProblem, fit: SlipFit) -> None:
+    """Slips that nothing explains, such as those with an unseen rest, must not bend the others."""
+    squares = np.bincount(problem.slip_of, fit.residuals**2, problem.count) / np.bincount(problem.slip_of)
+    usual = float(np.median(squares[problem.usable]))
+    outliers = squares > max(_OUTLIER, _OUTLIER_SHARE * usual)
+    if outliers.any() and problem.usable.sum() - outliers.sum() >= 2:
+        problem.set_aside(outliers)
+
+
+def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
+    """Stribeck friction and rise time that best explain the levels of the slips and the forces at breakaway."""
+    levels = np.exp(fit.unknowns[:, LEVEL])
+    dwell = float(np.median(problem.dwells))
+    usable = problem.usable
+    scale = float(np.median(levels))
+    best, least = (scale, dwell), math.inf
+    for rise_time in dwell * np.geomspace(0.02, 50.0, 24):
+        shares = np.empty(problem.count)
+        remains = 1.0
+        for slip in range(problem.count):
+            began = fit.found[slip - 1, kernel.ARREST] if problem.linked[slip] else problem.rests_begin[slip]
+            remains = remains if problem.linked[slip] else 1.0
+            rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
+            shares[slip] = remains + (1.0 - remains) * rest / (rest + rise_time)
+            remains = shares[slip] * float(fit.found[slip, kernel.REMAINS])
+        stribeck = float(np.median((levels / shares)[usable]))
+        kinetic = fit.found[:, kernel.HELD] - stribeck * shares
+        offsets = np.linalg.lstsq(problem.balance[usable], kinetic[usable], rcond=None)[0]
+        misfit = np.minimum(np.abs(kinetic - problem.balance @ offsets)[usable] / scale, 0.5).mean()
+        misfit += np.minimum(np.abs(np.log(levels / (stribeck * shares)))[usable], 0.5).mean()
+        misfit += 1e-3 * abs(math.log(rise_time / _USUAL_RISE_TIME))
+        if misfit < least:
+            best, least = (stribeck, float(rise_time)), float(misfit)
+    return best

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A first guess of the friction from the shape of one slip, without a guess to begin with.
+
+Integrated twice, Eq. (4) is linear in 1/M, F_v/M and F_s,b/M once the Stribeck velocity, the lag and the
+breakaway are given, and holds between smooth curves through the observed positions: nothing is
+differentiated but those curves. The three are scanned.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.optimize import nnls
+
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_problem import SlipProblem
+
+_POINTS = 96
+_HIGHEST_DEGREE = 13
+_AROUND = 0.3  # of a slip, how far from the detected breakaway it is looked for
+_BREAKAWAYS = 14
+_STRIBECK_VELOCITIES = np.geomspace(0.006, 2.0, 12)  # of the highest speed
+_LAGS = np.concatenate([[0.002], np.geomspace(0.01, 0.4, 9)])  # of the slip's duration
+_RIDGE = 1e-3
+_END_WEIGHT = 30.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeGuess:
+    """Parameters of one slip's shape, per inertia where that is unknown (then ``inertia`` holds ω²).
+
+    Attributes
+    ----------
+    misfit : root mean square of position over slip distance.
+    """
+
+    misfit: float
+    inertia: float
+    viscous: float
+    level: float
+    stribeck_velocity: float
+    lag: float
+    breakaway: float
+
+
+def shape_guesses(problem: SlipProblem, slip: int) -> list[ShapeGuess]:
+    """Guesses from one slip, the best first; empty if the equations have no solution that can be."""
+    duration, distance = float(problem.durations[slip]), float(problem.distances[slip])
+    mine = problem.slip_of == slip
+    detected = float(problem.breakaways[slip])
+    latest = min(float(problem.times[problem.observed[mine]][0]), detected + _AROUND * duration)
+    guesses = []
+    for breakaway in np.linspace(detected - _AROUND * duration, latest, _BREAKAWAYS):
+        times, way, speed, misfit = _smooth(problem, slip, float(breakaway))
+        known = _known_force(problem, slip, times, way)
+        braking = _integral(times, way)
+        for stribeck_velocity in speed.max() * _STRIBECK_VELOCITIES:
+            for lag in duration * _LAGS:
+                ratio = np.interp(times - lag, times, speed, left=0.0) / stribeck_velocity
+                falling = ratio * ratio / (1.0 + ratio * ratio)  # 1 - Ψ
+                columns = np.stack([known, -braking, _integral(times, _integral(times, falling))], axis=1) / distance
+                scale = np.sqrt((columns * columns).sum(axis=0)) + 1e-300
+                solution, rest = nnls(columns / scale, way / distance)
+                mobility, decay, level = solution / scale
+                if mobility > 0 and level > 0:
+                    # One of known stiffness has its inertia from the mobility; else that is ω² itself.
+                    inertia = mobility if problem.normalised else 1.0 / mobility
+                    unit = 1.0 if problem.normalised else inertia
+                    guesses.append(
+                        ShapeGuess(
+                            misfit=math.hypot(rest / math.sqrt(_POINTS), misfit),
+                            inertia=float(inertia),
+                            viscous=float(decay * unit),
+                            level=float(level * unit),
+                            stribeck_velocity=float(stribeck_velocity),
+                            lag=float(lag),
+                            breakaway=float(breakaway),
+                        )
+                    )
+    return sorted(guesses, key=lambda guess: guess.misfit)
+
+
+def _smooth(problem: SlipProblem, slip: int, breakaway: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Time, way and speed since breakaway as a polynomial that begins and ends at rest, and its misfit."""
+    mine = problem.slip_of == slip
+    duration = float(problem.arrests[slip]) - breakaway
+    distance, direction = float(problem.distances[slip]), float(problem.directions[slip])
+    gaps = np.nan_to_num(problem.gaps[mine])
+    at_edge = np.isfinite(problem.gaps[mine])
+    resolution = problem.windows[slip].resolution
+    times = problem.times[problem.observed[mine]] - 0.5 * gaps - breakaway
+    ways = (problem.values[mine] - problem.rests[slip]) * direction - np.where(at_edge, 0.5 * resolution, 0.0)
+    inside = times < duration
+    share, ways = np.maximum(times[inside] / duration, 0.0), ways[inside] / distance
+    degree = min(_HIGHEST_DEGREE, max(4, len(share) // 3))
+
+    def basis(at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values = chebyshev.chebvander(2.0 * at - 1.0, degree)
+        slopes = chebyshev.chebval(2.0 * at - 1.0, 2.0 * chebyshev.chebder(np.eye(degree + 1), axis=0)).T
+        at = at[:, None]
+        return at**2 * values, 2.0 * at * values + at**2 * slopes
+
+    weight = _END_WEIGHT * math.sqrt(len(share) + 1.0)
+    end, end_slope = basis(np.ones(1))
+    rows = np.vstack([basis(share)[0], weight * end, 0.25 * weight * end_slope, _RIDGE * np.eye(degree + 1)])
+    right = np.concatenate([ways, [weight, 0.0], np.zeros(degree + 1)])
+    coefficients = np.linalg.lstsq(rows, right, rcond=None)[0]
+    misfit = math.sqrt(float(np.mean((rows[: len(share)] @ coefficients - ways) ** 2))) if len(share) else 1.0
+    grid = np.linspace(0.0, 1.0, _POINTS)
+    values, slopes = basis(grid)
+    speed = np.maximum(slopes @ coefficients * distance / duration, 0.0)
+    return grid * duration, values @ coefficients * distance, speed, misfit
+
+
+def _known_force(problem: SlipProblem, slip: int, times: FloatArray, way: FloatArray) -> FloatArray:
+    """The force that is known, less that at breakaway, integrated twice, in the slip's direction."""
+    if problem.normalised:
+        ahead = abs(float(problem.speeds[problem.groups[slip]])) * times
+        return _integral(times, _integral(times, ahead - way))
+    window, direction = problem.windows[slip], float(problem.directions[slip])
+    assert window.gains is not None
+    # Times here count from the breakaway; the windows begin before it.
+    absolute = times + (float(problem.arrests[slip]) - times[-1])
+    ahead = np.interp(absolute, window.times, window.references) * direction
+    ahead = ahead - ahead[0]
+    force = np.interp(absolute, window.times, window.forces) * direction
+    force = float(window.gains.stiffness) * (ahead - way) + force - force[0]
+    known = _integral(times, _integral(times, force))
+    begin_speed = (ahead[1] - ahead[0]) / times[1]
+    known += float(window.gains.damping) * (_integral(times, ahead - way) - 0.5 * begin_speed * times**2)
+    return known
+
+
+def _integral(times: FloatArray, values: FloatArray) -> FloatArray:
+    """Integral from the first time, by trapezia on a uniform grid."""
+    total = np.empty_like(values)
+    total[0] = 0.0
+    np.cumsum(0.5 * (values[1:] + values[:-1]) * (times[1] - times[0]), out=total[1:])
+    return total

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the samples show of one slip: the observations that a fit compares with a simulated slip.
+
+An encoder says most at the instants at which its count changes: the joint then is within one sample's way
+of the edge between two counts. All other samples repeat what these said.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.samples import Batch, FloatArray
+
+_MOST_OBSERVATIONS = 240
+_SHAPE_NODES = 40  # for the reference and the effort, beside those of the observations
+_BEFORE, _AFTER = 0.4, 0.12  # of the slip's duration: where it may begin and end, beside where it seems to
+_OF_DWELL = 0.5  # of a rest: so far into it counts may still change by this slip
+_SETTLED = (0.1, 0.6)  # of a dwell: where the joint stands after the slip
+_LEAST_OBSERVATIONS = 5
+_ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothing of their own
+_EFFORT_SMOOTHING = 1.0 / 24.0  # of the slip
+_EVEN = 0.02  # of a sample interval: stamps stray less
+_LINE_REACH = 4  # samples on either side
+_SIGNIFICANT = 4.0  # standard errors, from which on the effort holds more than the gains explain
+_UNIFORM = 1.0 / math.sqrt(12.0)  # standard deviation of a uniform distribution of width one
+
+
+class ForceSource(Enum):
+    """Where the force on a joint is known from."""
+
+    GAINS = "gains and reference"
+    EFFORT = "effort"
+    SPEED = "speed alone"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipWindow:
+    """One slip as the samples show it; arrays of nodes have shape (n,), of observations (m,).
+
+    Attributes
+    ----------
+    direction : ±1. rest_begin, breakaway, arrest : as detected [s].
+    rest_position, rest_error : where the joint rested before, and the standard deviation of that [rad].
+    source : of the force. gains : in force then; zero if the source is the effort, None if unknown.
+    times : of the nodes [s]; references : at the nodes [rad], zero if unknown; forces : beside the gains' [N·m].
+    reference_speed : mean of the reference [rad/s], NaN if unknown.
+    observed : indices of the nodes observed; values : position there [rad].
+    gaps : time since the sample before [s]; NaN for a sample that is no change of count.
+    resolution, noise : of the position [rad].
+    """
+
+    direction: int
+    rest_begin: float
+    breakaway: float
+    arrest: float
+    rest_position: float
+    rest_error: float
+    source: ForceSource
+    gains: Gains | None
+    times: FloatArray
+    references: FloatArray
+    forces: FloatArray
+    reference_speed: float
+    observed: np.ndarray
+    values: FloatArray
+    gaps: FloatArray
+    resolution: float
+    noise: float
+
+    @property
+    def slip_distance(self) -> float:
+        """As observed, signed [rad]."""
+        return float(self.values[-1] - self.rest_position)
+
+
+def slip_window(
+    samples: Batch, cycle: Cycle, gains: Gains | None, *, resolution: float, noise: float
+) -> SlipWindow | None:
+    """Cut one slip out of the samples; None if they show too little of it.
+
+    Parameters
+    ----------
+    samples : of the joint, around the cycle. gains : in force during it, None if unknown.
+    resolution, noise : of the position [rad].
+    """
+    duration = cycle.slip_duration
+    begin = cycle.breakaway - min(_BEFORE * duration, cycle.dwell)
+    end = cycle.arrest + min(_AFTER * duration, cycle.dwell)
+    first, last = np.searchsorted(samples.time, [begin, end], side="right")
+    first = max(int(first) - 1, 0)
+    if last - first < _LEAST_OBSERVATIONS or samples.time[first] > cycle.breakaway:
+        return None
+    rest_from, rest_to = np.searchsorted(
+        samples.time, [cycle.breakaway - 0.6 * cycle.dwell, cycle.breakaway - 0.03 * cycle.dwell]
+    )
+    resting = slice(int(rest_from), max(int(rest_to), int(rest_from) + 1))
+    after_from, after_to = np.searchsorted(samples.time, [cycle.arrest + share * cycle.dwell for share in _SETTLED])
+    after = slice(min(int(after_from), len(samples) - 1), max(int(after_to), int(after_from) + 1))
+    part = samples.where(slice(first, int(last)))
+    analog = noise > _ANALOG * resolution
+    changed = np.append(False, np.diff(part.position) != 0) if not analog else np.ones(len(part), bool)
+    inside = part.time > cycle.breakaway - _OF_DWELL * (cycle.breakaway - begin)
+    inside &= part.time <= cycle.arrest + _OF_DWELL * (end - cycle.arrest)
+    indices = np.flatnonzero(changed & inside & (np.arange(len(part)) > 0))
+    if len(indices) < _LEAST_OBSERVATIONS:
+        return None
+    if len(indices) > _MOST_OBSERVATIONS:
+        indices = indices[np.round(np.linspace(0, len(indices) - 1, _MOST_OBSERVATIONS)).astype(int)]
+    shape = np.round(np.linspace(0, len(part) - 1, min(_SHAPE_NODES, len(part)))).astype(int)
+    stop = max(int(np.searchsorted(part.time, cycle.arrest + _OF_DWELL * (end - cycle.arrest))), int(indices[-1]) + 1)
+    stop = min(stop, len(part) - 1)
+    nodes = np.unique(np.concatenate([indices, shape, [stop]]))
+    source, in_force, forces = _forces(samples, part, resting, gains, duration, resolution)
+    known = np.isfinite(part.reference_position).all()
+    references = _reference(part)[nodes] if known else np.zeros(len(nodes))
+    if np.isfinite(part.reference_velocity).all():
+        speed = float(part.reference_velocity.mean())
+    elif known:
+        speed = float(part.reference_position[-1] - part.reference_position[0]) / float(part.time[-1] - part.time[0])
+    else:
+        speed = math.nan
+    rest = samples.position[resting]
+    spread = noise / math.sqrt(len(rest)) if analog else _UNIFORM * resolution
+    gaps = part.time[indices] - part.time[indices - 1]
+    stops = samples.position[after]
+    return SlipWindow(
+        direction=1 if cycle.slip_distance > 0 else -1,
+        rest_begin=cycle.breakaway - cycle.dwell,
+        breakaway=cycle.breakaway,
+        arrest=cycle.arrest,
+        rest_position=float(np.median(rest)) if not analog else float(np.mean(rest)),
+        rest_error=max(spread, 1e-3 * resolution),
+        source=source,
+        gains=in_force,
+        times=part.time[nodes],
+        references=references,
+        forces=forces[nodes],
+        reference_speed=speed,
+        observed=np.searchsorted(nodes, np.append(indices, stop)),
+        values=np.append(part.position[indices], np.median(stops) if not analog else np.mean(stops)),
+        gaps=np.append(gaps if not analog else np.full(len(gaps), np.nan), np.nan),
+        resolution=resolution if not analog else 0.0,
+        noise=noise if analog else 0.0,
+    )
+
+
+def _forces(
+    samples: Batch, part: Batch, resting: slice, gains: Gains | None, duration: float, resolution: float
+) -> tuple[ForceSource, Gains | None, FloatArray]:
+    """Where the force comes from, the gains that count, and the force beside theirs at each sample."""
+    effort_known = bool(np.isfinite(part.effort).all())
+    reference_known = bool(np.isfinite(part.reference_position).all())
+    none = np.zeros(len(part))
+    if gains is not None and reference_known and gains.integral == 0:
+        if effort_known:
+            none += _feed_forward(samples.where(resting), gains, resolution)
+        return ForceSource.GAINS, gains, none
+    if effort_known:
+        width = max(1, round(_EFFORT_SMOOTHING * duration / float(np.median(np.diff(part.time))))) | 1
+        padded = np.pad(part.effort, width // 2, mode="edge")
+        return (
+            ForceSource.EFFORT,
+            Gains(stiffness=0.0),
+            np.convolve(padded, np.full(width, 1.0 / width), mode="valid"),
+        )
+    return ForceSource.SPEED, gains, none
+
+
+def _reference(part: Batch) -> FloatArray:
+    """The reference at the samples [rad], freed of what stray stamps make of it.
+
+    A reference is smooth and its samples are not; where the stamps are uneven a parabola replaces it, if what
+    that leaves is no more than the stamps explain, else local lines.
+    """
+    times, reference = part.time, part.reference_position
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    uneven = float(np.mean(np.abs(steps - usual)))
+    if uneven < _EVEN * usual or len(times) < _LEAST_OBSERVATIONS:
+        return reference
+    middle = 0.5 * (times[0] + times[-1])
+    coefficients = np.polynomial.polynomial.polyfit(times - middle, reference, 2)
+    parabola = np.polynomial.polynomial.polyval(times - middle, coefficients)
+    speed = abs(float(reference[-1] - reference[0])) / float(times[-1] - times[0])
+    if float(np.sqrt(np.mean((reference - parabola) ** 2))) <= speed * uneven:
+        return np.asarray(parabola)
+    reach = _LINE_REACH
+    smooth = np.empty_like(reference)
+    for index in range(len(times)):
+        near = slice(max(0, index - reach), index + reach + 1)
+        line = np.polynomial.polynomial.polyfit(times[near] - times[index], reference[near], 1)
+        smooth[index] = line[0]
+    return smooth
+
+
+def _feed_forward(rest: Batch, gains: Gains, resolution: float) -> float:
+    """What the effort at rest holds beside the gains' force, if it is more than the noise explains [N·m]."""
+    if len(rest) < _LEAST_OBSERVATIONS:
+        return 0.0
+    speed = np.gradient(rest.reference_position, rest.time)
+    law = float(gains.stiffness) * (rest.reference_position - rest.position) + float(gains.damping) * speed
+    beside = rest.effort - law
+    mean = float(np.median(beside))
+    error = 1.25 * float(np.std(beside)) / math.sqrt(len(beside))
+    # The controller may have seen the position finer than its count.
+    error += float(gains.stiffness) * resolution / _SIGNIFICANT
+    return mean if abs(mean) > _SIGNIFICANT * error else 0.0

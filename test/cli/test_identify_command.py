@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip identify` from recordings: what it prints, writes and refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import JointSimulation
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the paper's joint at two speeds, as a CSV file with units in its header."""
+    joint: Joint = load_joint("puma560_joint1").joint
+    count, rate = 36_000, 1000.0
+    velocities = np.where(np.arange(count) < count // 2, 0.0058, 0.011)
+    references = np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / rate
+    motion = JointSimulation(joint, Gains(stiffness=630.0)).advance(1.0 / rate, references, velocities)
+    columns = (motion.time, 2.5e-5 * np.round(motion.position / 2.5e-5), references + velocities / rate)
+    path = tmp_path_factory.mktemp("recording") / "waist.csv"
+    np.savetxt(path, np.array(columns).T, "%.9g", ",", header="time_s,position_rad,reference_rad", comments="")
+    return path
+
+
+def test_a_recording_becomes_a_joint_file(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 4, item 6: from a recording, a joint file that loads and holds the truth, with errors and units."""
+    out = tmp_path / "waist.yaml"
+    assert main(["identify", str(table), "--stiffness", "630", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "identified" in printed
+    assert "One direction only" in printed
+    known = load_joint(str(out))
+    assert known.name == "waist"
+    assert known.joint.inertia == pytest.approx(6.3, rel=0.01)
+    assert known.joint.friction.rise_time == pytest.approx(0.264, rel=0.03)
+    assert known.gains.stiffness == 630.0
+    assert known.encoder_resolution == pytest.approx(2.5e-5, rel=1e-6)
+    text = out.read_text(encoding="utf-8")
+    assert "# kg·m², ± 0.0" in text
+    # A file that is there is never written over.
+    assert main(["identify", str(table), "--stiffness", "630", "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert out.read_text(encoding="utf-8") == text
+
+
+def test_gains_unknown_print_the_groups(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 4, item 7: without gains the natural frequency and what is per inertia are printed, as JSON too."""
+    assert main(["identify", str(table), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["per_inertia"]
+    assert found["natural_frequency"] == pytest.approx(10.0, rel=0.02)
+    assert "coulomb" not in found["friction"]
+    assert found["friction"]["lag"]["value"] == pytest.approx(0.05, rel=0.05)
+
+
+def test_without_an_inertia_no_joint_file_is_written(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Issue 4, item 6: what is per inertia is no joint; the message says what would show it."""
+    out = tmp_path / "waist.yaml"
+    assert main(["identify", str(table), "--out", str(out)]) == 2
+    assert "known gains or effort" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 4, item 6: a recording without slips and effort is status 1, in words."""
+    path = tmp_path / "smooth.csv"
+    rows = ["time_s,position_rad"] + [f"{0.01 * i},{1e-4 * i:.6g}" for i in range(1000)]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    assert main(["identify", str(path)]) == 1
+    assert "shows nothing of the friction" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "one of RECORDING, --simulated and --controller"),
+        (["nothing.csv"], "nothing.csv"),
+        (["--simulated", "/a", "--controller", "/b"], "one of RECORDING"),
+        (["--simulated", "/a", "--speeds", "fast"], "numbers separated by commas"),
+        (["--simulated", "/a", "--speeds", "-0.1"], "finite and > 0"),
+        (["--simulated", "/a"], "one or more"),
+        (["--simulated", "/a", "--speeds", "0.1", "--step-time", "nan"], "step time"),
+        (["--simulated", "/a", "--speeds", "0.1,0.3"], "--largest-way"),
+        (["slider_1100", "--stiffness", "nan"], "--stiffness"),
+        (["slider_1100", "--stiffness", "168", "--prior", "no_such_joint"], "no_such_joint"),
+    ],
+)
+def test_bad_usage_is_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 4, item 6: bad usage ends with status 2 and one line that names the value."""
+    assert main(["identify", *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert said in lines[-1]
+    assert lines[-1].startswith("stickslip: ")
+
+
+def test_a_plan_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 4, item 6: --plan says every step and needs no joint."""
+    assert main(["identify", "--controller", "/none", "--speeds", "0.01,0.02", "--plan"]) == 0
+    said = capsys.readouterr().err
+    assert "9 steps" in said
+    assert "-0.02 rad/s" in said
+
+
+def test_the_known_joints_say_how_to_contribute() -> None:
+    """Issue 4, item 6: the folder of known joints has a README that names the command."""
+    text = (ROOT / "config" / "joints" / "README.md").read_text(encoding="utf-8")
+    assert "stickslip identify" in text

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Learning slip by slip: bounded, fading, watchful; and what the monitor makes of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_joints import cut_slips, random_recording
+
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.monitoring.advice import AdviceLimits
+from stickslip_ros.monitoring.friction_learner import FrictionLearner, study
+from stickslip_ros.monitoring.joint_monitor import Assessment, JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.samples import Batch
+
+GAINS = Gains(stiffness=630.0)
+RATE = 1000.0
+
+
+def moving(joint: Joint, seconds: float, *, start: float = 0.0, changed: Joint | None = None) -> Batch:
+    """The paper's joint at two speeds; with another friction in the second half if asked."""
+    count = round(seconds * RATE)
+    velocities = np.where((np.arange(count) // 12_000) % 2 == 0, 0.0058, 0.011)
+    references = np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / RATE
+    simulation = JointSimulation(joint, GAINS)
+    half = count // 2 if changed else count
+    parts = [simulation.advance(1.0 / RATE, references[:half], velocities[:half])]
+    if changed is not None:
+        simulation.joint = changed
+        parts.append(simulation.advance(1.0 / RATE, references[half:], velocities[half:]))
+    position = np.concatenate([part.position for part in parts])
+    return Batch(
+        time=start + np.concatenate([part.time for part in parts]),
+        position=2.5e-5 * np.round(position / 2.5e-5),
+        reference_position=references + velocities / RATE,
+    )
+
+
+def watched(batch: Batch, monitor: JointMonitor) -> Assessment:
+    """The state of a monitor that studies as it goes."""
+    for piece in np.array_split(np.arange(len(batch)), 15):
+        monitor.process(batch.where(slice(int(piece[0]), int(piece[-1]) + 1)))
+        monitor.learn()
+    return monitor.assessment()
+
+
+@pytest.fixture(scope="module")
+def learnt(request: pytest.FixtureRequest) -> tuple[JointMonitor, Assessment]:
+    """A monitor that was told the gains alone, after 36 s of stick slip."""
+    from stickslip_ros.known_joints import load_joint
+
+    monitor = JointMonitor(gains=GAINS)
+    return monitor, watched(moving(load_joint("puma560_joint1").joint, 36.0), monitor)
+
+
+def test_friction_is_learnt_online(learnt: tuple[JointMonitor, Assessment], puma: Joint) -> None:
+    """Issue 4, item 3: from the gains alone the monitor comes to know the joint while it moves."""
+    _, state = learnt
+    assert state.estimate is not None
+    assert state.estimate["inertia"].value == pytest.approx(6.3, rel=0.02)
+    for name in ("coulomb", "stribeck", "stribeck_velocity", "lag", "rise_time"):
+        assert state.estimate[name].value == pytest.approx(float(getattr(puma.friction, name)), rel=0.1), name
+    assert state.notice == ""
+
+
+def test_margin_has_an_error_and_a_probability(learnt: tuple[JointMonitor, Assessment], puma: Joint) -> None:
+    """Issue 4, item 4: the margin comes with a standard error, the probability of stick slip, and what it rests on."""
+    _, state = learnt
+    assert state.margin is not None
+    true = stability_margin(puma, GAINS, state.velocity)
+    assert abs(float(state.margin.energy_margin) - float(true.energy_margin)) < 4.0 * state.margin_std
+    assert state.margin_std < 0.2 * abs(float(true.energy_margin))
+    assert state.stick_slip_probability == pytest.approx(1.0)
+    assert state.rests_on.startswith("learnt from")
+
+
+def test_advice_holds_at_the_chosen_confidence(learnt: tuple[JointMonitor, Assessment]) -> None:
+    """Issue 4, item 4: recommended gains reach the wanted margin in the chosen share of what may be true."""
+    monitor, _ = learnt
+    assert monitor.learner.estimate is not None
+    draws, _ = monitor.learner.estimate.draws()
+    changes = []
+    for confidence in (0.6, 0.99):
+        monitor.options = MonitorOptions(limits=AdviceLimits(confidence=confidence))
+        state = monitor.assessment()
+        advice = state.recommendation
+        assert advice is not None
+        gains = Gains(stiffness=advice.stiffness, damping=advice.damping)
+        margin = stability_margin(draws, gains, state.velocity)
+        reached = np.asarray(margin.damping_ratio) >= 1.2 * np.asarray(margin.critical_damping_ratio)
+        assert np.mean(reached) >= confidence
+        changes.append(abs(math.log(advice.stiffness_factor)) + abs(math.log(advice.damping_factor)))
+    monitor.options = MonitorOptions()
+    assert changes[1] >= changes[0]
+
+
+def test_gains_unknown_give_factors(puma: Joint) -> None:
+    """Issue 4, item 7: with the gains unknown the margin is published all the same, and advice is a factor."""
+    batch = moving(puma, 36.0)
+    state = watched(Batch(time=batch.time, position=batch.position), JointMonitor())
+    assert state.margin is not None
+    assert state.per_inertia
+    true = stability_margin(puma, GAINS, state.velocity)
+    assert float(state.margin.damping_ratio) == pytest.approx(float(true.damping_ratio), rel=0.3, abs=0.01)
+    assert bool(state.margin.smooth) == bool(true.smooth)
+    advice = state.recommendation
+    assert advice is not None
+    assert " × " in advice.reason
+    assert max(advice.stiffness_factor, advice.damping_factor) > 1.0
+
+
+def test_an_abrupt_change_is_named(puma: Joint) -> None:
+    """Issue 4, item 3: after lubrication the monitor says that friction changed, and learns the new one."""
+    oiled = replace(puma, friction=replace(puma.friction, coulomb=5.0, stribeck=1.1))
+    monitor = JointMonitor(gains=GAINS)
+    state = watched(moving(puma, 72.0, changed=oiled), monitor)
+    assert "friction changed abruptly at 3" in state.notice
+    assert "coulomb 8.4" in state.notice
+    assert state.estimate is not None
+    assert state.estimate["coulomb"].value == pytest.approx(5.0, rel=0.05)
+    assert state.estimate["stribeck"].value == pytest.approx(1.1, rel=0.1)
+
+
+def test_memory_is_bounded(puma: Joint) -> None:
+    """Issue 4, item 3: however long the joint runs, the slips kept and the samples kept are bounded."""
+    windows, _ = cut_slips(moving(puma, 24.0), GAINS)
+    learner = FrictionLearner()
+    for repeat in range(20):
+        for window in windows:
+            later = 100.0 * repeat
+            learner.take(
+                replace(
+                    window,
+                    rest_begin=window.rest_begin + later,
+                    breakaway=window.breakaway + later,
+                    arrest=window.arrest + later,
+                    times=window.times + later,
+                )
+            )
+    chosen = learner.wanted_study()
+    assert chosen is not None
+    assert len(chosen) <= 64
+
+
+def test_old_slips_fade(puma: Joint) -> None:
+    """Issue 4, item 3: a joint that warms up is followed: with a short memory sooner than with a long one."""
+    windows, _ = cut_slips(moving(puma, 36.0), GAINS)
+    known = study(windows, None)
+    assert known is not None
+    # Less Coulomb friction from now on, by a little: the reference is that much less ahead.
+    warm = [replace(window, references=window.references - 0.02 / 630.0) for window in windows]
+    found = []
+    for memory in (10.0, 1000.0):
+        learner = FrictionLearner(memory=memory)
+        learner.adopt(known)
+        for window in warm:
+            learner.take(window)
+        assert learner.estimate is not None
+        found.append(learner.estimate.coulomb.value)
+    assert found[0] < found[1] < 8.43 + 0.005
+
+
+def test_reset_forgets(puma: Joint) -> None:
+    """Issue 4, item 3: reset forgets what was learnt, and not the configuration."""
+    monitor = JointMonitor(puma, GAINS)
+    watched(moving(puma, 12.0), monitor)
+    assert monitor.learner.estimate is not None
+    monitor.reset()
+    assert monitor.learner.estimate is None
+    assert monitor.joint == puma
+    assert monitor.assessment().rests_on in ("", "the configuration")
+
+
+def test_several_joints_learn_apart() -> None:
+    """Issue 4, item 3: each joint has a learner of its own."""
+    found = []
+    for seed in (1000, 1001):
+        drawn = random_recording(seed)
+        monitor = JointMonitor(gains=drawn.gains)
+        monitor.process(drawn.batch)
+        monitor.learn()
+        assert monitor.learner.estimate is not None
+        found.append(monitor.learner.estimate["inertia"].value / float(drawn.joint.inertia))
+    assert found == pytest.approx([1.0, 1.0], rel=0.03)
+
+
+def test_learning_can_be_switched_off(puma: Joint) -> None:
+    """Issue 4, item 2: without learning the configuration stands."""
+    monitor = JointMonitor(puma, GAINS, MonitorOptions(learn=False))
+    state = watched(moving(puma, 12.0), monitor)
+    assert state.estimate is None
+    assert state.rests_on == "the configuration"
+    assert math.isnan(state.margin_std)
+
+
+def test_any_friction_can_be_configured_as_prior() -> None:
+    """Issue 4, item 2: a prior with zeros (no lag, no viscous friction) is no obstacle."""
+    drawn = random_recording(1002)
+    windows, _ = cut_slips(drawn.batch, drawn.gains)
+    bare = Joint(
+        inertia=float(drawn.joint.inertia),
+        friction=Friction(
+            stribeck=float(drawn.joint.friction.stribeck),
+            stribeck_velocity=float(drawn.joint.friction.stribeck_velocity),
+        ),
+    )
+    known = study(windows[:20], bare)
+    assert known is not None
+    assert known.estimate["inertia"].value == pytest.approx(float(drawn.joint.inertia), rel=0.03)
