@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from benchmarks import exact, monitoring, paper
+from benchmarks import estimation, exact, monitoring, paper
 
 if __name__ == "__main__":
     paper.run()
     monitoring.run()
     exact.run()
+    estimation.run()

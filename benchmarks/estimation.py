@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.slip_problem import SlipProblem
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
 from random_joints import RandomRecording, cut_slips, random_recording
 
-_FEW = 16  # joints in `make bench`
+_FEW = 8  # joints in `make bench`
 _WORKERS = 2
 _BOUNDARY = 0.2
 
@@ -125,8 +125,10 @@ def _bounds(recording: RandomRecording) -> dict[str, float]:
     order = ("inertia", "viscous", "stribeck_velocity", "lag", "stribeck", "rise_time")
     parameters = np.log([truth[name] for name in order])
     begins = [event for event in recording.events if event.kind is EventKind.BREAKAWAY]
-    nearest = [min(begins, key=lambda event: abs(event.time - time)) for time in problem.breakaways]
+    detected = problem.breakaways + problem.origin
+    nearest = [min(begins, key=lambda event: abs(event.time - time)) for time in detected]
     unknowns = np.array([(event.position, event.time, math.log(event.stribeck_level)) for event in nearest])
+    unknowns[:, 1] -= problem.origin
     problem.weigh(problem.simulate(parameters, unknowns)[1])
     try:
         known = evidence(

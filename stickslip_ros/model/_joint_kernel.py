@@ -30,6 +30,8 @@ PARAMETERS_SIZE = 11
 EVENT_COLUMNS = 5  # time, +1 breakaway / -1 arrest, direction of the slip, position, Stribeck friction level
 BREAKAWAY, ARREST = 1.0, -1.0
 
+_MOST_EVENTS = 64  # in one sampling period
+
 
 @njit(cache=True)
 def _risen(level: float, stribeck: float, rise_time: float, dwell: float) -> float:
@@ -221,10 +223,15 @@ def advance(state, history, parameters, step, period, references, reference_velo
         period_start = origin + i * period
         period_end = origin + (i + 1) * period
         velocity_d = reference_velocities[i]
+        before = count
         while state[TIME] < period_end - 1e-12:
             time = state[TIME]
             reference = references[i] + velocity_d * (time - period_start)
             if state[DIRECTION] == 0.0:
+                if count - before >= _MOST_EVENTS:
+                    # Ever shorter hops, without end: the joint creeps, and rests as far as can be seen.
+                    state[TIME] = period_end
+                    continue
                 count, acceleration = _stick_until(period_end, reference, velocity_d, state, parameters, events, count)
                 if state[DIRECTION] != 0.0:
                     _remember(state[TIME], 0.0, acceleration, state, history)

@@ -59,13 +59,15 @@ class SlipProblem:
 
     def __init__(self, windows: list[SlipWindow], before: tuple[float, float] | None = None) -> None:
         self.windows = windows
-        self.before = before
+        # Counted from the first slip: stamps of this century leave no digits for the differences taken here.
+        self.origin = origin = windows[0].rest_begin
+        self.before = (before[0] - origin, before[1]) if before else None
         self.count = count = len(windows)
         self.normalised = windows[0].source is ForceSource.SPEED
         self.directions = np.array([float(window.direction) for window in windows])
-        self.rests_begin = np.array([window.rest_begin for window in windows])
-        self.breakaways = np.array([window.breakaway for window in windows])
-        self.arrests = np.array([window.arrest for window in windows])
+        self.rests_begin = np.array([window.rest_begin - origin for window in windows])
+        self.breakaways = np.array([window.breakaway - origin for window in windows])
+        self.arrests = np.array([window.arrest - origin for window in windows])
         self.durations = self.arrests - self.breakaways
         self.dwells = self.breakaways - self.rests_begin
         self.distances = np.array([abs(window.slip_distance) for window in windows])
@@ -73,9 +75,9 @@ class SlipProblem:
         self.rest_errors = np.array([window.rest_error for window in windows])
         sizes = [len(window.times) for window in windows]
         self.edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self.times = np.concatenate([window.times for window in windows])
+        self.times = np.concatenate([window.times - origin for window in windows])
         self.first_times, self.last_times = self.times[self.edges[:-1]], self.times[self.edges[1:] - 1]
-        self._references = np.concatenate([window.references for window in windows])
+        self.references = np.concatenate([window.references for window in windows])
         self.forces = np.concatenate([window.forces for window in windows])
         self._slip_of_node = np.repeat(np.arange(count), sizes)
         self._gains = np.array(
@@ -188,7 +190,7 @@ class SlipProblem:
         """The kernel's parameters, gains and references for given parameters."""
         plant = np.exp(parameters[:PARAMETERS])
         if not self.normalised:
-            return plant, self._gains, self._references
+            return plant, self._gains, self.references
         gains = np.zeros_like(self._gains)
         gains[:, 0] = plant[INERTIA]
         plant[INERTIA] = 1.0

@@ -124,10 +124,11 @@ def _known_force(problem: SlipProblem, slip: int, times: FloatArray, way: FloatA
     window, direction = problem.windows[slip], float(problem.directions[slip])
     assert window.gains is not None
     # Times here count from the breakaway; the windows begin before it.
+    nodes = slice(problem.edges[slip], problem.edges[slip + 1])
     absolute = times + (float(problem.arrests[slip]) - times[-1])
-    ahead = np.interp(absolute, window.times, window.references) * direction
+    ahead = np.interp(absolute, problem.times[nodes], problem.references[nodes]) * direction
     ahead = ahead - ahead[0]
-    force = np.interp(absolute, window.times, window.forces) * direction
+    force = np.interp(absolute, problem.times[nodes], problem.forces[nodes]) * direction
     force = float(window.gains.stiffness) * (ahead - way) + force - force[0]
     known = _integral(times, _integral(times, force))
     begin_speed = (ahead[1] - ahead[0]) / times[1]

@@ -21,6 +21,8 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.estimation import DOES_NOT_FIT, NAMES, FrictionEstimate, estimate_friction
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.slip_problem import SlipProblem
+from stickslip_ros.monitoring.slip_search import bounds
 from stickslip_ros.monitoring.slip_windows import ForceSource
 
 GAINS = Gains(stiffness=630.0)
@@ -225,6 +227,30 @@ def test_what_the_model_cannot_explain_is_said() -> None:
     estimate = estimated(bent, one.gains)
     assert estimate.mismatch.startswith(DOES_NOT_FIT)
     assert estimate["inertia"].std > 3.0 * plain["inertia"].std
+
+
+def test_stamps_of_this_century_make_no_difference() -> None:
+    """Issue 4, item 1: stamps of 1.7e9 s, which leave no digits beyond tenths of a microsecond, give the same."""
+    one, plain = drawn(1001)
+    late = estimated(replace(one.batch, time=one.batch.time + 1.7e9), one.gains)
+    for name in NAMES:
+        assert abs(late[name].value - plain[name].value) < 0.5 * plain[name].std, name
+
+
+def test_any_parameters_can_be_simulated() -> None:
+    """Issue 4, item 3: whatever a fit tries, slips are simulated in bounded time, creeping joints included."""
+    one, _ = drawn(1001)
+    problem = SlipProblem(cut_slips(one.batch, one.gains)[0][:6])
+    lower, upper = bounds(problem, float(one.joint.inertia))
+    unbounded = np.isinf(lower)
+    center = np.log(float(one.joint.inertia))
+    lower, upper = np.where(unbounded, center - 5.0, lower), np.where(unbounded, center + 5.0, upper)
+    rng = np.random.default_rng(4)
+    for _ in range(150):
+        parameters = rng.uniform(lower, upper)
+        positions, _, found = problem.simulate(parameters, problem.detected(float(np.exp(rng.uniform(-5.0, 3.0)))))
+        assert len(positions) == problem.edges[-1]
+        assert np.isfinite(found[:, 0]).all()
 
 
 def test_too_few_slips_give_no_estimate(puma: Joint) -> None:
