@@ -8,10 +8,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError, solveh_banded
+from scipy.linalg import LinAlgError
 
 from stickslip_ros.monitoring import _window_kernel as kernel
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_equations import WEAK, NormalEquations, Point, robust
 from stickslip_ros.monitoring.slip_problem import (
     BREAKAWAY,
     LEVEL,
@@ -24,14 +25,12 @@ from stickslip_ros.monitoring.slip_problem import (
     SlipProblem,
 )
 
-_HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
 _STEP = 1e-4  # of a logarithm, for differences
 _LONGEST_STEP = 0.7  # of a logarithm
 _ATTEMPTS = 8
 _ENOUGH_OF_OWN = 0.02  # relative gain of an iteration on the slips' own unknowns alone
 _FIXED = 1e-5  # a prior this narrow holds a parameter
 _LEAST_DWELL = 1e-3  # of the detected one
-_WEAK = 1e-4  # weight of the detected breakaway beside the data's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,21 +103,6 @@ class SlipFit:
     found: FloatArray
 
 
-@dataclass
-class _Point:
-    """The residuals at one point, and the slopes of the links between slips."""
-
-    parameters: FloatArray
-    unknowns: FloatArray
-    kinetic: FloatArray
-    observed: FloatArray
-    balance: FloatArray
-    links: FloatArray
-    found: FloatArray
-    velocities: FloatArray
-    cost: float = math.inf
-
-
 class _Fit:
     """The problem with its prior and tolerances: residuals and their slopes."""
 
@@ -134,7 +118,7 @@ class _Fit:
         self.linked[0] = problem.before is not None
         self.level_errors = np.where(self.linked, tolerances.level, unknown)
 
-    def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> _Point:
+    def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
         problem = self.problem
         positions, velocities, found = problem.simulate(parameters, unknowns)
         missing = ~np.isfinite(found[:, kernel.ARREST])
@@ -146,9 +130,9 @@ class _Fit:
         rest = (unknowns[:, POSITION] - problem.rests) / problem.rest_errors
         drift = (unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations
         off = self.prior.distance(parameters, kinetic)
-        cost = _robust(observed) + _robust(balance) + _robust(links)
-        cost += float(rest @ rest) + _WEAK * float(drift @ drift) + float(off @ self.prior.information @ off)
-        return _Point(
+        cost = robust(observed) + robust(balance) + robust(links)
+        cost += float(rest @ rest) + WEAK * float(drift @ drift) + float(off @ self.prior.information @ off)
+        return Point(
             parameters, unknowns, kinetic, observed, balance, links, found, velocities,
             cost if math.isfinite(cost) else math.inf,
         )  # fmt: skip
@@ -178,7 +162,7 @@ class _Fit:
             np.where(linked, before * (1.0 - share) / level, 0.0),
         )
 
-    def levels(self, point: _Point) -> FloatArray:
+    def levels(self, point: Point) -> FloatArray:
         """Logarithm of the level that Eq. (6) gives at each breakaway."""
         return self._levels(point.parameters, point.unknowns, point.found)[0]
 
@@ -194,7 +178,7 @@ class _Fit:
             weights = np.sqrt(problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + 1e-300))
         return kinetic
 
-    def slopes(self, point: _Point) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+    def slopes(self, point: Point) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
         """Slopes of observations, balance and links: by the parameters, and by each slip's unknowns.
 
         Of the latter the last are those of the link that follows the slip.
@@ -243,106 +227,6 @@ class _Fit:
         return (observed, balance, links), (own, own_balance, own_link, next_link)
 
 
-@dataclass
-class _NormalEquations:
-    """Equations for the steps of parameters (with kinetic friction) and of the slips' unknowns."""
-
-    matrix: FloatArray
-    gradient: FloatArray
-    mixed: FloatArray
-    band: FloatArray
-    slope: FloatArray
-
-    @staticmethod
-    def assemble(
-        problem: SlipProblem, point: _Point, shared: tuple[FloatArray, ...], own: tuple[FloatArray, ...]
-    ) -> _NormalEquations:
-        """Collect the equations from the slopes by the parameters and by each slip's own unknowns."""
-        observed, balance, links = shared
-        own_observed, own_balance, own_link, next_link = own
-        count, columns = balance.shape
-        weights = _weights(point.observed)
-        balance_weights, link_weights = _weights(point.balance), _weights(point.links)
-        rows = np.concatenate([observed, balance, links])
-        row_weights = np.concatenate([weights, balance_weights, link_weights])
-        residuals = np.concatenate([point.observed, point.balance, point.links])
-
-        def next_one(values: FloatArray) -> FloatArray:
-            return np.concatenate([values[1:], np.zeros_like(values[:1])])
-
-        weighted = own_observed * weights[:, None]
-        begins = np.searchsorted(problem.slip_of, np.arange(count))
-        mixed = np.add.reduceat(weighted[:, :, None] * observed[:, None, :], begins, axis=0)
-        diagonal = np.add.reduceat(weighted[:, :, None] * own_observed[:, None, :], begins, axis=0)
-        slope = -np.add.reduceat(weighted * point.observed[:, None], begins, axis=0)
-        for mine, weight, columns_of, residual in (
-            (own_balance, balance_weights, balance, point.balance),
-            (own_link, link_weights, links, point.links),
-            (next_link, next_one(link_weights), next_one(links), next_one(point.links)),
-        ):
-            scaled = mine * weight[:, None]
-            mixed += scaled[:, :, None] * columns_of[:, None, :]
-            diagonal += scaled[:, :, None] * mine[:, None, :]
-            slope -= scaled * residual[:, None]
-        diagonal[:, POSITION, POSITION] += 1.0 / problem.rest_errors**2
-        slope[:, POSITION] -= (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
-        diagonal[:, BREAKAWAY, BREAKAWAY] += _WEAK / problem.durations**2
-        slope[:, BREAKAWAY] -= _WEAK * (point.unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations**2
-        # Rows of the slip after, columns of the slip: its link joins them.
-        coupling = (link_weights[1:, None] * own_link[1:])[:, :, None] * next_link[:-1, None, :]
-        band = np.zeros((2 * UNKNOWNS, UNKNOWNS * count))
-        for a in range(UNKNOWNS):
-            for b in range(UNKNOWNS):
-                if a >= b:
-                    band[a - b, b::UNKNOWNS] = diagonal[:, a, b]
-                band[UNKNOWNS + a - b, b:-UNKNOWNS:UNKNOWNS] = coupling[:, a, b] if count > 1 else 0.0
-        return _NormalEquations(
-            matrix=rows.T @ (rows * row_weights[:, None]),
-            gradient=-rows.T @ (row_weights * residuals),
-            mixed=mixed.reshape(count * UNKNOWNS, columns),
-            band=band,
-            slope=slope.ravel(),
-        )
-
-    @staticmethod
-    def scores(
-        problem: SlipProblem,
-        point: _Point,
-        shared: tuple[FloatArray, ...],
-        own: tuple[FloatArray, ...],
-        by_parameters: FloatArray,
-    ) -> FloatArray:
-        """Each slip's share of the gradient by the parameters, its own unknowns eliminated; shape (slips, columns)."""
-        observed, balance, links = shared
-        own_observed, own_balance, own_link, next_link = own
-        count = problem.count
-        follow = by_parameters.reshape(count, UNKNOWNS, -1)
-        begins = np.searchsorted(problem.slip_of, np.arange(count))
-        projected = observed - np.einsum("ma,mac->mc", own_observed, follow[problem.slip_of])
-        scores = np.add.reduceat(projected * (_weights(point.observed) * point.observed)[:, None], begins, axis=0)
-        projected = balance - np.einsum("na,nac->nc", own_balance, follow)
-        scores += projected * (_weights(point.balance) * point.balance)[:, None]
-        projected = links - np.einsum("na,nac->nc", own_link, follow)
-        projected[1:] -= np.einsum("na,nac->nc", next_link[:-1], follow[:-1])
-        scores += projected * (_weights(point.links) * point.links)[:, None]
-        rest = (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
-        scores -= rest[:, None] * follow[:, POSITION]
-        return -scores
-
-    def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""
-        band = self.band.copy()
-        band[0] *= 1.0 + damping
-        solved = solveh_banded(band, np.column_stack([self.mixed, self.slope]), lower=True, check_finite=False)
-        by_parameters, by_slope = solved[:, :-1], solved[:, -1]
-        return (
-            self.matrix - self.mixed.T @ by_parameters,
-            self.gradient - self.mixed.T @ by_slope,
-            by_parameters,
-            by_slope,
-        )
-
-
 def fit_slips(
     problem: SlipProblem,
     prior: Prior,
@@ -378,7 +262,7 @@ def fit_slips(
     weight[weighted, weighted] = prior.information
     damping = 1e-3
     slopes = fit.slopes(point)
-    equations = _NormalEquations.assemble(problem, point, *slopes)
+    equations = NormalEquations.assemble(problem, point, *slopes)
     for _ in range(iterations):
         pull = np.zeros(fit.columns)
         pull[weighted] = -prior.information @ prior.distance(point.parameters, point.kinetic)
@@ -407,7 +291,7 @@ def fit_slips(
             break
         damping = max(damping / 8.0, 1e-9)
         slopes = fit.slopes(point)
-        equations = _NormalEquations.assemble(problem, point, *slopes)
+        equations = NormalEquations.assemble(problem, point, *slopes)
         if before.cost - point.cost < enough * max(1.0, 1e-3 * point.cost):
             break
     information, _, by_parameters, _ = equations.eliminate(0.0)
@@ -416,7 +300,7 @@ def fit_slips(
         unknowns=point.unknowns,
         kinetic=point.kinetic,
         information=information,
-        scores=_NormalEquations.scores(problem, point, *slopes, by_parameters),
+        scores=NormalEquations.scores(problem, point, *slopes, by_parameters),
         residuals=point.observed,
         misfits=_misfits(problem, point),
         link_misfits=point.unknowns[:, LEVEL] - fit.levels(point),
@@ -469,7 +353,7 @@ def evidence(
         raise LinAlgError("the slips cannot be simulated")
     damping = 1e-4
     for _ in range(iterations):
-        equations = _NormalEquations.assemble(problem, point, *fit.slopes(point))
+        equations = NormalEquations.assemble(problem, point, *fit.slopes(point))
         before = point.cost
         while damping < 1.0:
             own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
@@ -482,7 +366,7 @@ def evidence(
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
     fit.active = shared
-    equations = _NormalEquations.assemble(problem, point, *fit.slopes(point))
+    equations = NormalEquations.assemble(problem, point, *fit.slopes(point))
     information, gradient, _, _ = equations.eliminate(0.0)
     return SlipEvidence(
         information=information,
@@ -494,7 +378,7 @@ def evidence(
     )
 
 
-def _misfits(problem: SlipProblem, point: _Point) -> FloatArray:
+def _misfits(problem: SlipProblem, point: Point) -> FloatArray:
     """Kinetic friction at each breakaway beside what the fit has [N·m]."""
     held = point.found[:, kernel.HELD] - np.exp(point.unknowns[:, LEVEL])
     return np.asarray(held - problem.balance @ point.kinetic)
@@ -512,12 +396,3 @@ def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> Floa
 def _share(dwell: FloatArray, rise_time: float) -> FloatArray:
     """Share of the rise of Eq. (6) that a dwell completes."""
     return dwell / (dwell + rise_time)
-
-
-def _robust(residuals: FloatArray) -> float:
-    size = np.abs(residuals)
-    return float(np.where(size < _HUBER, size * size, 2.0 * _HUBER * size - _HUBER**2).sum())
-
-
-def _weights(residuals: FloatArray) -> FloatArray:
-    return np.minimum(1.0, _HUBER / np.maximum(np.abs(residuals), 1e-12))
