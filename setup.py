@@ -45,7 +45,7 @@ setup(
         *shared("examples"),
     ],
     python_requires=">=3.10",
-    install_requires=["matplotlib", "numba", "numpy", "pyyaml", "rich", "scipy", "setuptools"],
+    install_requires=["matplotlib", "mcap", "numba", "numpy", "pyyaml", "rich", "scipy", "setuptools"],
     extras_require={"ros": ROS_WHEELS, "test": TEST},
     zip_safe=False,
     maintainer="The stickslip_ros developers",

@@ -2,9 +2,10 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip identify`: inertia and friction of a joint, from a recording or from an experiment that moves it.
 
-From a recording (.csv or .npz, columns named with their units): its slips, and where the effort is known its
-sliding, are fitted. The experiment rests, moves slowly, faster, and the same way back, by the parameters of a
-simulated joint or as a trajectory for a joint_trajectory_controller; --plan only says what it would do.
+From a recording (.csv or .npz, columns named with their units, or an .mcap bag with JointStates): its slips,
+and where the effort is known its sliding, are fitted. The experiment rests, moves slowly, faster, and the same
+way back, by the parameters of a simulated joint or as a trajectory for a joint_trajectory_controller; --plan
+only says what it would do.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from stickslip_ros.bags.reading import read_joint
 from stickslip_ros.cli.margin import number
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
@@ -40,7 +42,10 @@ def add_parser(commands: Any) -> None:
         "identify", help="learn a joint's inertia and friction from a recording or an experiment", description=__doc__
     )
     parser.add_argument(
-        "recording", nargs="?", metavar="RECORDING", help="a .csv or .npz file, or the beginning of a known one's name"
+        "recording",
+        nargs="?",
+        metavar="RECORDING",
+        help="a .csv, .npz or .mcap file, or a known one",
     )
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then [N·m/rad]")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then [N·m·s/rad] (default 0)")
@@ -49,7 +54,7 @@ def add_parser(commands: Any) -> None:
     experiment = parser.add_argument_group("experiment, instead of a recording")
     experiment.add_argument("--simulated", metavar="NODE", help="of a simulated joint, e.g. /simulated_joint")
     experiment.add_argument("--controller", metavar="NODE", help="a joint_trajectory_controller")
-    experiment.add_argument("--on", metavar="JOINT", default="joint1", help="the joint to move (default: %(default)s)")
+    parser.add_argument("--on", metavar="JOINT", default="joint1", help="to move, or of the bag (default: %(default)s)")
     experiment.add_argument("--speeds", metavar="V,V", help="speeds of the ladder, slow to fast [rad/s]")
     experiment.add_argument(
         "--step-time", type=float, metavar="S", default=_STEP_TIME, help="at each speed [s] (default: %(default)s)"
@@ -74,8 +79,9 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("what to identify", "one of RECORDING, --simulated and --controller", sum(chosen))
     gains = _gains(options)
     if options.recording:
-        path = find_recording(options.recording)
-        batch, name, source = load_recording(path).batch, path.stem, f"Identified from {path.name}."
+        path = _find(options.recording)
+        batch = read_joint(path, options.on) if path.suffix == ".mcap" else load_recording(path).batch
+        name, source = path.stem, f"Identified from {path.name}."
     else:
         experiment = _experiment(options)
         if experiment is None:
@@ -99,6 +105,10 @@ def run(options: argparse.Namespace) -> int:
         if not options.json:
             Console(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
     return 0
+
+
+def _find(name: str) -> Path:
+    return Path(name) if name.endswith(".mcap") else find_recording(name)
 
 
 def _full(source: str, prior: KnownJoint | None) -> str:

@@ -10,11 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
+from mcap.writer import Writer
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.nodes.conversion import stamp
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +74,32 @@ def test_without_an_inertia_no_joint_file_is_written(
     assert main(["identify", str(table), "--out", str(out)]) == 2
     assert "known gains or effort" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_bag_is_a_recording_too(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 4, item 6: the same motion from an MCAP bag with joint states and references, among other joints."""
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    bag = tmp_path / "waist.mcap"
+    with bag.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"")
+        channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/joint_references", "/joint_states")]
+        for time, position, reference in rows:
+            for channel, value in zip(channels, (reference, position), strict=True):
+                message = JointState(name=["elbow", "waist"], position=[0.0, value])
+                message.header.stamp = stamp(1.0 + time)
+                when = round(1e9 * time)
+                writer.add_message(channel, when, serialize_message(message), when)
+        writer.finish()
+    assert main(["identify", str(bag), "--on", "waist", "--stiffness", "630", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["friction"]["inertia"]["value"] == pytest.approx(6.3, rel=0.01)
+    assert main(["identify", str(bag), "--on", "wrist", "--stiffness", "630"]) == 2
+    assert "joints there: elbow, waist" in capsys.readouterr().err
+    bag.write_bytes(b"no bag at all")
+    assert main(["identify", str(bag)]) == 2
+    assert str(bag) in capsys.readouterr().err
 
 
 def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
