@@ -5,22 +5,15 @@
 from __future__ import annotations
 
 import os
+from dataclasses import fields
 from pathlib import Path
 
 from stickslip_ros.errors import JointFileError
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.estimation import NAMES
 from stickslip_ros.monitoring.identification import Identification
 
-UNITS = {
-    "inertia": "kg·m²",
-    "coulomb": "N·m",
-    "viscous": "N·m·s/rad",
-    "stribeck": "N·m",
-    "stribeck_velocity": "rad/s",
-    "lag": "s",
-    "rise_time": "s",
-}
+UNITS = {"inertia": "kg·m²"} | {entry.name: str(entry.metadata["unit"]) for entry in fields(Friction)}
 
 
 def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains | None, source: str) -> str:

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, lowest_smooth_velocity, stability_margin
@@ -47,6 +48,11 @@ class MonitorOptions:
     learn : whether friction is learnt from the motion.
     memory : slips after which what they taught has faded to a third.
     limits : what advice must reach and keep within.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the memory is less than a slip.
     """
 
     warn_margin: float = 0.1
@@ -54,6 +60,10 @@ class MonitorOptions:
     learn: bool = True
     memory: float = 100.0
     limits: AdviceLimits = field(default_factory=AdviceLimits)
+
+    def __post_init__(self) -> None:
+        if not self.memory >= 1.0:
+            raise InvalidParameterError("memory", ">= 1 slip", self.memory)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,6 +251,7 @@ class JointMonitor:
         if samples is not None:
             window = slip_window(samples, cycle, self._gains, resolution=detector.resolution, noise=detector.noise)
             if window is not None:
+                self.learner.memory = self.options.memory
                 self.learner.take(window)
 
     def _extend_segments(self, batch: Batch) -> None:

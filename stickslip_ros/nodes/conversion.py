@@ -19,17 +19,9 @@ from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import Assessment
 from stickslip_ros.monitoring.status import Status
+from stickslip_ros.nodes.joint_parameters import FRICTION_UNITS
 
-ESTIMATE_UNITS = {
-    "inertia": "kg*m^2",
-    "coulomb": "N*m",
-    "viscous": "N*m*s/rad",
-    "stribeck": "N*m",
-    "stribeck_velocity": "rad/s",
-    "lag": "s",
-    "rise_time": "s",
-    "load": "N*m",
-}
+ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
 PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}
 
 

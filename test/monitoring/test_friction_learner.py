@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from random_joints import cut_slips, random_recording
 
+from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
@@ -197,6 +198,12 @@ def test_learning_can_be_switched_off(puma: Joint) -> None:
     assert state.estimate is None
     assert state.rests_on == "the configuration"
     assert math.isnan(state.margin_std)
+
+
+def test_a_memory_of_less_than_a_slip_is_refused() -> None:
+    """Issue 4, item 3: a memory that cannot be is an error that names the value."""
+    with pytest.raises(InvalidParameterError, match="memory"):
+        MonitorOptions(memory=0.0)
 
 
 def test_any_friction_can_be_configured_as_prior() -> None:
