@@ -172,6 +172,10 @@ class FrictionLearner:
         assert state is not None
         if window.source is not state.last_window.source:
             return
+        if len(state.kinetic) == 1 and window.direction != state.last_window.direction:
+            # Only a study of both directions tells the load from the Coulomb friction.
+            self._studied = 0
+            return
         follows = (
             abs(state.last_window.arrest - window.rest_begin) < 0.02 * (window.breakaway - window.rest_begin) + 1e-9
         )

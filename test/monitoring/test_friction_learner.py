@@ -24,12 +24,14 @@ GAINS = Gains(stiffness=630.0)
 RATE = 1000.0
 
 
-def moving(joint: Joint, seconds: float, *, start: float = 0.0, changed: Joint | None = None) -> Batch:
-    """The paper's joint at two speeds; with another friction in the second half if asked."""
+def moving(
+    joint: Joint, seconds: float, *, changed: Joint | None = None, second: float = 0.011, load: float = 0.0
+) -> Batch:
+    """The paper's joint at two speeds, in turn; with another friction in the second half if asked."""
     count = round(seconds * RATE)
-    velocities = np.where((np.arange(count) // 12_000) % 2 == 0, 0.0058, 0.011)
+    velocities = np.where((np.arange(count) // 12_000) % 2 == 0, 0.0058, second)
     references = np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / RATE
-    simulation = JointSimulation(joint, GAINS)
+    simulation = JointSimulation(joint, GAINS, load=load)
     half = count // 2 if changed else count
     parts = [simulation.advance(1.0 / RATE, references[:half], velocities[:half])]
     if changed is not None:
@@ -37,7 +39,7 @@ def moving(joint: Joint, seconds: float, *, start: float = 0.0, changed: Joint |
         parts.append(simulation.advance(1.0 / RATE, references[half:], velocities[half:]))
     position = np.concatenate([part.position for part in parts])
     return Batch(
-        time=start + np.concatenate([part.time for part in parts]),
+        time=np.concatenate([part.time for part in parts]),
         position=2.5e-5 * np.round(position / 2.5e-5),
         reference_position=references + velocities / RATE,
     )
@@ -126,6 +128,16 @@ def test_an_abrupt_change_is_named(puma: Joint) -> None:
     assert state.estimate is not None
     assert state.estimate["coulomb"].value == pytest.approx(5.0, rel=0.05)
     assert state.estimate["stribeck"].value == pytest.approx(1.1, rel=0.1)
+
+
+def test_a_reversal_is_no_change_and_shows_the_load(puma: Joint) -> None:
+    """Issue 4, items 1 and 3: under load the other direction breaks away at another force; that is no change."""
+    monitor = JointMonitor(gains=GAINS)
+    state = watched(moving(puma, 48.0, second=-0.0058, load=1.5), monitor)
+    assert state.notice == ""
+    assert state.estimate is not None
+    assert state.estimate.load.value == pytest.approx(1.5, rel=0.05)
+    assert state.estimate.coulomb.value == pytest.approx(8.43, rel=0.03)
 
 
 def test_memory_is_bounded(puma: Joint) -> None:
