@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from stickslip_ros.cli.demo_log import DemoListener
 
 _JOINT = "joint1"
+# Its friction is known; what is learnt from the first slips would move the advice while it is being followed.
+_KNOWN: dict[str, object] = {"joints": f"[{_JOINT}]", f"model.{_JOINT}": "puma560_joint1", "learn": "false"}
 _CYCLES_TO_SEE = 6
 _SMOOTH_TO_SEE = 5.0  # [s]
 _START_LIMIT = 60.0
@@ -84,12 +86,7 @@ def _cure(console: Console, out: Path) -> int:
     with ExitStack() as stack:
         nodes = [
             stack.enter_context(NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]"})),
-            stack.enter_context(
-                NodeProcess(
-                    "monitor",
-                    {"joints": f"[{_JOINT}]", f"model.{_JOINT}": "puma560_joint1", "controller": "/simulated_joint"},
-                )
-            ),
+            stack.enter_context(NodeProcess("monitor", {**_KNOWN, "controller": "/simulated_joint"})),
         ]
         listener = DemoListener(_JOINT)
         stack.callback(listener.close)

@@ -19,7 +19,7 @@ from stickslip_ros.nodes.conversion import table
 from stickslip_ros.recordings import load_recording
 
 _INCOMING = ("joint_states", "joint_references")
-PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1"}
+PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
 
 
 def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> None:
