@@ -61,10 +61,12 @@ def _truth(recording: RandomRecording) -> dict[str, float]:
 
 def _judge(recording: RandomRecording, estimate: FrictionEstimate, seconds: float, *, bound: bool) -> _Result:
     truth = _truth(recording)
+    # Compared in units of torque, by the gains that were withheld.
+    in_torque = estimate.with_stiffness(float(recording.gains.stiffness), float(recording.gains.damping))
     errors = {
-        name: (estimate[name].value / value - 1.0, estimate[name].std / value)
+        name: (in_torque[name].value / value - 1.0, in_torque[name].std / value)
         for name, value in truth.items()
-        if estimate[name].identified and math.isfinite(estimate[name].value)
+        if in_torque[name].identified and math.isfinite(in_torque[name].value)
     }
     frequency = math.sqrt(float(recording.gains.stiffness) / truth["inertia"])
     own = estimate.natural_frequency.value
