@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -111,3 +111,14 @@ def cut_slips(batch: Batch, gains: Gains | None) -> tuple[list[SlipWindow], list
     state = monitor.assessment()
     windows = [slip_window(batch, cycle, gains, resolution=state.resolution, noise=state.noise) for cycle in cycles]
     return [window for window in windows if window is not None], cycles
+
+
+def later(window: SlipWindow, seconds: float) -> SlipWindow:
+    """The same slip at a later time."""
+    return replace(
+        window,
+        rest_begin=window.rest_begin + seconds,
+        breakaway=window.breakaway + seconds,
+        arrest=window.arrest + seconds,
+        times=window.times + seconds,
+    )

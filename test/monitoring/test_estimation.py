@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import recording
 from other_laws import EXPONENTIAL, LOAD_DEPENDENT, LUGRE, OtherJoint, sticks
-from random_joints import RandomRecording, cut_slips, random_recording
+from random_joints import RandomRecording, cut_slips, later, random_recording
 from support import record
 
 from stickslip_ros.model.dimensionless import dimensionless_groups
@@ -270,17 +270,7 @@ def test_slider_on_a_spring() -> None:
     parts = []
     for speed in (42, 1100):
         batch = recording(f"enslyon_slider_k168_v{speed}")
-        for window in cut_slips(batch, Gains(stiffness=168.0))[0]:
-            later = 1e4 * speed
-            parts.append(
-                replace(
-                    window,
-                    rest_begin=window.rest_begin + later,
-                    breakaway=window.breakaway + later,
-                    arrest=window.arrest + later,
-                    times=window.times + later,
-                )
-            )
+        parts += [later(window, 1e4 * speed) for window in cut_slips(batch, Gains(stiffness=168.0))[0]]
     estimate = estimate_friction(parts)
     assert estimate is not None
     assert estimate.mismatch.startswith(DOES_NOT_FIT)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_joints import cut_slips, random_recording
+from random_joints import cut_slips, later, random_recording
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -146,16 +146,7 @@ def test_memory_is_bounded(puma: Joint) -> None:
     learner = FrictionLearner()
     for repeat in range(20):
         for window in windows:
-            later = 100.0 * repeat
-            learner.take(
-                replace(
-                    window,
-                    rest_begin=window.rest_begin + later,
-                    breakaway=window.breakaway + later,
-                    arrest=window.arrest + later,
-                    times=window.times + later,
-                )
-            )
+            learner.take(later(window, 100.0 * repeat))
     chosen = learner.wanted_study()
     assert chosen is not None
     assert len(chosen) <= 64
