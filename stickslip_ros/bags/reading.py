@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.recordings import RecordingError
 
@@ -52,7 +50,7 @@ def read_joint(path: Path, joint: str) -> Batch:
     if not batches:
         names = ", ".join(sorted(there)) or "none"
         raise RecordingError(f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --on)")
-    return Batch(**{name: np.concatenate([getattr(part, name) for part in batches]) for name in Batch.__annotations__})
+    return Batch.joined(batches)
 
 
 def _joint_states(path: Path) -> Iterator[tuple[str, Any]]:

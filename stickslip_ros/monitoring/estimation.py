@@ -228,11 +228,15 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     chosen = _some_of(best_known(windows))
     if len(chosen) < LEAST_SLIPS:
         return None
-    problem = SlipProblem(chosen)
-    solution = search(problem, prior_knowledge(configured, normalised=problem.normalised))
-    if solution is None:
-        return None
-    return assess(problem, solution, configured=configured is not None)
+    solved = solve(chosen, configured)
+    return assess(*solved, configured=configured is not None) if solved else None
+
+
+def solve(windows: list[SlipWindow], configured: Joint | None) -> tuple[SlipProblem, Solution] | None:
+    """The problem that slips pose, and its solution; None if nothing fits."""
+    problem = SlipProblem(windows)
+    solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised))
+    return (problem, solution) if solution is not None else None
 
 
 def best_known(windows: list[SlipWindow]) -> list[SlipWindow]:
@@ -252,7 +256,7 @@ def _some_of(windows: list[SlipWindow]) -> list[SlipWindow]:
     return [windows[number] for start in starts for number in range(start, start + _BLOCK)]
 
 
-def prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tuple[float, float]]:
+def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tuple[float, float]]:
     """Mean and standard deviation of the parameters' logarithms that a configured joint gives."""
     if joint is None:
         return {}
@@ -333,7 +337,7 @@ def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
     """Covariance of parameters and kinetic friction, from the data's information and the prior's."""
     total = information.copy()
     size = len(prior.mean)
-    total[:size, :size] += prior.information[:size, :size]
+    total[:size, :size] += prior.information
     # Scaled, because forces and logarithms differ by orders of magnitude.
     scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
     scales = np.outer(scale, scale)

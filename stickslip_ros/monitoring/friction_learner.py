@@ -26,12 +26,12 @@ from stickslip_ros.monitoring.estimation import (
     covariance_of,
     estimate_from,
     honest_covariance,
-    prior_knowledge,
+    solve,
 )
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_fit import Prior, SlipEvidence, SlipFit, Tolerances, evidence
-from stickslip_ros.monitoring.slip_problem import LEVEL, RISE_TIME, STRIBECK, SlipProblem
-from stickslip_ros.monitoring.slip_search import Solution, search
+from stickslip_ros.monitoring.slip_problem import LEVEL, RISE_TIME, STRIBECK, SlipProblem, follows_on
+from stickslip_ros.monitoring.slip_search import Solution
 from stickslip_ros.monitoring.slip_windows import SlipWindow
 
 _KEPT = 64
@@ -71,10 +71,10 @@ class Learnt:
 
 def study(windows: list[SlipWindow], configured: Joint | None = None) -> Learnt | None:
     """Fit slips from no guess at all; None if nothing fits them. Pure, so it may run in another thread."""
-    problem = SlipProblem(windows)
-    solution = search(problem, prior_knowledge(configured, normalised=problem.normalised))
-    if solution is None:
+    solved = solve(windows, configured)
+    if solved is None:
         return None
+    problem, solution = solved
     fit = solution.fit
     return Learnt(
         estimate=assess(problem, solution, configured=configured is not None),
@@ -176,9 +176,7 @@ class FrictionLearner:
             # Only a study of both directions tells the load from the Coulomb friction.
             self._studied = 0
             return
-        follows = (
-            abs(state.last_window.arrest - window.rest_begin) < 0.02 * (window.breakaway - window.rest_begin) + 1e-9
-        )
+        follows = follows_on(state.last_window, window)
         problem = SlipProblem([window], (state.last_window.arrest, state.remains) if follows else None)
         if problem.balance.shape[1] != len(state.kinetic):
             # With both directions known the load has a place of its own.

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -53,6 +54,13 @@ class Batch:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @staticmethod
+    def joined(parts: Sequence[Batch]) -> Batch:
+        """Batches one after the other, at least one."""
+        return Batch(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Batch.__dataclass_fields__}
+        )
 
     def where(self, mask: NDArray[np.bool_] | slice) -> Batch:
         """The samples that the mask keeps."""
@@ -153,8 +161,6 @@ class SampleBuffer:
         pieces = [piece for piece in self._pieces if piece.time[-1] >= begin and piece.time[0] <= end]
         if not pieces:
             return None
-        joined = Batch(
-            **{name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in Batch.__dataclass_fields__}
-        )
+        joined = Batch.joined(pieces)
         first, last = np.searchsorted(joined.time, [begin, end], side="right")
         return joined.where(slice(max(int(first) - 1, 0), int(last))) if last > first else None

@@ -19,7 +19,7 @@ WEAK = 1e-4  # weight of the detected breakaway beside the data's
 
 @dataclass
 class Point:
-    """The residuals at one point, and the slopes of the links between slips."""
+    """The residuals at one point, and what they come from."""
 
     parameters: FloatArray
     unknowns: FloatArray

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -40,25 +40,18 @@ class Prior:
     Attributes
     ----------
     mean, lower, upper : of the parameters' logarithms, shape (p,).
-    information : inverse of the covariance, shape (p, p), or with the kinetic friction (p + k, p + k).
-    kinetic : mean of the kinetic friction, shape (k,); empty if nothing is known of it.
+    information : inverse of the covariance, shape (p, p).
     """
 
     mean: FloatArray
     information: FloatArray
     lower: FloatArray
     upper: FloatArray
-    kinetic: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @staticmethod
     def of(mean: FloatArray, deviation: FloatArray, lower: FloatArray, upper: FloatArray) -> Prior:
         """Independent parameters of given standard deviations, shape (p,)."""
         return Prior(mean=mean, information=np.diag(1.0 / deviation**2), lower=lower, upper=upper)
-
-    def distance(self, parameters: FloatArray, kinetic: FloatArray) -> FloatArray:
-        """How far from the mean, in the order of ``information``."""
-        off = parameters - self.mean
-        return np.concatenate([off, kinetic - self.kinetic]) if len(self.kinetic) else off
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +122,7 @@ class _Fit:
         links = (unknowns[:, LEVEL] - self._levels(parameters, unknowns, found)[0]) / self.level_errors
         rest = (unknowns[:, POSITION] - problem.rests) / problem.rest_errors
         drift = (unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations
-        off = self.prior.distance(parameters, kinetic)
+        off = parameters - self.prior.mean
         cost = robust(observed) + robust(balance) + robust(links)
         cost += float(rest @ rest) + WEAK * float(drift @ drift) + float(off @ self.prior.information @ off)
         return Point(
@@ -250,22 +243,19 @@ def fit_slips(
         If the start cannot be simulated.
     """
     fit = _Fit(problem, prior, tolerances)
-    kinetic = prior.kinetic
-    if not len(kinetic):
-        kinetic = fit.best_kinetic(unknowns, problem.simulate(parameters, unknowns)[2])
+    kinetic = fit.best_kinetic(unknowns, problem.simulate(parameters, unknowns)[2])
     point = fit.evaluate(parameters, unknowns, kinetic)
     if not math.isfinite(point.cost):
         raise LinAlgError("the start of the fit cannot be simulated")
     size = len(parameters)
     weight = np.zeros((fit.columns, fit.columns))
-    weighted = slice(0, len(prior.information))
-    weight[weighted, weighted] = prior.information
+    weight[:size, :size] = prior.information
     damping = 1e-3
     slopes = fit.slopes(point)
     equations = NormalEquations.assemble(problem, point, *slopes)
     for _ in range(iterations):
         pull = np.zeros(fit.columns)
-        pull[weighted] = -prior.information @ prior.distance(point.parameters, point.kinetic)
+        pull[:size] = prior.information @ (prior.mean - point.parameters)
         before = point
         for _ in range(_ATTEMPTS):
             try:

@@ -73,7 +73,7 @@ class Solution:
     prior: Prior
     usable: NDArray[np.bool_]
     balance_error: float
-    link_error: float = 1e-4
+    link_error: float
     tolerance: float = 0.0
     stray: float = 0.0
 

@@ -356,6 +356,7 @@ class Monitor(Node):
         status.values = [
             KeyValue(key="joints [1]", value=str(len(self._monitors))),
             KeyValue(key="controller", value=controller),
+            KeyValue(key="studies of friction that failed [1]", value=str(self._studies.failures)),
         ]
         status.values += [
             KeyValue(key=f"refused: {reason}", value=str(count)) for reason, count in self._refused.items()

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic
 
-import numpy as np
 import rclpy
 from builtin_interfaces.msg import Duration
 from rclpy.node import Node
@@ -130,21 +129,24 @@ class LadderNode(Node):
         rclpy.spin_once(self, timeout_sec=_SPIN)
         self._controller_gains.poll(monotonic())
         for message in self._states.take_all():
-            try:
-                row = joint_rows(message).get(self._joint)
-            except MessageError:
-                continue
+            row = self._row(message)
             if row is not None:
                 self.position = row[0]
                 self._pairing.add_sample(seconds(message.header.stamp), *row)
         for message in self._references.take_all():
-            rows = joint_rows(message)
-            if self._joint in rows:
-                position, velocity, _ = rows[self._joint]
-                self._pairing.add_reference(seconds(message.header.stamp), position, velocity)
+            row = self._row(message)
+            if row is not None:
+                self._pairing.add_reference(seconds(message.header.stamp), row[0], row[1])
         batch = self._pairing.take()
         if batch is not None:
             self._batches.append(batch)
+
+    def _row(self, message: JointState) -> tuple[float, float, float] | None:
+        """What a message says of the joint; None if nothing that can be read."""
+        try:
+            return joint_rows(message).get(self._joint)
+        except MessageError:
+            return None
 
     def _climb(self, steps: list[Step], told: Callable[[float, str], None]) -> Batch:
         self._batches.clear()
@@ -165,9 +167,7 @@ class LadderNode(Node):
             self._turn()
         if not self._batches:
             raise ExperimentError(f"no samples of {self._joint} while it moved")
-        return Batch(
-            **{name: np.concatenate([getattr(part, name) for part in self._batches]) for name in Batch.__annotations__}
-        )
+        return Batch.joined(self._batches)
 
     def _set(self, velocity: float) -> None:
         assert self._client is not None
