@@ -10,7 +10,8 @@ from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.verdict import exact_verdict
-from stickslip_ros.monitoring.joint_monitor import JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.assessment import MonitorOptions
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.slip_windows import slip_window

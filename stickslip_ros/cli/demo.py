@@ -2,8 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip demo`: a joint that sticks and slips, its monitor, the advice, and the cure, over real DDS.
 
-Starts a simulated joint and the monitor as two processes, waits for stick slip, sets the advised gains
-through the joint's parameter service, and waits for smooth motion. Exit status 0 only if stick slip was
+Starts a simulated joint and the monitor as two processes, waits for stick slip, lets the monitor apply its
+advice to the moving joint, and waits for smooth motion. Exit status 0 only if stick slip was
 detected before and is gone after. With --recording, a recorded joint takes the simulated one's place
 and nothing is changed: then 0 means that the recording was watched to its end.
 """
@@ -30,14 +30,20 @@ if TYPE_CHECKING:
 
 _JOINT = "joint1"
 # Its friction is known; what is learnt from the first slips would move the advice while it is being followed.
-_KNOWN: dict[str, object] = {"joints": f"[{_JOINT}]", f"model.{_JOINT}": "puma560_joint1", "learn": "false"}
+_KNOWN: dict[str, object] = {
+    "joints": f"[{_JOINT}]",
+    f"model.{_JOINT}": "puma560_joint1",
+    "learn": "false",
+    "allow_apply": "true",
+    f"limits.{_JOINT}.p_max": 10000.0,
+    f"limits.{_JOINT}.d_max": 300.0,
+}
 _CYCLES_TO_SEE = 6
 _SMOOTH_TO_SEE = 5.0  # [s]
 _START_LIMIT = 60.0
 _STICK_LIMIT = 20.0
 _SMOOTH_LIMIT = 25.0
-_LARGEST_STEP = 0.1
-_STEP_PERIOD = 0.1  # [s]
+_APPLY_LIMIT = 45.0
 
 
 def add_parser(commands: Any) -> None:
@@ -122,14 +128,17 @@ def _cure(console: Console, out: Path) -> int:
             f"{1e3 * data.cycles[-1]['slip_distance']:.2f} mrad after {data.cycles[-1]['dwell']:.2f} s at rest. "
             f"Margin of Eq. (43): [red]{margin:.3g}[/] M·x˙_s² (negative)."
         )
-        advice = listener.get_parameters("/stickslip_monitor", [f"recommended.{_JOINT}.p", f"recommended.{_JOINT}.d"])
         console.print(f"Advice: [bold]{listener.value('recommendation')}[/].")
         changed_at = listener.now
-        steps = _ramp(listener, advice)
         console.print(
-            f"Gains set through the joint's parameter service while it moves, in {steps} steps: "
-            "k_p times an error is a torque."
+            "Asked to apply it ([bold]~/apply_recommendation[/]), the monitor ramps the gains in small steps while the "
+            "joint moves, and watches it."
         )
+        answer = listener.apply_recommendation("/stickslip_monitor")
+        _wait(listener, nodes, answer.done, _APPLY_LIMIT, "the gains to be applied", show)
+        if not answer.result().success:
+            raise StickSlipError(f"not applied: {answer.result().message}")
+        console.print(f"Applied: {answer.result().message}.")
         smooth_since: list[float] = []
 
         def smooth_for_long() -> bool:
@@ -204,21 +213,6 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
         draw(listener.data, options.out, title=title, gains_changed_at=None, unit=recording.unit)
     console.print(f"Picture: [bold]{options.out}[/]")
     return 0
-
-
-def _ramp(listener: DemoListener, advice: list[float]) -> int:
-    """Set the advised gains in steps of at most a tenth; returns how many."""
-    stiffness, damping = (float(listener.value(key)) for key in ("stiffness [N*m/rad]", "damping [N*m*s/rad]"))
-    # Damping may be zero now; a tenth of the advised value is as small a step.
-    ratios = [abs(math.log(advice[0] / stiffness)), abs(advice[1] - damping) / max(advice[1], damping, 1e-9)]
-    steps = max(1, math.ceil(max(ratios) / math.log(1.0 + _LARGEST_STEP)))
-    for step in range(1, steps + 1):
-        share = step / steps
-        listener.set_gains(
-            "/simulated_joint", stiffness * (advice[0] / stiffness) ** share, damping + share * (advice[1] - damping)
-        )
-        listener.listen(_STEP_PERIOD)
-    return steps
 
 
 class _Ticker:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the demo hears from the two nodes: a node of its own that listens and sets gains."""
+"""What the demo hears from the two nodes: a node of its own."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes.conversion import MARGIN_FIELDS, seconds
@@ -108,29 +108,9 @@ class DemoListener:
             row = dict(zip(MARGIN_FIELDS, message.data[begin : begin + len(MARGIN_FIELDS)], strict=True))
             self.data.margins.append({"time": self.now, **row})
 
-    def get_parameters(self, node: str, names: list[str]) -> list[float]:
-        """Parameters of another node."""
-        client = AsyncParameterClient(self.node, node)
-        answer = self._answer(client, client.get_parameters(names) if client.wait_for_services(5.0) else None, node)
-        return [float(parameter_value_to_python(value)) for value in answer.values]
-
-    def set_gains(self, node: str, stiffness: float, damping: float) -> None:
-        """Both gains of the joint at once, so that no mixture is ever in force."""
-        client = AsyncParameterClient(self.node, node)
-        parameters = [
-            Parameter(f"gains.{self.joint}.p", Parameter.Type.DOUBLE, stiffness),
-            Parameter(f"gains.{self.joint}.d", Parameter.Type.DOUBLE, damping),
-        ]
-        ready = client.wait_for_services(5.0)
-        answer = self._answer(client, client.set_parameters_atomically(parameters) if ready else None, node)
-        if not answer.result.successful:
-            raise DemoError(f"{node} refused the gains: {answer.result.reason}")
-
-    def _answer(self, client: AsyncParameterClient, future: rclpy.task.Future | None, node: str):  # type: ignore[no-untyped-def]
-        if future is None:
-            raise DemoError(f"the parameter services of {node} did not appear within 5 s")
-        rclpy.spin_until_future_complete(self.node, future, timeout_sec=5.0)
-        answer = future.result() if future.done() else None
-        if answer is None:
-            raise DemoError(f"{node} did not answer within 5 s")
-        return answer
+    def apply_recommendation(self, monitor: str) -> Future:
+        """Ask the monitor to apply its advice; the answer comes once it is done."""
+        client = self.node.create_client(Trigger, f"{monitor}/apply_recommendation")
+        if not client.wait_for_service(5.0):
+            raise DemoError(f"{monitor} offers no service to apply its advice")
+        return client.call_async(Trigger.Request())

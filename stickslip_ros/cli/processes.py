@@ -36,7 +36,7 @@ class NodeProcess:
 
     Parameters
     ----------
-    module : name of a module of stickslip_ros.nodes.
+    module : name of a module of stickslip_ros.nodes, or path of a script (.py).
     parameters : ROS parameters, name to value in YAML.
     remappings : ROS remappings, from to.
     """
@@ -45,7 +45,8 @@ class NodeProcess:
         self.module = module
         arguments = [item for name, value in parameters.items() for item in ("-p", f"{name}:={value}")]
         arguments += [item for name, value in (remappings or {}).items() for item in ("-r", f"{name}:={value}")]
-        command = [sys.executable, "-m", f"stickslip_ros.nodes.{module}", "--ros-args", *arguments]
+        target = [module] if module.endswith(".py") else ["-m", f"stickslip_ros.nodes.{module}"]
+        command = [sys.executable, *target, "--ros-args", *arguments]
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115
         # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
         self._process = subprocess.Popen(
@@ -80,6 +81,11 @@ class NodeProcess:
         self._log.flush()
         self._log.seek(0)
         return self._log.read()
+
+    def kill(self) -> None:
+        """End the process without a warning."""
+        self._process.kill()
+        self._process.wait(5.0)
 
     def stop(self) -> int:
         """Interrupt, and kill if that does not help; returns the exit status."""

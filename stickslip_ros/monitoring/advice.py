@@ -1,96 +1,108 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Gains that would make the motion smooth by Eq. (43), with the least change."""
+"""Gains that would make the motion smooth: the least change of both, of damping alone, of stiffness alone.
+
+A change is measured in logarithms: that of the stiffness k_p, and that of the damping of controller and viscous
+friction together, k_v + F_v, of which what lies below a damping ratio of 0.01 counts as none.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model._validation import require_not_negative
-from stickslip_ros.model.dimensionless import damping_for_ratio
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
+from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
+from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.advice_search import AdviceSearch, Obstruction
+from stickslip_ros.monitoring.requirement import Requirement, Uncertainty
 
-_SCAN_POINTS, _SCAN_POINTS_OF_DRAWS = 600, 120
-_REFINEMENTS = 40
-_BELIEVABLE = 100.0  # times the present gain: learnt friction is not known so far from where it was seen
+_MORE_DAMPING = 1.25  # asked for besides, where the integration refutes what a search has found
+_MOST_DAMPING = 10.0
+_TRIES, _PATIENT_TRIES, _A_LITTLE = 12, 2, 2e-3
+_MOST_TRIED = 1500
+_TOLERANCE = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class AdviceLimits:
-    """What the advice must reach and keep within.
+class Kind(str, Enum):
+    """Which gains advice may change."""
 
-    Attributes
-    ----------
-    wanted_margin : by how much the damping ratio shall exceed the critical one, e.g. 0.2 for 20 %.
-    confidence : probability with which it shall, where the joint is known with errors only.
-    stiffness_range, damping_range : least and largest gain [N·m/rad], [N·m·s/rad].
-
-    Raises
-    ------
-    InvalidParameterError
-        If the margin is negative, the confidence not in [0.5, 1), or a range is not 0 <= least <= largest.
-    """
-
-    wanted_margin: float = 0.2
-    confidence: float = 0.9
-    stiffness_range: tuple[float, float] = field(default=(0.0, math.inf), metadata={"unit": "N·m/rad"})
-    damping_range: tuple[float, float] = field(default=(0.0, math.inf), metadata={"unit": "N·m·s/rad"})
-
-    def __post_init__(self) -> None:
-        require_not_negative("wanted_margin", self.wanted_margin)
-        if not 0.5 <= self.confidence < 1.0:
-            raise InvalidParameterError("confidence", ">= 0.5 and < 1", self.confidence)
-        for name in ("stiffness_range", "damping_range"):
-            least, largest = getattr(self, name)
-            if not 0 <= least <= largest:
-                raise InvalidParameterError(name, "(least, largest) with 0 <= least <= largest", (least, largest))
+    LEAST_CHANGE = "least_change"
+    DAMPING_ONLY = "damping_only"
+    STIFFNESS_ONLY = "stiffness_only"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Uncertainty:
-    """A joint as it may be: draws from what is known of it.
-
-    Attributes
-    ----------
-    joint : of arrays, one value a draw.
-    stiffness : of the controller in each draw over the nominal one; 1 where the gains are known.
-    """
-
-    joint: Joint
-    stiffness: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Recommendation:
+class Variant:
     """Gains to use, or why there are none.
 
     Attributes
     ----------
-    stiffness : k_p [N·m/rad], damping : k_v [N·m·s/rad]; NaN if nothing within the limits helps.
-    energy_margin : of Eq. (43) with these gains [M x˙_s²].
+    kind : which gains it may change.
+    stiffness : k_p [N·m/rad], damping : k_v [N·m·s/rad]; NaN if there are none.
     reason : one sentence for a person.
+    energy_margin : of Eq. (43) with these gains [M x˙_s²].
+    reserve : ρ/ρ_c − 1 with these gains, by the condition asked for.
+    exactly_smooth : whether stick slip dies out when Eqs (4)-(6) are integrated; None without an answer.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
+    change : √(ln² of the one + ln² of the other).
     """
 
+    kind: Kind
     stiffness: float
     damping: float
-    energy_margin: float
     reason: str
+    energy_margin: float = math.nan
+    reserve: float = math.nan
+    exactly_smooth: bool | None = None
     stiffness_factor: float = math.nan
     damping_factor: float = math.nan
+    change: float = math.nan
 
     @property
     def found(self) -> bool:
         """Whether there are gains to recommend."""
         return math.isfinite(self.stiffness)
+
+    @property
+    def gains(self) -> Gains:
+        """The gains, without integral action."""
+        return Gains(stiffness=self.stiffness, damping=self.damping)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recommendation:
+    """Advice for one joint.
+
+    Attributes
+    ----------
+    variants : one of each kind, in the order of :class:`Kind`.
+    velocity : the slowest speed at which the joint is to be smooth [rad/s].
+    condition : what the advice satisfies; gains_known : False if it is in factors only.
+    keep : whether the present gains reach the wanted margin.
+    obstruction : what is in the way where no gains are found, and the best within reach.
+    slowest_smooth_velocity : from which on the joint is smooth with the advised gains, or with the best within
+        reach [rad/s]; NaN if unknown.
+    """
+
+    variants: tuple[Variant, ...]
+    velocity: float
+    condition: Condition
+    gains_known: bool = True
+    keep: bool = False
+    obstruction: Obstruction | None = None
+    slowest_smooth_velocity: float = math.nan
+
+    def __getitem__(self, kind: Kind) -> Variant:
+        return self.variants[list(Kind).index(kind)]
 
 
 def recommend(
@@ -99,12 +111,15 @@ def recommend(
     velocity: float,
     limits: AdviceLimits | None = None,
     uncertainty: Uncertainty | None = None,
+    circumstances: Circumstances | None = None,
     *,
     gains_known: bool = True,
 ) -> Recommendation:
-    """The smaller of two changes that reaches the wanted margin: damping alone or stiffness alone.
+    """Gains that reach the wanted margin within the limits, with the least change.
 
-    Changes are compared by the logarithm of the factor on k_p and on k_v + F_v.
+    With ``Condition.PAPER`` the margin is that of Eq. (43), and if the integration of (4)-(6) refutes it, the exact
+    condition is to hold besides. Integral action and sampled control count with ``Condition.EXACT`` only; then gains
+    are tried on a grid, which takes seconds.
 
     Parameters
     ----------
@@ -112,125 +127,206 @@ def recommend(
     limits : defaults to AdviceLimits().
     uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws; None for a joint known
         exactly.
-    gains_known : False if the gains are per inertia: the advice then is in factors, and limits do not bind it.
+    circumstances : defaults to none that matter.
+    gains_known : False if the gains are per inertia: the advice then is in factors, and limits in units of gains or
+        effort do not bind it.
     """
-    limits = limits or AdviceLimits()
+    limits, circumstances = limits or AdviceLimits(), circumstances or Circumstances()
     if not gains_known:
-        limits = replace(limits, stiffness_range=(0.0, math.inf), damping_range=(0.0, math.inf))
-    margin = stability_margin(joint, gains, velocity)
-    if not margin.applicable:
-        return _none(f"no advice: {margin.reason}")
-    case = _Case(joint, gains, velocity, limits, uncertainty)
-    if case.enough(np.array([float(gains.stiffness)]))[0]:
-        return _with(joint, gains, gains, velocity, "keep the gains: the wanted margin is reached")
-    damping, stiffness = case.least_damping(), case.nearest_stiffness()
-    candidates = []
-    if damping is not None:
-        viscous = float(joint.friction.viscous)
-        change = math.log((damping + viscous) / max(float(gains.damping) + viscous, 1e-12))
-        candidates.append((abs(change), Gains(stiffness=gains.stiffness, damping=damping), "damping"))
-    if stiffness is not None:
-        change = math.log(stiffness / float(gains.stiffness))
-        candidates.append((abs(change), Gains(stiffness=stiffness, damping=gains.damping), "stiffness"))
-    if not candidates:
-        return _none(
-            f"no gain alone reaches the wanted margin with stiffness in {_text(limits.stiffness_range)} N·m/rad "
-            f"and damping in {_text(limits.damping_range)} N·m·s/rad"
-        )
-    _, best, kind = min(candidates, key=lambda candidate: candidate[0])
-    advice = _with(joint, gains, best, velocity, "")
-    factor = max(advice.stiffness_factor, advice.damping_factor) if uncertainty else 1.0
-    if factor > _BELIEVABLE:
-        return _none(
-            f"no advice: it would be {kind} × {factor:.3g}, more than what was learnt of the friction can answer for"
-        )
-    return replace(advice, reason=_in_words(kind, gains, best, advice, gains_known=gains_known))
-
-
-def _in_words(kind: str, gains: Gains, best: Gains, advice: Recommendation, *, gains_known: bool) -> str:
-    if not gains_known:
-        factor = advice.damping_factor if kind == "damping" else advice.stiffness_factor
-        note = " (controller's and joint's together)" if kind == "damping" else ""
-        return f"{kind} × {factor:.3g}{note}"
-    old = float(gains.damping if kind == "damping" else gains.stiffness)
-    new = float(best.damping if kind == "damping" else best.stiffness)
-    verb = "raise" if new > old else "lower"
-    unit = "N·m·s/rad" if kind == "damping" else "N·m/rad"
-    return f"{verb} the {kind} from {old:.4g} to {new:.4g} {unit}"
+        limits = limits.per_inertia()
+    exact = limits.condition is Condition.EXACT
+    slowest = abs(velocity) if limits.slowest_velocity is None else limits.slowest_velocity
+    if exact:
+        verdict = exact_verdict(joint, gains, slowest, circumstances.conditions, limits=False)
+        obstacle = verdict.reason if verdict.smooth is None else ""
+    else:
+        margin = stability_margin(joint, gains, slowest)
+        obstacle = str(margin.reason) if not margin.applicable else ""
+    if obstacle:
+        return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
+    case = _Case(joint, gains, slowest, limits, circumstances, uncertainty, gains_known=gains_known)
+    return case.recommendation(velocity)
 
 
 class _Case:
-    """One joint, or the draws of one, at one speed: what reaches the wanted margin."""
+    """One question: the pieces that its three variants share."""
 
     def __init__(
-        self, joint: Joint, gains: Gains, velocity: float, limits: AdviceLimits, uncertainty: Uncertainty | None
+        self,
+        joint: Joint,
+        gains: Gains,
+        slowest: float,
+        limits: AdviceLimits,
+        circumstances: Circumstances,
+        uncertainty: Uncertainty | None,
+        *,
+        gains_known: bool,
     ) -> None:
-        self._joint = uncertainty.joint if uncertainty else joint
-        self._ratios = uncertainty.stiffness if uncertainty else np.ones(1)
-        self._share = limits.confidence if uncertainty else 1.0
-        self._gains, self._velocity, self._limits = gains, velocity, limits
-        self._wanted = 1.0 + limits.wanted_margin
+        self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
+        self._circumstances, self._uncertainty = circumstances, uncertainty
+        self._gains_known = gains_known
+        self._exact = limits.condition is Condition.EXACT
+        self._sure: Requirement | None = None
+        self._beyond = self._exact and (bool(gains.integral != 0) or circumstances.conditions.controller_period > 0)
 
-    def _margin(self, stiffness: FloatArray) -> StabilityMargin:
-        """Margins with the present damping, shape (len(stiffness), draws)."""
-        gains = Gains(stiffness=stiffness[:, None] * self._ratios, damping=self._gains.damping)
-        return stability_margin(self._joint, gains, self._velocity)
+    def recommendation(self, velocity: float) -> Recommendation:
+        joint, limits = self._joint, self._limits
+        # Exact draws take too long for a search: it is made for the joint itself, and the draws are asked afterwards.
+        requirement = Requirement(joint, velocity, limits, None if self._exact else self._uncertainty)
+        if self._exact and self._uncertainty is not None:
+            self._sure = Requirement(joint, velocity, limits, self._uncertainty)
+        search = AdviceSearch(
+            joint, self._gains, limits, self._circumstances, [requirement], learnt=self._uncertainty is not None
+        )
+        answer = Recommendation(
+            variants=(), velocity=self._slowest, condition=limits.condition, gains_known=self._gains_known
+        )
+        if search.enough() and self._missing(self._gains) == 1.0:
+            kept = [self._variant(kind, self._gains, "keep the gains: the wanted margin is reached") for kind in Kind]
+            lowest = self._slowest_smooth(self._gains)
+            return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
+        variants = []
+        for kind in Kind:
+            gains = self._found(kind, search)
+            if gains is None:
+                text = f"no {kind.value.split('_')[0]} alone reaches the wanted margin"
+                variants.append(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=text))
+            else:
+                variants.append(self._variant(kind, gains, ""))
+        if variants[0].found:
+            lowest = self._slowest_smooth(variants[0].gains)
+            return replace(answer, variants=tuple(variants), slowest_smooth_velocity=lowest)
+        if self._beyond:
+            text = (
+                "no gains tried within the bounds are smooth with the integral action and sampled control as they are"
+            )
+            variants[0] = replace(variants[0], reason=text)
+            return replace(answer, variants=tuple(variants))
+        obstruction = search.obstruction()
+        lowest = self._slowest_smooth(obstruction.best) if obstruction.best is not None else math.nan
+        variants[0] = replace(variants[0], reason=self._no_way(obstruction, lowest))
+        return replace(answer, variants=tuple(variants), obstruction=obstruction, slowest_smooth_velocity=lowest)
 
-    def enough(self, stiffness: FloatArray) -> NDArray[np.bool_]:
-        """Whether the wanted margin is reached with the present damping, shape (len(stiffness),)."""
-        margin = self._margin(stiffness)
-        reached = np.asarray(margin.damping_ratio) >= self._wanted * np.asarray(margin.critical_damping_ratio)
-        return np.asarray(np.mean(np.asarray(margin.smooth) & reached, axis=1) >= self._share)
+    def _found(self, kind: Kind, search: AdviceSearch) -> Gains | None:
+        """What a search finds, once draws and integration agree with it."""
+        if self._beyond:
+            free = {"stiffness": kind is not Kind.DAMPING_ONLY, "damping": kind is not Kind.STIFFNESS_ONLY}
+            tried = islice(search.in_order(**free), _MOST_TRIED)
+            return next((gains for gains in tried if self._holds(gains) and self._missing(gains) == 1.0), None)
+        way = {
+            Kind.LEAST_CHANGE: AdviceSearch.least_change,
+            Kind.DAMPING_ONLY: AdviceSearch.damping_only,
+            Kind.STIFFNESS_ONLY: AdviceSearch.stiffness_only,
+        }[kind]
+        for number in range(_TRIES):
+            gains = way(search)
+            if gains is None:
+                return None
+            missing = self._missing(gains)
+            if missing == 1.0:
+                return gains
+            if number == 0 and not self._exact:
+                exact = replace(self._limits, condition=Condition.EXACT, wanted_margin=0.0)
+                search = search.with_requirement(Requirement(self._joint, self._slowest, exact))
+            else:
+                # Draws ask for less where there is more damping, so that what is missing shrinks slowly.
+                search = search.with_more_damping(missing ** (1 if number < _PATIENT_TRIES else 2) * (1.0 + _A_LITTLE))
+        return None
 
-    def least_damping(self) -> float | None:
-        """k_v at the wanted margin: the critical damping ratio does not depend on k_v."""
-        stiffness = np.array([float(self._gains.stiffness)])
-        # A little above, so that rounding does not leave the margin a hair short.
-        ratio = self._wanted * np.asarray(self._margin(stiffness).critical_damping_ratio)[0] * (1.0 + 1e-9)
-        needed = damping_for_ratio(self._joint, stiffness * self._ratios, ratio)
-        enough = float(np.quantile(np.broadcast_to(needed, self._ratios.shape), self._share, method="higher"))
-        enough = max(enough, self._limits.damping_range[0])
-        return enough if enough <= self._limits.damping_range[1] else None
+    def _missing(self, gains: Gains) -> float:
+        """The factor by which the total damping falls short of what draws and integration ask for; 1 if it does not."""
+        if self._sure is not None:
+            needed = float(self._sure.damping(np.array([float(gains.stiffness)]))[0])
+            if not needed <= float(gains.damping) * (1.0 + 1e-9):
+                viscous = float(self._joint.friction.viscous)
+                factor = (needed + viscous) / max(float(gains.damping) + viscous, 1e-300)
+                return min(max(factor, 1.0 + 1e-6), _MOST_DAMPING)
+        return 1.0 if self._holds(gains) else _MORE_DAMPING
 
-    def nearest_stiffness(self) -> float | None:
-        """k_p nearest to the present one, by factor, at which the wanted margin is reached with the present k_v."""
-        present = float(self._gains.stiffness)
-        least, largest = self._limits.stiffness_range
-        low, high = max(least, present * 1e-4), min(largest, present * 1e4)
-        if not 0 < low <= high < math.inf:
-            return None
-        grid = np.geomspace(low, high, _SCAN_POINTS if len(self._ratios) == 1 else _SCAN_POINTS_OF_DRAWS)
-        good = np.flatnonzero(self.enough(grid))
-        if len(good) == 0:
-            return None
-        nearest = int(good[np.argmin(np.abs(np.log(grid[good] / present)))])
-        inside = grid[nearest]
-        neighbour = nearest - 1 if inside > present else nearest + 1
-        if not 0 <= neighbour < len(grid):
-            return float(inside)
-        outside = grid[neighbour]
-        for _ in range(_REFINEMENTS):
-            middle = math.sqrt(inside * outside)
-            inside, outside = (middle, outside) if self.enough(np.array([middle]))[0] else (inside, middle)
-        return float(inside)
+    def _holds(self, gains: Gains) -> bool:
+        """Whether stick slip dies out with these gains, exactly, and with less damping by the wanted margin too."""
+        gains = replace(gains, integral=self._gains.integral) if self._beyond else replace(gains, integral=0.0)
+        conditions = self._circumstances.conditions if self._beyond else None
+        trials = [gains]
+        if self._beyond:
+            viscous = float(self._joint.friction.viscous)
+            less = (float(gains.damping) + viscous) / (1.0 + self._limits.wanted_margin) - viscous
+            trials.append(replace(gains, damping=less))
+        # Where there is no answer there is nothing that would refute the margin.
+        return all(exactly_smooth(self._joint, trial, self._slowest, conditions) is not False for trial in trials)
+
+    def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
+        joint, present = self._joint, self._gains
+        margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
+        viscous = float(joint.friction.viscous)
+        total, before = float(gains.damping) + viscous, float(present.damping) + viscous
+        critical, groups = float(margin.critical_damping_ratio), dimensionless_groups(joint, gains, self._slowest)
+        if self._exact:
+            critical = float(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
+        ratio = float(groups.damping_ratio)
+        conditions = self._circumstances.conditions if self._beyond else None
+        integral = present.integral if self._beyond else 0.0
+        return Variant(
+            kind=kind,
+            stiffness=float(gains.stiffness),
+            damping=float(gains.damping),
+            reason=reason or self._in_words(gains),
+            energy_margin=float(margin.energy_margin),
+            reserve=ratio / critical - 1.0 if critical > 0 else (math.inf if critical == 0 else math.nan),
+            exactly_smooth=exactly_smooth(joint, replace(gains, integral=integral), self._slowest, conditions),
+            stiffness_factor=float(gains.stiffness) / float(present.stiffness),
+            damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
+            change=AdviceSearch.change(joint, present, gains),
+        )
+
+    def _in_words(self, gains: Gains) -> str:
+        viscous = float(self._joint.friction.viscous)
+        parts = []
+        for name, old, new, unit, offset in (
+            ("stiffness", float(self._gains.stiffness), float(gains.stiffness), "N·m/rad", 0.0),
+            ("damping", float(self._gains.damping), float(gains.damping), "N·m·s/rad", viscous),
+        ):
+            if abs(new - old) <= 1e-9 * max(abs(new), abs(old)):
+                continue
+            if self._gains_known:
+                parts.append((("raise" if new > old else "lower"), f"the {name} from {old:.4g} to {new:.4g} {unit}"))
+            elif old + offset > 0:
+                note = " (controller's and joint's together)" if name == "damping" else ""
+                parts.append(("", f"{name} × {(new + offset) / (old + offset):.3g}{note}"))
+            else:
+                parts.append(("", f"damping to a ratio of {new / (2 * math.sqrt(float(gains.stiffness))):.2g}"))
+        if len(parts) == 2 and parts[0][0] == parts[1][0]:
+            parts[1] = ("", parts[1][1])
+        return " and ".join(f"{verb} {text}".strip() for verb, text in parts)
+
+    def _slowest_smooth(self, gains: Gains) -> float:
+        gains = replace(gains, integral=0.0)
+        if self._beyond:
+            return math.nan
+        return float((exact_lowest_smooth_velocity if self._exact else lowest_smooth_velocity)(self._joint, gains))
+
+    def _no_way(self, obstruction: Obstruction, lowest: float) -> str:
+        text = f"no gains reach the wanted margin at {self._slowest:.3g} rad/s: {obstruction.text}"
+        if obstruction.best is None:
+            return text
+        best = obstruction.best
+        if self._gains_known:
+            text += f"; the best within reach is stiffness {float(best.stiffness):.4g} N·m/rad with damping "
+            text += f"{float(best.damping):.4g} N·m·s/rad"
+        else:
+            text += f"; the best within reach is {self._in_words(best) or 'what there is'}"
+        text += f", {_percent(obstruction.reserve)}"
+        if 0 < lowest < math.inf:
+            text += f", smooth from {lowest:.3g} rad/s on"
+        return text
 
 
-def _with(joint: Joint, present: Gains, gains: Gains, velocity: float, reason: str) -> Recommendation:
-    margin = stability_margin(joint, gains, velocity)
-    viscous = float(joint.friction.viscous)
-    return Recommendation(
-        stiffness=float(gains.stiffness),
-        damping=float(gains.damping),
-        energy_margin=float(margin.energy_margin),
-        reason=reason,
-        stiffness_factor=float(gains.stiffness) / float(present.stiffness),
-        damping_factor=(float(gains.damping) + viscous) / max(float(present.damping) + viscous, 1e-300),
-    )
+def _percent(reserve: float) -> str:
+    if reserve >= 0:
+        return f"with a damping reserve of {100 * reserve:.0f} %"
+    return f"where {-100 * reserve:.0f} % of the damping needed is missing"
 
 
-def _none(reason: str) -> Recommendation:
-    return Recommendation(stiffness=math.nan, damping=math.nan, energy_margin=math.nan, reason=reason)
-
-
-def _text(limits: tuple[float, float]) -> str:
-    return f"{limits[0]:.4g} to {limits[1]:.4g}"
+def _without(reason: str, velocity: float, condition: Condition, *, gains_known: bool) -> Recommendation:
+    variants = tuple(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=reason) for kind in Kind)
+    return Recommendation(variants=variants, velocity=velocity, condition=condition, gains_known=gains_known)

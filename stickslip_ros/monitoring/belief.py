@@ -11,8 +11,8 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.advice import Uncertainty
 from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.requirement import Uncertainty
 from stickslip_ros.monitoring.samples import FloatArray
 
 _SAME = 0.01

@@ -6,16 +6,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
-from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import StabilityMargin, lowest_smooth_velocity, stability_margin
-from stickslip_ros.monitoring.advice import AdviceLimits, Recommendation, recommend
+from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring.advice_limits import Circumstances
+from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
+from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.detection import Cycle, CycleDetector
 from stickslip_ros.monitoring.estimation import FrictionEstimate
@@ -30,96 +30,12 @@ _PERIODS_AT_REST = 4.0  # a dwell may last so many periods before the joint is c
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_KNOTS = 20
 _RECENT_CYCLES = 5
-_SAME_SPEED = 0.01
 _DIP_AT_RISK = 0.2  # of the mean speed
 _SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
+_RECENT = 1.0  # [s] over which the largest errors are taken
+_ASK_EVERY = 1.0  # [s] of data, where the speed alone has changed
 _NOW = 0.1  # [s] over which the present velocity is taken
 _SLICE = 0.05  # [s] how finely findings are dated within a batch
-
-
-@dataclass(frozen=True, kw_only=True)
-class MonitorOptions:
-    """How a joint is judged.
-
-    Attributes
-    ----------
-    warn_margin : relative damping reserve ρ/ρ_c − 1 below which smooth motion is at risk.
-    least_motion : motion must last so long before it is called smooth, if no period is known [s].
-    learn : whether friction is learnt from the motion.
-    memory : slips after which what they taught has faded to a third.
-    limits : what advice must reach and keep within.
-
-    Raises
-    ------
-    InvalidParameterError
-        If the memory is less than a slip.
-    """
-
-    warn_margin: float = 0.1
-    least_motion: float = field(default=1.0, metadata={"unit": "s"})
-    learn: bool = True
-    memory: float = 100.0
-    limits: AdviceLimits = field(default_factory=AdviceLimits)
-
-    def __post_init__(self) -> None:
-        if not self.memory >= 1.0:
-            raise InvalidParameterError("memory", ">= 1 slip", self.memory)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Assessment:
-    """Everything known of a joint at one time.
-
-    Attributes
-    ----------
-    finding : what the motion shows.
-    time : of the last sample [s], NaN before any.
-    velocity : commanded velocity, or the mean one where no reference is known [rad/s].
-    velocity_source : "reference", "mean motion" or "".
-    gains : the controller's gains, None if unknown.
-    margin : what Eq. (43) predicts, None if joint or gains are unknown.
-    margin_reason : why there is no margin, or it does not apply; "" if it does.
-    margin_std : standard error of the energy margin from those of the friction [M x˙_s²]; NaN if that is
-        configured, not learnt.
-    stick_slip_probability : that Eq. (43) predicts stick slip, given these errors; NaN likewise.
-    rests_on : where the friction comes from that the margin uses.
-    joint : inertia and friction that the margin uses; margin_gains : its gains; per_inertia : whether both are, the
-        gains being unknown.
-    position : of the last sample [rad]; mean_velocity : over the last tenths of a second [rad/s].
-    estimate : what was learnt, None if nothing yet; notice : what changed abruptly, or "".
-    lowest_smooth_velocity : [rad/s], NaN if unknown.
-    recommendation : None if joint or gains are unknown.
-    cycles : how many were counted; last_cycle : the latest one.
-    resolution, noise : of the position [rad].
-    sample_rate : [Hz].
-    dropped : reasons for which samples were left out, and how many.
-    """
-
-    finding: Finding
-    time: float
-    velocity: float
-    velocity_source: str
-    gains: Gains | None
-    margin: StabilityMargin | None
-    margin_reason: str
-    margin_std: float
-    stick_slip_probability: float
-    rests_on: str
-    joint: Joint | None
-    margin_gains: Gains | None
-    per_inertia: bool
-    position: float
-    mean_velocity: float
-    estimate: FrictionEstimate | None
-    notice: str
-    lowest_smooth_velocity: float
-    recommendation: Recommendation | None
-    cycles: int
-    last_cycle: Cycle | None
-    resolution: float
-    noise: float
-    sample_rate: float
-    dropped: dict[str, int]
 
 
 class JointMonitor:
@@ -133,10 +49,15 @@ class JointMonitor:
     joint : inertia and friction, or None if unknown: the motion is judged all the same.
     gains : the controller's, or None if unknown.
     options : defaults to MonitorOptions().
+    adviser : answers questions for advice, or returns None as long as it is at work; by default it answers at once.
     """
 
     def __init__(
-        self, joint: Joint | None = None, gains: Gains | None = None, options: MonitorOptions | None = None
+        self,
+        joint: Joint | None = None,
+        gains: Gains | None = None,
+        options: MonitorOptions | None = None,
+        adviser: Adviser = advise,
     ) -> None:
         self.options = options or MonitorOptions()
         self._joint = joint
@@ -147,7 +68,9 @@ class JointMonitor:
         self._disbelief = ""
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
         self._filter = SampleFilter()
-        self._advice: tuple[tuple[object, ...], float, float, Recommendation] | None = None
+        self._adviser = adviser
+        self._advice: tuple[AdviceQuestion, Advice] | None = None
+        self._asked_at = -math.inf
         self.cycle_count = 0
         self.segments: deque[Segment] = deque(maxlen=10_000)
         self._begin()
@@ -198,6 +121,15 @@ class JointMonitor:
     def last_time(self) -> float:
         """Stamp of the last sample used [s]; -inf before any."""
         return self._filter.last_time
+
+    @property
+    def resolution(self) -> float:
+        """Of the position [rad]."""
+        return self._detector.detector.resolution
+
+    def recent(self, duration: float) -> Batch | None:
+        """The samples of the last seconds, at most a minute; None if there are none."""
+        return self._samples.between(self._motion.last_time - duration, self._motion.last_time)
 
     def process(self, batch: Batch) -> list[Cycle]:
         """Take samples and return the cycles that they complete, oldest first."""
@@ -372,32 +304,47 @@ class JointMonitor:
         margin = stability_margin(belief.joint, belief.gains, velocity)
         return margin, str(margin.reason or ""), belief
 
-    def _advise(self, belief: Belief, velocity: float) -> tuple[float, Recommendation]:
-        """Lowest smooth velocity and advice; kept while what they depend on changes by less than a per cent."""
-        speed = abs(velocity)
-        key = (belief.joint, belief.gains, self.options.limits)
-        lowest = math.nan
-        if self._advice is not None:
-            known, known_speed, lowest, recommendation = self._advice
-            if known == key and abs(speed - known_speed) <= _SAME_SPEED * known_speed:
-                return lowest, recommendation
-        if self._advice is None or self._advice[0] != key:
-            lowest = float(lowest_smooth_velocity(belief.joint, belief.gains))
-        advice = recommend(
-            belief.joint, belief.gains, speed, self.options.limits, belief.uncertainty, gains_known=belief.gains_known
+    def _advise(self, belief: Belief, velocity: float) -> Advice | None:
+        """Advice; kept while what it depends on changes by little, and for a second where the speed alone changes."""
+        tracking_error, velocity_error = self._motion.errors(_RECENT)
+        question = AdviceQuestion(
+            joint=belief.joint,
+            gains=belief.gains,
+            velocity=abs(velocity),
+            limits=self.options.limits,
+            uncertainty=belief.uncertainty,
+            circumstances=Circumstances(
+                conditions=self.options.conditions,
+                sample_rate=self._sample_rate(),
+                tracking_error=tracking_error,
+                velocity_error=velocity_error,
+            ),
+            gains_known=belief.gains_known,
         )
-        self._advice = (key, speed, lowest, advice)
-        return lowest, advice
+        now, known = self._motion.last_time, self._advice
+        holds = known is not None and known[0].about_the_same(question)
+        if known is None or not (known[0].alike(question) or (holds and 0.0 <= now - self._asked_at < _ASK_EVERY)):
+            answer = self._adviser(question)
+            if answer is not None:
+                self._advice, self._asked_at = (question, answer), now
+                holds = True
+        return self._advice[1] if holds and self._advice is not None else None
+
+    def _sample_rate(self) -> float:
+        return 1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan
 
     def assessment(self) -> Assessment:
         """Everything known of the joint now."""
         velocity, source = self.velocity()
-        lowest, recommendation = math.nan, None
+        advice, trial_margin = None, None
         margin, reason, belief = self._margin()
         std = probability = math.nan
         if margin is not None and belief is not None:
-            lowest, recommendation = self._advise(belief, velocity)
+            advice = self._advise(belief, velocity)
             std, probability = uncertainty_of(margin, belief, velocity)
+            if self.options.trial is not None and belief.gains_known:
+                trial_margin = stability_margin(belief.joint, self.options.trial, velocity)
+        tracking_error, velocity_error = self._motion.errors(_RECENT)
         detector = self._detector.detector
         return Assessment(
             finding=self.finding(),
@@ -417,13 +364,17 @@ class JointMonitor:
             mean_velocity=self._motion.mean_velocity(_NOW),
             estimate=self.learner.estimate,
             notice=self.learner.notice,
-            lowest_smooth_velocity=lowest,
-            recommendation=recommendation,
+            advice=advice,
+            variant=self.options.variant,
+            trial=self.options.trial,
+            trial_margin=trial_margin,
+            tracking_error=tracking_error,
+            velocity_error=velocity_error,
             cycles=self.cycle_count,
             last_cycle=self._recent[-1] if self._recent else None,
             resolution=detector.resolution,
             noise=detector.noise,
-            sample_rate=1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan,
+            sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
         )
 

@@ -29,8 +29,11 @@ class MotionRecord:
         self._travel = 0.0
         self._reference = math.nan
         self._reference_velocity = math.nan
+        self._past_reference = math.nan
         # (time, position, reference position, way of the reference)
         self._past: deque[tuple[float, float, float, float]] = deque(maxlen=_KEPT)
+        # (time, largest tracking error, error of the mean velocity)
+        self._errors: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
 
     def take(self, batch: Batch) -> FloatArray:
         """Remember a slice of samples; returns the way that the reference has gone at each of them [rad], or NaN."""
@@ -45,12 +48,38 @@ class MotionRecord:
             self.position = float(batch.position[0])
         travels = self._reference_way(batch, steps)
         self.last_way = float(batch.position[-1]) - self.position
+        self._note_errors(batch, self.last_way)
         self.position = float(batch.position[-1])
         self.last_time = float(batch.time[-1])
         self._past.append(
             (self.last_time, self.position, self._reference, self._travel if self._has_reference else math.nan)
         )
         return travels
+
+    def _note_errors(self, batch: Batch, way: float) -> None:
+        errors = np.abs(batch.reference_position - batch.position)
+        known = np.isfinite(errors)
+        error = float(np.max(errors[known])) if known.any() else math.nan
+        duration = float(batch.time[-1]) - self.last_time
+        velocity_error = math.nan
+        if 0.0 < duration < math.inf:
+            desired = batch.reference_velocity[-1]
+            if not math.isfinite(desired) and known.all():
+                desired = (batch.reference_position[-1] - self._past_reference) / duration
+            velocity_error = abs(float(desired) - way / duration)
+        self._past_reference = float(batch.reference_position[-1])
+        self._errors.append((float(batch.time[-1]), error, velocity_error))
+
+    def errors(self, window: float) -> tuple[float, float]:
+        """Largest tracking error [rad] and velocity error [rad/s] of the last ``window`` seconds; NaN if unknown."""
+        recent = []
+        for time, error, velocity_error in reversed(self._errors):
+            if time < self.last_time - window:
+                break
+            recent.append((error, velocity_error))
+        columns = list(zip(*recent, strict=True)) or [(), ()]
+        known = [[value for value in column if math.isfinite(value)] for column in columns]
+        return max(known[0], default=math.nan), max(known[1], default=math.nan)
 
     @property
     def _has_reference(self) -> bool:

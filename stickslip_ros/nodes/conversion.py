@@ -8,21 +8,15 @@ import math
 from collections.abc import Mapping, Sequence
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.friction import Gains, steady_friction
+from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.detection import Cycle
-from stickslip_ros.monitoring.estimation import FrictionEstimate
-from stickslip_ros.monitoring.joint_monitor import Assessment
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.status import Status
-from stickslip_ros.nodes.joint_parameters import FRICTION_UNITS
-
-ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
-PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}
 
 
 class MessageError(StickSlipError, ValueError):
@@ -124,37 +118,45 @@ MARGIN_FIELDS = (
     "stick_slip_probability",
     "stiffness_factor",
     "damping_factor",
+    "trial_energy_margin",
+    "trial_damping_ratio",
+    "trial_critical_damping_ratio",
+    "trial_exact_smooth",
 )
 STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
 
-def margin_row(assessment: Assessment, exact: ExactVerdict) -> list[float]:
+def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict) -> list[float]:
     """The numbers of :data:`MARGIN_FIELDS`; NaN for what is unknown or not applicable."""
-    margin, gains = assessment.margin, assessment.gains
-    from_margin = MARGIN_FIELDS[2:8]
+    gains, advised = assessment.gains, assessment.recommended
     return [
         float(STATUS_NUMBERS[assessment.finding.status]),
-        float(margin is not None and bool(margin.applicable)),
-        *(math.nan if margin is None else float(getattr(margin, name)) for name in from_margin),
+        float(assessment.margin is not None and bool(assessment.margin.applicable)),
+        *_of_margin(assessment.margin, MARGIN_FIELDS[2:8]),
         assessment.velocity,
         assessment.lowest_smooth_velocity,
         math.nan if gains is None else float(gains.stiffness),
         math.nan if gains is None else float(gains.damping),
         float(assessment.cycles),
-        math.nan if exact.smooth is None else float(exact.smooth),
+        _as_number(exact.smooth),
         exact.critical_damping_ratio,
         exact.lowest_smooth_velocity,
         exact.least_smooth_stiffness,
         assessment.margin_std,
         assessment.stick_slip_probability,
-        *_factors(assessment),
+        math.nan if advised is None else advised.stiffness_factor,
+        math.nan if advised is None else advised.damping_factor,
+        *_of_margin(assessment.trial_margin, ("energy_margin", "damping_ratio", "critical_damping_ratio")),
+        _as_number(trial.smooth),
     ]
 
 
-def _factors(assessment: Assessment) -> tuple[float, float]:
-    """Advice as factors on stiffness and damping."""
-    advice = assessment.recommendation
-    return (math.nan, math.nan) if advice is None else (advice.stiffness_factor, advice.damping_factor)
+def _of_margin(margin: StabilityMargin | None, names: Sequence[str]) -> list[float]:
+    return [math.nan if margin is None else float(getattr(margin, name)) for name in names]
+
+
+def _as_number(answer: bool | None) -> float:
+    return math.nan if answer is None else float(answer)
 
 
 def friction_message(time: Time, assessments: Mapping[str, Assessment]) -> JointState:
@@ -170,159 +172,3 @@ def friction_message(time: Time, assessments: Mapping[str, Assessment]) -> Joint
             friction = float(steady_friction(assessment.joint.friction, assessment.mean_velocity))
         message.effort.append(friction)
     return message
-
-
-def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
-    """What was learnt, one number a key, and the whole in words."""
-    values: list[tuple[str, object]] = []
-    words = []
-    for name, unit in ESTIMATE_UNITS.items():
-        found = estimate.load if name == "load" else estimate[name]
-        if estimate.normalised:
-            if name in ("inertia", "coulomb", "load"):
-                continue
-            unit = PER_INERTIA.get(name, unit)
-        if math.isnan(found.value):
-            continue
-        values += [(f"{name} [{unit}]", found.value), (f"{name} std [{unit}]", found.std)]
-        words.append(f"{name.replace('_', ' ')} {found.value:.4g} ± {found.std:.2g}{'' if found.identified else '?'}")
-    if estimate.normalised:
-        frequency = estimate.natural_frequency
-        values += [
-            ("natural_frequency learnt [rad/s]", frequency.value),
-            ("natural_frequency std [rad/s]", frequency.std),
-        ]
-        words.insert(0, f"natural frequency {frequency.value:.4g} ± {frequency.std:.2g}")
-    values += [
-        ("friction learnt", "; ".join(words)),
-        ("not identified", ", ".join(estimate.unidentified)),
-        ("slips learnt from [1]", estimate.slips),
-        ("slips not explained [1]", estimate.aside),
-        ("friction fit mean square [1]", estimate.mean_square),
-    ]
-    return values
-
-
-def joint_diagnostic(
-    name: str, assessment: Assessment, exact: ExactVerdict, *, warn_margin: float, silent_for: float | None
-) -> DiagnosticStatus:
-    """One joint's status: a summary for a person, every number as a key with its unit for programs."""
-    status = DiagnosticStatus(name=f"stickslip_monitor: {name}", hardware_id=name)
-    status.level, status.message = _summary(assessment, warn_margin, silent_for)
-    gains, margin, advice, cycle = assessment.gains, assessment.margin, assessment.recommendation, assessment.last_cycle
-    values: list[tuple[str, object]] = [
-        ("status", assessment.finding.status.value),
-        ("reason", assessment.finding.reason),
-        ("velocity [rad/s]", assessment.velocity),
-        ("velocity is from", assessment.velocity_source),
-        ("margin applicable", "" if margin is None else str(bool(margin.applicable)).lower()),
-        ("margin reason", assessment.margin_reason),
-    ]
-    if margin is not None:
-        values += [
-            ("energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
-            ("damping_ratio [1]", margin.damping_ratio),
-            ("critical_damping_ratio [1]", margin.critical_damping_ratio),
-            ("reduction_factor [1]", margin.reduction_factor),
-            ("steady_stribeck [N*m]", margin.steady_stribeck),
-            ("natural_frequency [rad/s]", margin.natural_frequency),
-            ("lowest_smooth_velocity [rad/s]", assessment.lowest_smooth_velocity),
-        ]
-    if exact.smooth is not None:
-        values += [
-            ("exact smooth", str(exact.smooth).lower()),
-            ("exact critical_damping_ratio [1]", exact.critical_damping_ratio),
-            ("exact lowest_smooth_velocity [rad/s]", exact.lowest_smooth_velocity),
-            ("exact least_smooth_stiffness [N*m/rad]", exact.least_smooth_stiffness),
-        ]
-    if exact.reason:
-        values.append(("exact reason", exact.reason))
-    if gains is not None:
-        values += [
-            ("stiffness [N*m/rad]", gains.stiffness),
-            ("damping [N*m*s/rad]", gains.damping),
-            ("integral [N*m/(rad*s)]", gains.integral),
-        ]
-    if advice is not None:
-        values += [
-            ("recommended stiffness_factor [1]", advice.stiffness_factor),
-            ("recommended damping_factor [1]", advice.damping_factor),
-            ("recommendation", advice.reason),
-        ]
-        if gains is not None:
-            values += [
-                ("recommended stiffness [N*m/rad]", advice.stiffness),
-                ("recommended damping [N*m*s/rad]", advice.damping),
-            ]
-    if assessment.rests_on:
-        values.append(("margin rests on", assessment.rests_on))
-    if math.isfinite(assessment.margin_std):
-        values += [
-            ("energy_margin std [M*stribeck_velocity^2]", assessment.margin_std),
-            ("stick_slip_probability [1]", assessment.stick_slip_probability),
-        ]
-    if assessment.estimate is not None:
-        values += friction_values(assessment.estimate)
-    if assessment.notice:
-        values.append(("friction change", assessment.notice))
-    values.append(("cycles [1]", assessment.cycles))
-    if cycle is not None:
-        values += [
-            ("last slip_distance [rad]", cycle.slip_distance),
-            ("last dwell [s]", cycle.dwell),
-            ("last slip duration [s]", cycle.slip_duration),
-        ]
-    values += [
-        ("position resolution [rad]", assessment.resolution),
-        ("position noise [rad]", assessment.noise),
-        ("sample rate [Hz]", assessment.sample_rate),
-        ("samples left out", "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())),
-    ]
-    status.values = [KeyValue(key=key, value=_value_text(value)) for key, value in values]
-    return status
-
-
-def _summary(assessment: Assessment, warn_margin: float, silent_for: float | None) -> tuple[bytes, str]:
-    finding, margin = assessment.finding, assessment.margin
-    text = finding.status.value + (f": {finding.reason}" if finding.reason else "")
-    if silent_for is not None:
-        return DiagnosticStatus.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
-    if finding.status is Status.STICK_SLIP:
-        advice = assessment.recommendation
-        if assessment.notice.endswith("learning anew"):
-            text += f"; {assessment.notice}"
-        return DiagnosticStatus.ERROR, f"{text}; {advice.reason}" if advice is not None else text
-    if finding.status in (Status.AT_RISK, Status.UNKNOWN):
-        return DiagnosticStatus.WARN, text
-    if assessment.estimate is not None and assessment.estimate.mismatch:
-        return DiagnosticStatus.WARN, f"{text}; {assessment.estimate.mismatch}"
-    if margin is None:
-        return DiagnosticStatus.WARN, f"{text}; no margin: {assessment.margin_reason}"
-    if margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
-        return DiagnosticStatus.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
-    return DiagnosticStatus.OK, text
-
-
-def cycle_diagnostic(name: str, cycle: Cycle) -> DiagnosticStatus:
-    """One completed cycle."""
-    values = [
-        ("breakaway [s]", cycle.breakaway),
-        ("arrest [s]", cycle.arrest),
-        ("slip_distance [rad]", cycle.slip_distance),
-        ("dwell [s]", cycle.dwell),
-        ("slip duration [s]", cycle.slip_duration),
-        ("position [rad]", cycle.position),
-        ("breakaway_effort [N*m]", cycle.effort),
-    ]
-    return DiagnosticStatus(
-        level=DiagnosticStatus.WARN,
-        name=f"stickslip_monitor: {name}",
-        hardware_id=name,
-        message=f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest",
-        values=[KeyValue(key=key, value=_value_text(value)) for key, value in values],
-    )
-
-
-def _value_text(value: object) -> str:
-    """Numbers bare and in full, so that plotting tools take them."""
-    return repr(float(value)) if isinstance(value, float) else str(value)

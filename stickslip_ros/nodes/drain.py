@@ -17,17 +17,19 @@ from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 
-class _NeverExecuted(CallbackGroup):
-    """Keeps the executor's hands off the subscription."""
+class NeverExecuted(CallbackGroup):
+    """Keeps the executor's hands off a subscription or service."""
 
     def can_execute(self, entity: Any) -> bool:
+        """Never."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
+        """Never."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        pass
+        """Nothing to do: nothing began."""
 
 
 class DrainedSubscription:
@@ -40,7 +42,7 @@ class DrainedSubscription:
             topic,
             lambda _: None,
             qos,
-            callback_group=_NeverExecuted(),
+            callback_group=NeverExecuted(),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 

@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.nodes.background import Background
 
 UNKNOWN = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02
@@ -25,13 +25,15 @@ class _Question:
     asked_at: float
 
 
+def _answer(question: _Question) -> ExactVerdict:
+    return exact_verdict(question.joint, question.gains, question.speed, question.conditions)
+
+
 class ExactWorker:
-    """One thread; each joint has at most one question under way, and asks again when it is answered."""
+    """Asks again where gains or speed have changed."""
 
     def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="exact")
-        self._running: dict[str, tuple[_Question, Future[ExactVerdict]]] = {}
-        self._answers: dict[str, tuple[_Question, ExactVerdict]] = {}
+        self._background: Background[_Question, ExactVerdict] = Background(_answer, "exact")
 
     def verdict(
         self, name: str, joint: Joint, gains: Gains, conditions: Conditions, velocity: float, now: float
@@ -43,24 +45,17 @@ class ExactWorker:
         name : under which the joint asks. velocity : [rad/s]. now : a steady time [s].
         """
         question = _Question(joint, gains, conditions, abs(velocity), now)
-        self._collect(name)
-        known = self._answers.get(name)
+        known = self._background.latest(name)
         answer, wanted = UNKNOWN, True
         if known is not None and (known[0].joint, known[0].gains, known[0].conditions) == (joint, gains, conditions):
             if abs(known[0].speed - question.speed) <= _SAME_SPEED * question.speed:
                 answer, wanted = known[1], False
             else:
                 wanted = now - known[0].asked_at >= _SAME_GAINS_INTERVAL
-        if wanted and name not in self._running:
-            future = self._pool.submit(exact_verdict, joint, gains, question.speed, conditions)
-            self._running[name] = (question, future)
+        if wanted:
+            self._background.ask(name, question)
         return answer
-
-    def _collect(self, name: str) -> None:
-        if name in self._running and self._running[name][1].done():
-            question, future = self._running.pop(name)
-            self._answers[name] = (question, future.result())
 
     def close(self) -> None:
         """Drop the questions not begun."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._background.close()

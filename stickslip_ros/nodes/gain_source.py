@@ -7,23 +7,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
-from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
-from rclpy.parameter_client import AsyncParameterClient
-from rclpy.qos import QoSProfile, qos_profile_parameter_events
-from rclpy.task import Future
 
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.nodes.remote_parameters import PATIENCE, RemoteParameters, number
 
-_KINDS = ("p", "i", "d")
-_PATIENCE = 2.0  # [s] for an answer, after which the controller is asked again
+KINDS = ("p", "i", "d")
 # An event can be lost, above all while the graph is being discovered; reading again makes up for it.
 _REREAD = 1.0  # [s]
 _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
+_NAMED = 6  # other nodes that are named where a controller is missing
+
+
+def gain_name(joint: str, kind: str) -> str:
+    """Name of a controller's parameter."""
+    return f"gains.{joint}.{kind}"
 
 
 class ControllerGains:
@@ -33,77 +34,102 @@ class ControllerGains:
     ----------
     node : does the talking.
     controller : fully qualified name of the controller's node.
-    on_gains : called with a joint's name and its gains whenever they are read or change.
+    on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change.
     joints : names of the joints to ask for.
 
-    ``state`` says in words how far it has got, for diagnostics.
+    ``state`` says in words how far it has got, for diagnostics; ``waiting`` whether that is a fault.
     """
 
     def __init__(
         self, node: Node, controller: str, on_gains: Callable[[str, Gains], None], joints: Callable[[], Iterable[str]]
     ) -> None:
         self._node = node
-        self._controller = controller
+        self.name = controller
         self._on_gains = on_gains
         self._joints = joints
         self._values: dict[str, dict[str, float]] = {}
-        self._client = AsyncParameterClient(node, controller)
-        self._pending: Future | None = None
+        self.parameters = RemoteParameters(node, controller)
+        self._busy = False
+        self._silent = 0
         self._asked_at = -math.inf
         self._appeared_at = math.inf
         self.state = f"waiting for {controller}"
-        qos = QoSProfile(depth=1000, reliability=qos_profile_parameter_events.reliability)
-        node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos)
+        self.waiting = True
 
     def poll(self, now: float) -> None:
         """Ask for what is not known yet; call now and then with a steady time [s]."""
-        if not self._client.services_are_ready():
-            self._pending = None
+        self.parameters.poll(now)
+        if not self.parameters.ready():
             self._appeared_at = math.inf
             self._asked_at = -math.inf
-            self.state = f"waiting for {self._controller}"
+            self._says(f"waiting for {self.name}{self._others()}", waiting=True)
             return
         self._appeared_at = min(self._appeared_at, now)
-        waited = now - self._asked_at
-        if self._pending is not None and waited < _PATIENCE:
-            return
-        if self._pending is not None:
-            self.state = f"{self._controller} has not answered for {_PATIENCE:g} s"
-        elif waited < (_REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD):
+        interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD
+        if self._busy or now - self._asked_at < interval:
             return
         self._asked_at = now
+        self._busy = True
         # Asked by name, many controllers answer nothing at all if one name is not theirs; so they are listed first.
-        self._ask(self._client.list_parameters(["gains"], 10), self._on_names)
+        self.parameters.list("gains", now, partial(self._on_names, now))
 
-    def _ask(self, future: Future, on_answer: Callable[[Any], None]) -> None:
-        self._pending = future
-        future.add_done_callback(partial(self._on_answer, on_answer))
+    def close(self) -> None:
+        """Leave the controller alone."""
+        self.parameters.close()
 
-    def _on_answer(self, on_answer: Callable[[Any], None], future: Any) -> None:
-        if self._pending is None or self._pending is not future:
-            return
-        self._pending = None
-        if future.result() is not None:
-            on_answer(future.result())
+    def has(self, joint: str) -> bool:
+        """Whether the controller has gains of a joint."""
+        return "p" in self._values.get(joint, {})
 
-    def _on_names(self, answer: ListParameters.Response) -> None:
-        wanted = {f"gains.{joint}.{kind}" for joint in self._joints() for kind in _KINDS}
-        names = [name for name in answer.result.names if name in wanted]
+    def _says(self, state: str, *, waiting: bool) -> None:
+        """Keep what there is to say for the diagnostics, and log it where it is new."""
+        if waiting != self.waiting:
+            # Two lines of code: rclpy wants one severity from each.
+            if waiting:
+                self._node.get_logger().warning(state)
+            else:
+                self._node.get_logger().info(state)
+        self.state, self.waiting = state, waiting
+
+    def _others(self) -> str:
+        """Nodes that are there in the controller's stead: it may have been renamed."""
+        own = self._node.get_fully_qualified_name()
+        names = {f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()}
+        others = sorted(name for name in names - {own} if not name.rpartition("/")[2].startswith("_"))
+        if not others:
+            return "; no other node is there"
+        return f"; there are {', '.join(others[:_NAMED])}{', …' if len(others) > _NAMED else ''}"
+
+    def _on_names(self, now: float, found: list[str] | None) -> None:
+        if found is None:
+            return self._no_answer()
+        wanted = {gain_name(joint, kind) for joint in self._joints() for kind in KINDS}
+        names = [name for name in found if name in wanted]
         if not names:
-            self.state = f"{self._controller} has no parameters gains.<joint>.p/.i/.d of the joints watched"
-            return
-        self._ask(self._client.get_parameters(names), partial(self._on_values, names))
+            self._busy = False
+            return self._says(
+                f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched", waiting=True
+            )
+        return self.parameters.get(names, now, partial(self._on_values, names))
 
-    def _on_values(self, names: list[str], answer: GetParameters.Response) -> None:
-        self.state = f"following {self._controller}"
-        self._take(zip(names, answer.values, strict=False))
+    def _no_answer(self) -> None:
+        self._busy = False
+        self._silent += 1
+        self._says(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", waiting=True)
 
-    def _on_event(self, event: ParameterEvent) -> None:
-        if event.node != self._controller:
-            return
-        self._take(
-            (parameter.name, parameter.value) for parameter in [*event.new_parameters, *event.changed_parameters]
-        )
+    def _on_values(self, names: list[str], values: list[ParameterValue] | None) -> None:
+        if values is None:
+            return self._no_answer()
+        self._busy = False
+        self._silent = 0
+        self._says(f"following {self.name}", waiting=False)
+        return self._take(zip(names, values, strict=False))
+
+    def on_event(self, event: ParameterEvent) -> None:
+        """Take a change of parameters, if it is the controller's."""
+        if event.node == self.name:
+            changes = [*event.new_parameters, *event.changed_parameters]
+            self._take((parameter.name, parameter.value) for parameter in changes)
 
     def _take(self, parameters: Iterable[tuple[str, ParameterValue]]) -> None:
         """Remember what are gains of joints watched, and tell of each joint once."""
@@ -111,21 +137,18 @@ class ControllerGains:
         for name, value in parameters:
             prefix, _, rest = name.partition(".")
             joint, _, kind = rest.rpartition(".")
-            if prefix == "gains" and kind in _KINDS and joint in watched:
+            if prefix == "gains" and kind in KINDS and joint in watched:
                 self._remember(joint, kind, value)
                 told.append(joint)
         for joint in dict.fromkeys(told):
             self._tell(joint)
 
     def _remember(self, joint: str, kind: str, value: ParameterValue) -> None:
-        if value.type == ParameterType.PARAMETER_DOUBLE and math.isfinite(value.double_value):
-            self._values.setdefault(joint, {})[kind] = value.double_value
-        elif value.type == ParameterType.PARAMETER_INTEGER:
-            self._values.setdefault(joint, {})[kind] = float(value.integer_value)
+        found = number(value)
+        if math.isfinite(found):
+            self._values.setdefault(joint, {})[kind] = found
         elif value.type != ParameterType.PARAMETER_NOT_SET:
-            self._node.get_logger().warning(
-                f"gain {kind} of {joint} in {self._controller} is not a finite number; ignored"
-            )
+            self._node.get_logger().warning(f"gain {kind} of {joint} in {self.name} is not a finite number; ignored")
 
     def _tell(self, joint: str) -> None:
         values = self._values.get(joint, {})

@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -25,31 +25,31 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.compiled import load_compiled_parts
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.model.controlled import Conditions
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.advice import AdviceLimits
-from stickslip_ros.monitoring.joint_monitor import Assessment, JointMonitor, MonitorOptions
-from stickslip_ros.nodes import joint_parameters
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.nodes import joint_parameters, monitor_parameters
+from stickslip_ros.nodes.advice_worker import AdviceWorker
+from stickslip_ros.nodes.apply_service import ApplyService, NotYetError, RefusedError
 from stickslip_ros.nodes.conversion import (
     MARGIN_FIELDS,
     MessageError,
-    cycle_diagnostic,
     friction_message,
-    gains_from_message,
-    joint_diagnostic,
     joint_rows,
     margin_row,
     seconds,
     table,
 )
+from stickslip_ros.nodes.diagnostics import cycle_diagnostic, joint_diagnostic
 from stickslip_ros.nodes.drain import DrainedSubscription
 from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
-from stickslip_ros.nodes.gain_source import ControllerGains
-from stickslip_ros.nodes.reference_pairing import ReferencePairing
+from stickslip_ros.nodes.gain_application import GainApplication
+from stickslip_ros.nodes.gain_intake import GainIntake
 from stickslip_ros.nodes.references import reference_message_type, reference_rows
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.study_worker import StudyWorker
+from stickslip_ros.nodes.watched_joint import WatchedJoint
 
 _DRAIN_PERIOD = 0.02
 _STALE_AFTER = 1.0
@@ -64,20 +64,21 @@ class Monitor(Node):
 
     def __init__(self) -> None:
         super().__init__("stickslip_monitor")
-        self._monitors: dict[str, JointMonitor] = {}
-        self._pairings: dict[str, ReferencePairing] = {}
-        self._conditions: dict[str, Conditions] = {}
-        self._heard: dict[str, float] = {}
+        self._joints: dict[str, WatchedJoint] = {}
         self._refused: Counter[str] = Counter()
         self._changing = False
         self._exact = ExactWorker()
+        self._advice = AdviceWorker()
         self._studies = StudyWorker()
         load_compiled_parts()
-        self._declare()
+        monitor_parameters.declare(self)
+        self._gains = GainIntake(self, lambda: list(self._joints), self._on_gains, self._refuse)
+        self._gains.follow(monitor_parameters.controllers(self))
         names = [name for name in self.get_parameter("joints").value if name]
         self._all_joints = not names
         for name in names:
             self._add_joint(name)
+        monitor_parameters.check(self)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
@@ -85,54 +86,26 @@ class Monitor(Node):
         self._states = DrainedSubscription(self, JointState, "joint_states", incoming)
         reference_type = reference_message_type(self.get_parameter("reference_type").value)
         self._references = DrainedSubscription(self, reference_type, "joint_references", incoming)
-        self.create_subscription(Float64MultiArray, "pd_gains", self._on_gains_message, 10)
-        controller = self.get_parameter("controller").value
-        self._controller = (
-            ControllerGains(self, controller, self._set_gains, lambda: list(self._monitors)) if controller else None
-        )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._margins = self.create_publisher(Float64MultiArray, "~/margins", 10)
         self._cycles = self.create_publisher(DiagnosticArray, "~/cycles", 1000)
         self._friction = self.create_publisher(JointState, "~/friction", 10)
         self._recommended = self.create_publisher(Float64MultiArray, "~/recommended_gains", 10)
         self.create_service(Trigger, "~/reset", self._reset)
+        self._apply = ApplyService(self, self._begin_applying)
         # Timers on ROS time would stop with a paused or looping simulation.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DRAIN_PERIOD, self._drain, clock=steady)
         self.create_timer(1.0 / self.get_parameter("publish_rate").value, self._publish, clock=steady)
 
-    def _declare(self) -> None:
-        def parameter(name: str, default: object, text: str, *, read_only: bool = False) -> None:
-            self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=read_only))
-
-        parameter("joints", [""], "joints to watch; [''] for every joint heard of", read_only=True)
-        parameter(
-            "controller", "", "node whose parameters gains.<joint>.p/.i/.d are followed; empty: none", read_only=True
-        )
-        parameter(
-            "reference_type",
-            "JointState",
-            "message on joint_references: JointState, or with control_msgs JointTrajectoryControllerState or "
-            "MultiDOFStateStamped",
-            read_only=True,
-        )
-        parameter("publish_rate", 10.0, "how often diagnostics and margins are published [Hz]", read_only=True)
-        parameter("warn_margin", 0.1, "damping reserve rho/rho_c - 1 below which smooth motion is at risk [1]")
-        parameter("wanted_margin", 0.2, "damping reserve rho/rho_c - 1 that advice must reach [1]")
-        parameter(
-            "confidence", 0.9, "probability with which advice must reach it, the friction learnt being uncertain [1]"
-        )
-        parameter("learn", True, "whether friction is learnt from the motion")
-        parameter("memory", 100.0, "slips after which what they taught has faded to a third [1]")
-        parameter("least_motion", 1.0, "how long motion must last before it is called smooth [s]")
-
     def _add_joint(self, name: str) -> None:
         with self._own_change():
             joint_parameters.declare(self, name)
         settings = joint_parameters.read(self, name)
-        self._monitors[name] = JointMonitor(settings.joint, settings.gains, self._options(settings.limits))
-        self._pairings[name] = ReferencePairing()
-        self._conditions[name] = settings.conditions
+        monitor = JointMonitor(
+            settings.joint, settings.gains, monitor_parameters.options(self, settings), self._advice.adviser(name)
+        )
+        self._joints[name] = WatchedJoint(name, monitor, settings)
 
     @contextmanager
     def _own_change(self) -> Iterator[None]:
@@ -142,19 +115,6 @@ class Monitor(Node):
             yield
         finally:
             self._changing = False
-
-    def _options(self, limits: AdviceLimits, changes: dict[str, Parameter] | None = None) -> MonitorOptions:
-        def value(name: str) -> float:
-            changed = (changes or {}).get(name)
-            return float(changed.value if changed is not None else self.get_parameter(name).value)
-
-        return MonitorOptions(
-            warn_margin=value("warn_margin"),
-            least_motion=value("least_motion"),
-            learn=bool(value("learn")),
-            memory=value("memory"),
-            limits=limits,
-        )
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse what would make no joint, with the reason; nothing is changed here."""
@@ -166,9 +126,9 @@ class Monitor(Node):
                     reason=f"{name} is the monitor's advice and cannot be set; set the controller's gains instead",
                 )
         try:
-            for joint in self._monitors:
-                settings = joint_parameters.read(self, joint, changes)
-                self._options(settings.limits, changes)
+            monitor_parameters.check(self, changes)
+            for joint in self._joints:
+                monitor_parameters.options(self, joint_parameters.read(self, joint, changes), changes)
         except StickSlipError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -176,33 +136,33 @@ class Monitor(Node):
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         if self._changing:
             return
-        for name, monitor in self._monitors.items():
-            settings = joint_parameters.read(self, name)
-            monitor.joint = settings.joint
-            self._conditions[name] = settings.conditions
-            monitor.options = self._options(settings.limits)
-            if any(parameter.name.startswith(f"gains.{name}.") for parameter in parameters):
-                self._set_gains(name, settings.gains)
+        names = {parameter.name for parameter in parameters}
+        for joint in self._joints.values():
+            scale = joint.settings.gain_scale
+            joint.settings = joint_parameters.read(self, joint.name)
+            joint.monitor.joint = joint.settings.joint
+            joint.monitor.options = monitor_parameters.options(self, joint.settings)
+            if any(name.startswith(f"gains.{joint.name}.") for name in names):
+                self._set_gains(joint, joint.settings.gains)
+            elif joint.settings.gain_scale != scale and joint.monitor.gains is not None:
+                factor = joint.settings.gain_scale / scale
+                old = joint.monitor.gains
+                self._set_gains(joint, Gains(**{name: float(value) * factor for name, value in vars(old).items()}))
+            if any(name.startswith(f"limits.{joint.name}.") for name in names):
+                joint_parameters.describe_recommended(self, joint.name)
+        if "controller" in names:
+            self._gains.follow(monitor_parameters.controllers(self))
 
-    def _set_gains(self, joint: str, gains: Gains | None) -> None:
-        monitor = self._monitors.get(joint)
-        if monitor is not None and monitor.gains != gains:
-            monitor.gains = gains
-            self.get_logger().info(f"{joint}: gains are now {gains}")
+    def _on_gains(self, name: str, gains: Gains) -> None:
+        joint = self._joints.get(name)
+        if joint is not None:
+            self._set_gains(joint, joint.settings.to_si(gains))
 
-    def _on_gains_message(self, message: Float64MultiArray) -> None:
-        try:
-            gains = gains_from_message(message)
-        except MessageError as error:
-            self._refuse(f"pd_gains: {error}")
-            return
-        for joint, value in gains.items():
-            if joint in self._monitors:
-                self._set_gains(joint, value)
-            else:
-                self._refuse(
-                    f"pd_gains: unknown joint {joint[:64]!r}; known: {', '.join(self._monitors) or 'none yet'}"
-                )
+    def _set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
+        """Let a joint's monitor know its gains, in SI units."""
+        if joint.monitor.gains != gains:
+            joint.monitor.gains = gains
+            self.get_logger().info(f"{joint.name}: gains are now {gains}")
 
     def _refuse(self, reason: str) -> None:
         """Count a refusal for the diagnostics and say it once in the log."""
@@ -220,11 +180,12 @@ class Monitor(Node):
         for message in self._references.take_all():
             self._take_reference(message)
         found: list[DiagnosticStatus] = []
-        for name, pairing in self._pairings.items():
-            batch = pairing.take()
+        for name, joint in self._joints.items():
+            batch = joint.pairing.take()
             if batch is not None:
-                found += [cycle_diagnostic(name, cycle) for cycle in self._monitors[name].process(batch)]
+                found += [cycle_diagnostic(name, cycle) for cycle in joint.monitor.process(batch)]
         self._publish_cycles(found)
+        self._apply.tick(monotonic())
 
     def _publish_cycles(self, found: list[DiagnosticStatus]) -> None:
         if found:
@@ -240,8 +201,8 @@ class Monitor(Node):
             return
         time = self._time_of("joint_references", message)
         for name, (position, velocity) in rows.items():
-            if name in self._pairings:
-                self._pairings[name].add_reference(time, position, velocity)
+            if name in self._joints:
+                self._joints[name].pairing.add_reference(time, position, velocity)
 
     def _take_state(self, message: JointState) -> None:
         try:
@@ -252,10 +213,10 @@ class Monitor(Node):
         time = self._time_of("joint_states", message)
         now = monotonic()
         for name, row in rows.items():
-            pairing = self._pairings.get(name) or self._welcome(name)
-            if pairing is not None:
-                pairing.add_sample(time, *row)
-                self._heard[name] = now
+            joint = self._joints.get(name) or self._welcome(name)
+            if joint is not None:
+                joint.add_sample(time, *row)
+                joint.heard = now
 
     def _time_of(self, topic: str, message: Any) -> float:
         """The message's stamp, or the time now if it has none [s]."""
@@ -265,14 +226,14 @@ class Monitor(Node):
             stamp = 1e-9 * self.get_clock().now().nanoseconds
         return stamp
 
-    def _welcome(self, name: str) -> ReferencePairing | None:
+    def _welcome(self, name: str) -> WatchedJoint | None:
         """Begin to watch a joint heard of for the first time, if every joint is watched."""
         if not self._all_joints:
             return None
         if not _JOINT_NAME.fullmatch(name):
             self._refuse("joint_states: a joint name has characters other than letters, digits, _ - /")
             return None
-        if len(self._monitors) >= _MOST_JOINTS:
+        if len(self._joints) >= _MOST_JOINTS:
             self._refuse(f"joint_states: more than {_MOST_JOINTS} joints")
             return None
         try:
@@ -280,63 +241,80 @@ class Monitor(Node):
         except StickSlipError as error:
             self._refuse(f"{name}: {error}")
             return None
-        return self._pairings[name]
+        return self._joints[name]
 
     def _publish(self) -> None:
         now = monotonic()
-        if self._controller is not None:
-            self._controller.poll(now)
+        self._gains.poll(now)
         warn_margin = float(self.get_parameter("warn_margin").value)
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         array.status.append(self._own_status())
         rows: list[float] = []
         ended: list[DiagnosticStatus] = []
-        advised: dict[str, tuple[float, float]] = {}
+        advised: dict[str, Gains | None] = {}
         assessments: dict[str, Assessment] = {}
-        for name, monitor in self._monitors.items():
-            self._studies.attend(name, monitor.learner)
-            assessment = monitor.assessment()
-            assessments[name] = assessment
-            silent_for = now - self._heard[name] if name in self._heard else math.inf
-            exact = self._exact_verdict(name, assessment, now)
-            stale = silent_for if silent_for > _STALE_AFTER else None
-            array.status.append(joint_diagnostic(name, assessment, exact, warn_margin=warn_margin, silent_for=stale))
-            if silent_for > _STALE_AFTER:
-                ended += [cycle_diagnostic(name, cycle) for cycle in monitor.finish()]
-            rows += margin_row(assessment, exact)
-            advice = assessment.recommendation
-            known = advice is not None and assessment.gains is not None
-            advised[name] = (advice.stiffness, advice.damping) if known and advice else (math.nan, math.nan)
+        for name, joint in self._joints.items():
+            self._studies.attend(name, joint.monitor.learner)
+            assessment = assessments[name] = joint.monitor.assessment()
+            stale = now - joint.heard if now - joint.heard > _STALE_AFTER else None
+            exact, trial = self._exact_verdicts(joint, assessment, now)
+            array.status.append(
+                joint_diagnostic(
+                    name,
+                    assessment,
+                    exact,
+                    trial,
+                    warn_margin=warn_margin,
+                    silent_for=stale,
+                    applied=self._apply.outcomes.get(name, ""),
+                )
+            )
+            if stale is not None:
+                ended += [cycle_diagnostic(name, cycle) for cycle in joint.monitor.finish()]
+            rows += margin_row(assessment, exact, trial)
+            advised[name] = joint.advised(assessment)
         self._diagnostics.publish(array)
         self._publish_cycles(ended)
-        if not self._monitors:
+        if not self._joints:
             return
         self._friction.publish(friction_message(array.header.stamp, assessments))
-        self._margins.publish(table(list(self._monitors), MARGIN_FIELDS, rows))
+        self._margins.publish(table(list(self._joints), MARGIN_FIELDS, rows))
         self._publish_advice(advised)
 
-    def _exact_verdict(self, name: str, assessment: Assessment, now: float) -> ExactVerdict:
-        joint, gains = assessment.joint, assessment.margin_gains
-        if joint is None or gains is None or not assessment.velocity_source:
-            return UNKNOWN
-        return self._exact.verdict(name, joint, gains, self._conditions[name], assessment.velocity, now)
+    def _exact_verdicts(
+        self, joint: WatchedJoint, assessment: Assessment, now: float
+    ) -> tuple[ExactVerdict, ExactVerdict]:
+        """On the gains of now, and on those on trial."""
+
+        def verdict(name: str, believed: Joint | None, gains: Gains | None) -> ExactVerdict:
+            if believed is None or gains is None or not assessment.velocity_source:
+                return UNKNOWN
+            return self._exact.verdict(name, believed, gains, joint.settings.conditions, assessment.velocity, now)
+
+        trial = None if assessment.per_inertia else assessment.trial
+        return (
+            verdict(joint.name, assessment.joint, assessment.margin_gains),
+            verdict(f"trial {joint.name}", assessment.joint, trial),
+        )
 
     def destroy_node(self) -> None:
         """End the workers too."""
         self._exact.close()
+        self._advice.close()
         self._studies.close()
         super().destroy_node()
 
-    def _publish_advice(self, advised: dict[str, tuple[float, float]]) -> None:
-        found = {name: gains for name, gains in advised.items() if math.isfinite(gains[0])}
+    def _publish_advice(self, advised: dict[str, Gains | None]) -> None:
+        found = {name: gains for name, gains in advised.items() if gains is not None}
         if found:
-            values = [value for gains in found.values() for value in gains]
+            values = [float(value) for gains in found.values() for value in (gains.stiffness, gains.damping)]
             self._recommended.publish(table(list(found), ("p", "d"), values))
         changed = []
         for name, gains in advised.items():
-            for key, value in zip(joint_parameters.RECOMMENDED, gains, strict=True):
-                parameter = f"recommended.{name}.{key}"
+            numbers = (math.nan, math.nan) if gains is None else (float(gains.stiffness), float(gains.damping))
+            for key, value in zip(joint_parameters.RECOMMENDED, numbers, strict=True):
+                parameter = joint_parameters.recommended_name(name, key)
                 old = float(self.get_parameter(parameter).value)
                 if old != value and not (math.isnan(old) and math.isnan(value)):
                     changed.append(Parameter(parameter, Parameter.Type.DOUBLE, value))
@@ -344,18 +322,53 @@ class Monitor(Node):
             with self._own_change():
                 self.set_parameters(changed)
 
+    def _begin_applying(self) -> list[GainApplication]:
+        """The ramps that lead to the advice, for every joint that needs it."""
+        if not self.get_parameter("allow_apply").value:
+            raise RefusedError("allow_apply is false; set it to true where gains may be written")
+        ramps, reasons = [], []
+        for joint in self._joints.values():
+            assessment = joint.monitor.assessment()
+            if joint.being_advised(assessment):
+                raise NotYetError(f"the advice for {joint.name} is being worked out")
+            controller = self._gains.controller_of(joint.name)
+            reason = joint.why_not_applied(assessment, has_controller=controller is not None)
+            recommended = assessment.recommended
+            if reason or controller is None or recommended is None:
+                reasons.append(reason)
+                continue
+            ramps.append(
+                GainApplication(
+                    joint.name,
+                    joint.monitor,
+                    controller,
+                    recommended.gains,
+                    scale=joint.settings.gain_scale,
+                    limits=joint.settings.limits,
+                    rate=float(self.get_parameter("apply_rate").value),
+                    reason=recommended.reason,
+                    allowed=lambda: bool(self.get_parameter("allow_apply").value),
+                    heard=joint.last_heard,
+                    log=self.get_logger(),
+                )
+            )
+        if not ramps:
+            raise RefusedError("; ".join(reasons) or "no joint is watched yet")
+        return ramps
+
     def _own_status(self) -> DiagnosticStatus:
         """The node's own health: what it refused, where the gains come from."""
         status = DiagnosticStatus(name="stickslip_monitor", hardware_id="stickslip_monitor", level=DiagnosticStatus.OK)
-        controller = self._controller.state if self._controller is not None else "none configured"
-        status.message = f"watching {len(self._monitors)} joints"
-        waiting = self._controller is not None and not controller.startswith("following")
-        if self._refused or waiting:
-            status.level = DiagnosticStatus.WARN
-            status.message = controller if waiting else f"refused: {next(reversed(self._refused))}"
+        if self._apply.failed:
+            status.level, status.message = DiagnosticStatus.WARN, f"apply_recommendation: {self._apply.state}"
+        elif self._gains.waiting:
+            status.level, status.message = DiagnosticStatus.WARN, self._gains.state
+        elif self._refused:
+            status.level, status.message = DiagnosticStatus.WARN, f"refused: {next(reversed(self._refused))}"
         status.values = [
-            KeyValue(key="joints [1]", value=str(len(self._monitors))),
-            KeyValue(key="controller", value=controller),
+            KeyValue(key="joints [1]", value=str(len(self._joints))),
+            KeyValue(key="controller", value=self._gains.state),
+            KeyValue(key="apply_recommendation", value=self._apply.state),
             KeyValue(key="studies of friction that failed [1]", value=str(self._studies.failures)),
         ]
         status.values += [
@@ -364,10 +377,10 @@ class Monitor(Node):
         return status
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        for monitor in self._monitors.values():
-            monitor.reset()
+        for joint in self._joints.values():
+            joint.monitor.reset()
         response.success = True
-        response.message = f"forgot what was learnt of {len(self._monitors)} joints"
+        response.message = f"forgot what was learnt of {len(self._joints)} joints"
         return response
 
 

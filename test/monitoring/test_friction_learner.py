@@ -15,9 +15,10 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.monitoring.advice import AdviceLimits
+from stickslip_ros.monitoring.advice_limits import AdviceLimits
+from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.friction_learner import FrictionLearner, study
-from stickslip_ros.monitoring.joint_monitor import Assessment, JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
 GAINS = Gains(stiffness=630.0)
@@ -92,13 +93,12 @@ def test_advice_holds_at_the_chosen_confidence(learnt: tuple[JointMonitor, Asses
     for confidence in (0.6, 0.99):
         monitor.options = MonitorOptions(limits=AdviceLimits(confidence=confidence))
         state = monitor.assessment()
-        advice = state.recommendation
+        advice = state.recommended
         assert advice is not None
-        gains = Gains(stiffness=advice.stiffness, damping=advice.damping)
-        margin = stability_margin(draws, gains, state.velocity)
+        margin = stability_margin(draws, advice.gains, state.velocity)
         reached = np.asarray(margin.damping_ratio) >= 1.2 * np.asarray(margin.critical_damping_ratio)
         assert np.mean(reached) >= confidence
-        changes.append(abs(math.log(advice.stiffness_factor)) + abs(math.log(advice.damping_factor)))
+        changes.append(advice.change)
     monitor.options = MonitorOptions()
     assert changes[1] >= changes[0]
 
@@ -112,9 +112,10 @@ def test_gains_unknown_give_factors(puma: Joint) -> None:
     true = stability_margin(puma, GAINS, state.velocity)
     assert float(state.margin.damping_ratio) == pytest.approx(float(true.damping_ratio), rel=0.3, abs=0.01)
     assert bool(state.margin.smooth) == bool(true.smooth)
-    advice = state.recommendation
+    advice = state.recommended
     assert advice is not None
     assert " × " in advice.reason
+    assert "N·m" not in advice.reason
     assert max(advice.stiffness_factor, advice.damping_factor) > 1.0
 
 

@@ -13,8 +13,9 @@ from support import record
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.monitoring.advice import AdviceLimits
-from stickslip_ros.monitoring.joint_monitor import JointMonitor, MonitorOptions
+from stickslip_ros.monitoring.advice_limits import AdviceLimits
+from stickslip_ros.monitoring.assessment import MonitorOptions
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.status import Finding, Status
 
@@ -86,8 +87,8 @@ def test_cure_is_seen(puma: Joint) -> None:
     assert sick.finding.status is Status.STICK_SLIP
     assert sick.margin is not None
     assert sick.margin.energy_margin < 0
-    assert sick.recommendation is not None
-    advised = Gains(stiffness=sick.recommendation.stiffness, damping=sick.recommendation.damping)
+    assert sick.recommended is not None
+    advised = sick.recommended.gains
     after = record(puma, advised, 0.0058, duration=15.0, hold=0.0).batch
     monitor.gains = advised
     shift = before.batch.time[-1]
@@ -126,8 +127,8 @@ def test_zero_or_negative_stiffness(puma: Joint, stiffness: float, word: str) ->
     assert assessment.margin is not None
     assert not assessment.margin.applicable
     assert word in assessment.margin_reason
-    assert assessment.recommendation is not None
-    assert not assessment.recommendation.found
+    assert assessment.recommended is not None
+    assert not assessment.recommended.found
 
 
 def test_bad_stamps_are_dropped_and_counted(puma: Joint) -> None:

@@ -11,12 +11,16 @@ from contextlib import contextmanager
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.srv import DescribeParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 
 from stickslip_ros.nodes.conversion import MARGIN_FIELDS, stamp
 
@@ -92,6 +96,26 @@ class Probe:
         future = client.set_parameters([Parameter(name, value=value) for name, value in values.items()])
         self.wait(future.done, 10.0, f"the answer of {node}")
         return ["" if result.successful else result.reason or "refused" for result in future.result().results]
+
+    def call(self, service: str) -> Future:
+        """Call a Trigger service of the monitor; the answer comes when it comes."""
+        client = self.node.create_client(Trigger, f"/stickslip_monitor/{service}")
+        self.wait(client.service_is_ready, 10.0, f"the service {service}")
+        return client.call_async(Trigger.Request())
+
+    def answer(self, service: str, limit: float) -> Trigger.Response:
+        """The answer of a Trigger service of the monitor."""
+        future = self.call(service)
+        self.wait(future.done, limit, f"the answer of {service}")
+        return future.result()
+
+    def describe(self, node: str, names: list[str]) -> list[ParameterDescriptor]:
+        """Descriptors of parameters."""
+        client = self.node.create_client(DescribeParameters, f"{node}/describe_parameters")
+        self.wait(client.service_is_ready, 10.0, f"the parameter services of {node}")
+        future = client.call_async(DescribeParameters.Request(names=names))
+        self.wait(future.done, 10.0, f"the answer of {node}")
+        return list(future.result().descriptors)
 
     def get_parameters(self, node: str, names: list[str]) -> list[float]:
         """Double parameters of a node."""

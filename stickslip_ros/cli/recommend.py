@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip recommend`: which gains would make this joint smooth, within these bounds; nothing is touched."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from stickslip_ros.cli.margin import add_joint_arguments, joint_from, margin_json, number
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant, recommend
+from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.sensitivity import Sensitivity, in_words, sensitivities
+
+_WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser("recommend", help="gains that would make this joint smooth", description=__doc__)
+    add_joint_arguments(parser)
+    wanted = parser.add_argument_group("what the advice must reach")
+    defaults = AdviceLimits()
+    wanted.add_argument(
+        "--condition", choices=[one.value for one in Condition], default="paper", help="Eq. (43), or the exact one"
+    )
+    wanted.add_argument(
+        "--wanted-margin", type=float, metavar="R", default=defaults.wanted_margin,
+        help="damping in excess of the critical one (default %(default)s)",
+    )  # fmt: skip
+    wanted.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
+    bounds = parser.add_argument_group("bounds")
+    for name, unit in (("stiffness", "N·m/rad"), ("damping", "N·m·s/rad"), ("damping-ratio", "1")):
+        bounds.add_argument(f"--least-{name}", type=float, metavar="X", default=0.0, help=f"[{unit}]")
+        bounds.add_argument(f"--largest-{name}", type=float, metavar="X", default=math.inf, help=f"[{unit}]")
+    bounds.add_argument("--bandwidth", type=float, metavar="W", default=math.inf, help="crossover frequency [rad/s]")
+    bounds.add_argument("--sample-rate", type=float, metavar="F", default=math.nan, help="of the controller [Hz]")
+    bounds.add_argument(
+        "--samples-per-period", type=float, metavar="N", default=defaults.samples_per_period,
+        help="in a period of the crossover frequency (default %(default)s)",
+    )  # fmt: skip
+    bounds.add_argument("--effort", type=float, metavar="T", default=math.inf, help="at the error of now [N·m]")
+    bounds.add_argument("--tracking-error", type=float, metavar="X", default=math.nan, help="of now [rad]")
+    beyond = parser.add_argument_group("beyond the paper, for the exact condition")
+    beyond.add_argument("--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s]")
+    beyond.add_argument("--control-delay", action="store_true", help="the effort takes effect one period late")
+    parser.add_argument(
+        "--factors", action="store_true", help="advice in factors: the gains are known per inertia only"
+    )
+    parser.add_argument("--what-if", metavar="p=P,d=D", help="the margin with other gains beside the present one")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the advice; exit status 0 if there are gains, 1 if no gains within the bounds reach the wanted margin."""
+    joint, gains, velocity = joint_from(options)
+    limits = _limits(options)
+    circumstances = Circumstances(
+        conditions=Conditions(controller_period=options.controller_period, control_delay=options.control_delay),
+        sample_rate=options.sample_rate,
+        tracking_error=options.tracking_error,
+    )
+    trial = what_if(options.what_if, gains) if options.what_if else None
+    with Console(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
+        advice = recommend(joint, gains, velocity, limits, None, circumstances, gains_known=not options.factors)
+        found: Sequence[Sensitivity] = ()
+        if gains.stiffness > 0 and advice.velocity > 0:
+            found = sensitivities(
+                joint, gains, advice.velocity, wanted_margin=limits.wanted_margin, condition=limits.condition
+            )
+        result = recommendation_json(advice, found)
+        if trial is not None:
+            result["what_if"] = {
+                "stiffness": float(trial.stiffness),
+                "damping": float(trial.damping),
+                "margin": margin_json(joint, trial, velocity, circumstances.conditions),
+                "present_margin": margin_json(joint, gains, velocity, circumstances.conditions),
+            }
+    if options.json:
+        print(json.dumps(result, ensure_ascii=False))
+    else:
+        _print(advice, found, joint, gains)
+        if trial is not None:
+            _print_what_if(result["what_if"])
+    return 0 if advice[Kind.LEAST_CHANGE].found else 1
+
+
+def _limits(options: argparse.Namespace) -> AdviceLimits:
+    return AdviceLimits(
+        wanted_margin=options.wanted_margin,
+        condition=Condition(options.condition),
+        slowest_velocity=options.slowest_velocity,
+        stiffness_range=(options.least_stiffness, options.largest_stiffness),
+        damping_range=(options.least_damping, options.largest_damping),
+        damping_ratio_range=(options.least_damping_ratio, options.largest_damping_ratio),
+        bandwidth=options.bandwidth,
+        samples_per_period=options.samples_per_period,
+        effort=options.effort,
+    )
+
+
+def what_if(text: str, gains: Gains) -> Gains:
+    """The present gains with others in their place, of the form p=2000,d=30.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the text has another form.
+    """
+    changes = {}
+    for word in text.split(","):
+        key, _, value = word.partition("=")
+        try:
+            changes[_WHAT_IF[key.strip()]] = float(value)
+        except (KeyError, ValueError) as error:
+            raise InvalidParameterError("--what-if", "of the form p=2000,d=30 (p, i and d)", text) from error
+    if not all(math.isfinite(value) for value in changes.values()):
+        raise InvalidParameterError("--what-if", "of finite gains", text)
+    return replace(gains, **changes)
+
+
+def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = ()) -> dict[str, Any]:
+    """The advice as in the JSON of `analyze`, and more; null for what is not there, unknown or infinite."""
+    obstruction = advice.obstruction
+    best = obstruction.best if obstruction is not None else None
+    return {
+        **_variant_json(advice[Kind.LEAST_CHANGE]),
+        "keep": advice.keep,
+        "condition": advice.condition.value,
+        "velocity": number(advice.velocity),
+        "gains_known": advice.gains_known,
+        "lowest_smooth_velocity": number(advice.slowest_smooth_velocity),
+        "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
+        "obstruction": None
+        if obstruction is None
+        else {
+            "bounds": list(obstruction.bounds),
+            "together": obstruction.together,
+            "best_stiffness": None if best is None else number(best.stiffness),
+            "best_damping": None if best is None else number(best.damping),
+            "best_reserve": number(obstruction.reserve),
+        },
+        "sensitivities": {
+            one.parameter: {"elasticity": number(one.elasticity), "factor": number(one.factor)} for one in found
+        },
+    }
+
+
+def _variant_json(variant: Variant) -> dict[str, Any]:
+    return {
+        "stiffness": number(variant.stiffness),
+        "damping": number(variant.damping),
+        "energy_margin": number(variant.energy_margin),
+        "reserve": number(variant.reserve),
+        "exactly_smooth": variant.exactly_smooth,
+        "stiffness_factor": number(variant.stiffness_factor),
+        "damping_factor": number(variant.damping_factor),
+        "change": number(variant.change),
+        "reason": variant.reason,
+    }
+
+
+def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, gains: Gains) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    name = "Eq. (43)" if advice.condition is Condition.PAPER else "the exact condition"
+    first = advice[Kind.LEAST_CHANGE]
+    colour = "green" if first.found else "yellow"
+    speed = f" at {advice.velocity:.4g} rad/s" if first.found else ""
+    console.print(f"By {name}{speed}: [{colour}]{first.reason}[/].")
+    if first.found and not advice.keep:
+        table = Table(box=None, padding=(0, 1))
+        for heading in ("", "stiffness", "×", "damping", "× total", "reserve", "integrated"):
+            table.add_column(heading, justify="left" if heading in ("", "integrated") else "right", no_wrap=True)
+        table.add_row("[dim]present", *_gains_row(joint, gains, gains, advice), "", "")
+        for variant in advice.variants:
+            table.add_row(*_variant_row(variant, joint, gains, advice))
+        console.print(table)
+        console.print(
+            "[dim]Stiffness in N·m/rad, damping in N·m·s/rad; × total: of controller's and joint's damping.[/]"
+        )
+    if first.found and 0 < advice.slowest_smooth_velocity < math.inf:
+        console.print(f"With these gains the joint is smooth from {advice.slowest_smooth_velocity:.3g} rad/s on.")
+    elif first.found and advice.slowest_smooth_velocity == 0:
+        console.print("With these gains the joint is smooth at every speed.")
+    mechanics = in_words(tuple(found))
+    if mechanics:
+        console.print(f"Lubricant and mechanics could do it too, {mechanics}.")
+    elasticities = [f"{one.parameter.replace('_', ' ')} {one.elasticity:+.2f}" for one in found]
+    if any(math.isfinite(one.elasticity) for one in found):
+        console.print(
+            f"[dim]One per cent more of a parameter changes ρ/ρ_c by, in per cent: {', '.join(elasticities)}.[/]"
+        )
+
+
+def _gains_row(joint: Joint, gains: Gains, present: Gains, advice: Recommendation) -> list[str]:
+    viscous = float(joint.friction.viscous)
+    total, before = float(gains.damping) + viscous, float(present.damping) + viscous
+    cells = [
+        f"{float(gains.stiffness):.4g}",
+        f"{float(gains.stiffness) / float(present.stiffness):.3g}",
+        f"{float(gains.damping):.4g}",
+        f"{total / before:.3g}" if before > 0 else "",
+    ]
+    if not advice.gains_known:
+        cells[0] = cells[2] = ""
+    return cells
+
+
+def _variant_row(variant: Variant, joint: Joint, present: Gains, advice: Recommendation) -> list[str]:
+    name = variant.kind.value.replace("_", " ")
+    if not variant.found:
+        return [name, "[yellow]none[/]", "", "", "", "", ""]
+    reserve = "∞" if math.isinf(variant.reserve) else f"{100 * variant.reserve:.0f} %"
+    verdict = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: ""}[variant.exactly_smooth]
+    return [name, *_gains_row(joint, variant.gains, present, advice), reserve, verdict]
+
+
+def _print_what_if(result: dict[str, Any]) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    now, then = result["present_margin"], result["margin"]
+    console.print(f"What if p = {result['stiffness']:.4g} and d = {result['damping']:.4g}:")
+    table = Table(box=None, padding=(0, 1))
+    for heading in ("", "now", "then"):
+        table.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
+    for label, key in (
+        ("energy margin (M·x˙_s²)", "energy_margin"),
+        ("damping ratio", "damping_ratio"),
+        ("critical damping ratio", "critical_damping_ratio"),
+        ("lowest smooth velocity (rad/s)", "lowest_smooth_velocity"),
+    ):
+        table.add_row(label, *("none" if one[key] is None else f"{one[key]:.4g}" for one in (now, then)))
+    words = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: "no answer"}
+    table.add_row("Eq. (43)", words[now["smooth"]], words[then["smooth"]])
+    table.add_row("integrated", words[now["exact"]["smooth"]], words[then["exact"]["smooth"]])
+    console.print(table)

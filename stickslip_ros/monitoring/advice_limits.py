@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What advice must reach, what it must keep within, and what that leaves of the damping at a given stiffness."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._validation import require_not_negative, require_positive
+from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring.samples import FloatArray
+
+_ANY = (0.0, math.inf)
+_SAMPLES_TO_WATCH = 8.0  # a natural period, below which a motion cannot be followed
+
+
+class Condition(str, Enum):
+    """Which condition for smooth motion advice is to satisfy."""
+
+    PAPER = "paper"
+    EXACT = "exact"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdviceLimits:
+    """What advice must reach and keep within.
+
+    Attributes
+    ----------
+    wanted_margin : by how much the damping ratio shall exceed the critical one, e.g. 0.2 for 20 %.
+    confidence : probability with which it shall, where the joint is known with errors only.
+    condition : the critical damping ratio of Eq. (43), or the exact one.
+    slowest_velocity : the joint shall be smooth from this speed on [rad/s]; None: at the commanded speed.
+    stiffness_range, damping_range : least and largest gain [N·m/rad], [N·m·s/rad].
+    damping_ratio_range : least and largest damping ratio ρ.
+    bandwidth : largest crossover frequency of the position loop [rad/s].
+    samples_per_period : the controller shall act so often in a period of the crossover frequency.
+    effort : largest |effort| that position and velocity error of now may ask for [N·m].
+
+    Raises
+    ------
+    InvalidParameterError
+        If the margin is negative, the confidence not in [0.5, 1), a range is not 0 <= least <= largest, or another
+        limit is not > 0.
+    """
+
+    wanted_margin: float = 0.2
+    confidence: float = 0.9
+    condition: Condition = Condition.PAPER
+    slowest_velocity: float | None = field(default=None, metadata={"unit": "rad/s"})
+    stiffness_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m/rad"})
+    damping_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m·s/rad"})
+    damping_ratio_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "1"})
+    bandwidth: float = field(default=math.inf, metadata={"unit": "rad/s"})
+    samples_per_period: float = 20.0
+    effort: float = field(default=math.inf, metadata={"unit": "N·m"})
+
+    def __post_init__(self) -> None:
+        require_not_negative("wanted_margin", self.wanted_margin)
+        if not 0.5 <= self.confidence < 1.0:
+            raise InvalidParameterError("confidence", ">= 0.5 and < 1", self.confidence)
+        if self.condition not in list(Condition):
+            raise InvalidParameterError("condition", "paper or exact", self.condition)
+        if self.slowest_velocity is not None:
+            require_positive("slowest_velocity", self.slowest_velocity)
+        for name in ("stiffness_range", "damping_range", "damping_ratio_range"):
+            least, largest = getattr(self, name)
+            if not 0 <= least <= largest:
+                raise InvalidParameterError(name, "(least, largest) with 0 <= least <= largest", (least, largest))
+        for name in ("bandwidth", "samples_per_period", "effort"):
+            if not getattr(self, name) > 0:
+                raise InvalidParameterError(name, "> 0", getattr(self, name))
+
+    def per_inertia(self) -> AdviceLimits:
+        """The limits that still mean something where gains are known per inertia only: frequencies and ratios."""
+        return replace(self, stiffness_range=_ANY, damping_range=_ANY, effort=math.inf)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circumstances:
+    """What else decides which gains can be used.
+
+    Attributes
+    ----------
+    conditions : load and sampled control; the controller's period is 0 if it is not known.
+    sample_rate : of the joint states [Hz], NaN if unknown; without a controller's period it stands for its rate.
+    tracking_error, velocity_error : largest |x_d − x| [rad] and |x˙_d − x˙| [rad/s] of now, NaN if unknown.
+    """
+
+    conditions: Conditions = field(default_factory=Conditions)
+    sample_rate: float = field(default=math.nan, metadata={"unit": "Hz"})
+    tracking_error: float = field(default=math.nan, metadata={"unit": "rad"})
+    velocity_error: float = field(default=math.nan, metadata={"unit": "rad/s"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """One limit: at each stiffness, the least and the largest damping k_v [N·m·s/rad] that it allows.
+
+    Where it allows none, the least is infinite.
+    """
+
+    text: str
+    least: FloatArray
+    largest: FloatArray
+
+
+def largest_bandwidth(limits: AdviceLimits, circumstances: Circumstances) -> float:
+    """Largest crossover frequency [rad/s] that limits, controller and samples allow."""
+    period, rate = circumstances.conditions.controller_period, circumstances.sample_rate
+    bandwidth = limits.bandwidth
+    if period > 0:
+        bandwidth = min(bandwidth, 2.0 * math.pi / (limits.samples_per_period * period))
+        needed = _SAMPLES_TO_WATCH
+    else:
+        needed = limits.samples_per_period
+    return min(bandwidth, 2.0 * math.pi * rate / needed) if rate > 0 else bandwidth
+
+
+def bounds_at(
+    stiffness: FloatArray, joint: Joint, limits: AdviceLimits, circumstances: Circumstances
+) -> dict[str, Bound]:
+    """Every limit that binds anything, by name, at stiffnesses k_p [N·m/rad] of shape (n,); joint of scalars."""
+    inertia, viscous = float(joint.inertia), float(joint.friction.viscous)
+    critical = 2.0 * np.sqrt(stiffness * inertia)
+    bounds: dict[str, Bound] = {}
+
+    def add(
+        name: str, text: str, *, least: FloatArray | float = -math.inf, largest: FloatArray | float = math.inf
+    ) -> None:
+        bounds[name] = Bound(
+            text=text,
+            least=np.broadcast_to(np.asarray(least, dtype=float), stiffness.shape),
+            largest=np.broadcast_to(np.asarray(largest, dtype=float), stiffness.shape),
+        )
+
+    low, high = limits.stiffness_range
+    if low > 0:
+        add("least stiffness", f"{low:.4g} N·m/rad", least=np.where(stiffness < low, math.inf, -math.inf))
+    if high < math.inf:
+        add("largest stiffness", f"{high:.4g} N·m/rad", least=np.where(stiffness > high, math.inf, -math.inf))
+    low, high = limits.damping_range
+    add("least damping", f"{low:.4g} N·m·s/rad", least=low)
+    if high < math.inf:
+        add("largest damping", f"{high:.4g} N·m·s/rad", largest=high)
+    low, high = limits.damping_ratio_range
+    if low > 0:
+        add("least damping ratio", f"{low:.4g}", least=low * critical - viscous)
+    if high < math.inf:
+        add("largest damping ratio", f"{high:.4g}", largest=high * critical - viscous)
+    bandwidth = largest_bandwidth(limits, circumstances)
+    if bandwidth < math.inf:
+        # |k_p + i k_v ω| <= |−M ω² + i F_v ω| at the largest crossover frequency ω.
+        squared = (inertia * bandwidth) ** 2 + viscous**2 - (stiffness / bandwidth) ** 2
+        add(
+            "bandwidth",
+            f"{bandwidth:.4g} rad/s",
+            least=np.where(squared < 0, math.inf, -math.inf),
+            largest=np.sqrt(np.maximum(squared, 0.0)),
+        )
+    if limits.effort < math.inf and circumstances.tracking_error > 0:
+        left = limits.effort - stiffness * circumstances.tracking_error
+        error = max(circumstances.velocity_error, 1e-300) if circumstances.velocity_error > 0 else 1e-300
+        add(
+            "effort",
+            f"{limits.effort:.4g} N·m at an error of {circumstances.tracking_error:.3g} rad",
+            least=np.where(left < 0, math.inf, -math.inf),
+            largest=np.maximum(left, 0.0) / error,
+        )
+    return bounds

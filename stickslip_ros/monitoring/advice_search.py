@@ -1,0 +1,349 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The search behind advice: the least change of gains within the bounds, and what is in the way if there is none.
+
+At each stiffness a joint needs some least damping, and every bound is an interval of damping; so the search is over
+one variable. What a stiffness costs in damping is not convex in it: a grid comes first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice_limits import AdviceLimits, Bound, Circumstances, bounds_at
+from stickslip_ros.monitoring.requirement import Requirement
+from stickslip_ros.monitoring.samples import FloatArray
+
+_REACH = 1e4  # times the present stiffness, either way
+_BELIEVABLE = 100.0  # times the present gain: learnt friction is not known so far from where it was seen
+_NO_DAMPING = 0.01  # damping ratio that counts as none
+_POINTS, _SPACING = 101, 0.04  # of the logarithm of the stiffness, at most
+_AT_ONCE = 16
+_STEP = 0.12  # of the logarithms, where gains are only tried
+_SLACK = 1e-6  # so that rounding does not lose the best known
+_MOST_EXACT = 60  # stiffnesses at which the exact requirement is asked for to say what is in the way
+_COARSE = 2001
+_LOOKS, _NARROWER = 3, 0.3
+_ZOOM_POINTS, _ZOOMS, _VALLEYS = 9, 4, 3
+_BISECTIONS, _EXACT_BISECTIONS = 40, 12
+_INSIDE = 1e-12
+_LEARNT = "what was learnt of the friction"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Obstruction:
+    """Why no gains are found.
+
+    Attributes
+    ----------
+    bounds : names of the bounds in the way: without any one of them, or if ``together`` without all of them, there
+        would be gains.
+    text : the same for a person.
+    best : the gains within bounds with the largest margin, None if the bounds leave none at all.
+    reserve : ρ/ρ_c − 1 of these, at the confidence asked for.
+    """
+
+    bounds: tuple[str, ...]
+    together: bool
+    text: str
+    best: Gains | None
+    reserve: float
+
+
+class AdviceSearch:
+    """One joint with its present gains, bounds and requirements.
+
+    Parameters
+    ----------
+    joint, gains : scalars. learnt : whether the joint was learnt from the motion.
+    requirements : each of them is to be satisfied.
+    """
+
+    def __init__(
+        self,
+        joint: Joint,
+        gains: Gains,
+        limits: AdviceLimits,
+        circumstances: Circumstances,
+        requirements: Sequence[Requirement],
+        *,
+        learnt: bool,
+        more: float = 1.0,
+    ) -> None:
+        self._joint, self._gains, self._limits, self._circumstances = joint, gains, limits, circumstances
+        self._requirements, self._learnt, self._more = list(requirements), learnt, more
+        self._viscous = float(joint.friction.viscous)
+        self._present = math.log(float(gains.stiffness))
+        self._reach = math.log(_BELIEVABLE if learnt else _REACH)
+        self._exact = any(requirement.exact for requirement in requirements)
+        self._domain = self._allowed_domain()
+        self._bisections = _EXACT_BISECTIONS if self._exact else _BISECTIONS
+
+    def with_requirement(self, requirement: Requirement) -> AdviceSearch:
+        """The same search with one requirement more."""
+        return self._again([*self._requirements, requirement], self._more)
+
+    def with_more_damping(self, factor: float) -> AdviceSearch:
+        """The same search, where more total damping is required by this factor."""
+        return self._again(self._requirements, self._more * factor)
+
+    def _again(self, requirements: Sequence[Requirement], more: float) -> AdviceSearch:
+        return AdviceSearch(
+            self._joint, self._gains, self._limits, self._circumstances, requirements, learnt=self._learnt, more=more
+        )
+
+    @staticmethod
+    def change(joint: Joint, present: Gains, gains: Gains) -> float:
+        """How large a change of gains is; see the head of advice.py."""
+        floor = damping_floor(joint, present)
+        viscous = float(joint.friction.viscous)
+        before, after = (max(float(g.damping) + viscous, floor) for g in (present, gains))
+        return math.hypot(math.log(float(gains.stiffness) / float(present.stiffness)), math.log(after / before))
+
+    def enough(self) -> bool:
+        """Whether the present gains reach the wanted margin, whatever the bounds."""
+        return bool(self._reached(np.array([float(self._gains.stiffness)]), np.array([float(self._gains.damping)]))[0])
+
+    def damping_only(self) -> Gains | None:
+        """The damping nearest to the present one, at the present stiffness."""
+        costs, damping = self._evaluate(np.array([self._present]))
+        return self._as_gains(self._present, damping[0]) if math.isfinite(costs[0]) else None
+
+    def stiffness_only(self) -> Gains | None:
+        """The stiffness nearest to the present one, with the present damping."""
+        reach = self._reach
+        for _ in range(2):
+            grid = self._grid(reach)
+            good = np.flatnonzero(self._allows_present_damping(grid))
+            if len(good) == 0:
+                return None
+            nearest = int(good[np.argmin(np.abs(grid[good] - self._present))])
+            reach = abs(grid[nearest] - self._present)
+        inside = float(grid[nearest])
+        outside = float(grid[min(max(nearest - int(np.sign(inside - self._present)), 0), len(grid) - 1)])
+        for _ in range(self._bisections):
+            middle = 0.5 * (inside + outside)
+            if self._allows_present_damping(np.array([middle]))[0]:
+                inside = middle
+            else:
+                outside = middle
+        return self._as_gains(inside, float(self._gains.damping))
+
+    def least_change(self) -> Gains | None:
+        """The gains nearest to the present ones."""
+        found = self._cheapest(np.array([self._present]), math.inf)
+        # No stiffness further away than the best change known can be better.
+        reach = min([self._reach, *(cost for cost, _, _ in found)])
+        width = 0.0
+        for _ in range(_LOOKS):
+            grid = self._grid(reach)
+            if len(grid) < 2:
+                break
+            width = float(np.max(np.diff(grid)))
+            found = sorted(found + self._cheapest(grid, found[0][0] if found else math.inf))[:_VALLEYS]
+            if not found or found[0][0] > _NARROWER * reach:
+                break
+            reach = found[0][0]
+        for _, centre, _ in list(found):
+            found = sorted(found + self._zoomed(centre, width, found[0][0]))
+        return self._as_gains(*found[0][1:]) if found else None
+
+    def _cheapest(self, grid: FloatArray, best: float) -> list[tuple[float, float, float]]:
+        """Cost, logarithm of the stiffness and damping where the cost is least within its neighbourhood."""
+        costs, damping = self._evaluate(grid, best)
+        padded = np.concatenate([[math.inf], costs, [math.inf]])
+        valleys = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]) & np.isfinite(costs))
+        return [(float(costs[index]), float(grid[index]), float(damping[index])) for index in valleys]
+
+    def _zoomed(self, centre: float, width: float, best: float) -> list[tuple[float, float, float]]:
+        """The same from an ever closer look."""
+        found: list[tuple[float, float, float]] = []
+        for _ in range(_ZOOMS):
+            around = np.unique(np.clip(np.linspace(centre - width, centre + width, _ZOOM_POINTS), *self._domain))
+            found = sorted(found + self._cheapest(around, best))
+            if found:
+                best, centre = min(best, found[0][0]), found[0][1]
+            width *= 2.0 / (_ZOOM_POINTS - 1)
+        return found[:1]
+
+    def in_order(self, *, stiffness: bool, damping: bool) -> Iterator[Gains]:
+        """Gains within the bounds on a grid, the nearest first, whether or not they satisfy any requirement.
+
+        Parameters
+        ----------
+        stiffness, damping : which of them may change.
+        """
+        reach = min(self._reach, math.log(_BELIEVABLE))
+        line = np.arange(-reach, reach + _STEP, _STEP)
+        line = line[np.argsort(np.abs(line))]
+        line[0] = 0.0
+        floor, present = damping_floor(self._joint, self._gains), float(self._gains.damping)
+        before = max(present + self._viscous, floor)
+        softer, damped = np.meshgrid(line if stiffness else line[:1], line if damping else line[:1], indexing="ij")
+        stiffnesses = float(self._gains.stiffness) * np.exp(softer.ravel())
+        dampings = np.where(damped.ravel() == 0.0, present, before * np.exp(damped.ravel()) - self._viscous)
+        least, largest = self._within_bounds(stiffnesses)
+        inside = (least <= dampings) & (dampings <= largest)
+        changes = np.where(inside, np.hypot(softer, damped).ravel(), math.inf)
+        for index in np.argsort(changes)[: int(inside.sum())].tolist():
+            yield Gains(stiffness=float(stiffnesses[index]), damping=float(dampings[index]))
+
+    def obstruction(self) -> Obstruction:
+        """What is in the way, and the best within reach."""
+        # Over all stiffnesses, since any of the bounds may be left out; and at those where the others begin and end.
+        grid = self._grid(self._reach)
+        points = _MOST_EXACT if self._exact else 2 * _POINTS
+        if self._exact and len(grid) > points:
+            grid = grid[np.linspace(0, len(grid) - 1, points).astype(int)]
+        everywhere = np.linspace(self._present - self._reach, self._present + self._reach, points)
+        grid = np.sort(np.concatenate([everywhere, grid]))
+        stiffness = np.exp(grid)
+        bounds, needed = self._bounds(stiffness), self._needed(stiffness)
+        texts = {name: f"{name} ({bound.text})" if bound.text else name for name, bound in bounds.items()}
+
+        def feasible_without(left_out: tuple[str, ...]) -> bool:
+            least, largest = _joined([bound for name, bound in bounds.items() if name not in left_out], grid.shape)
+            return bool(np.any((np.maximum(least, needed) <= largest) & np.isfinite(np.maximum(least, needed))))
+
+        names: tuple[str, ...] = tuple(name for name in bounds if feasible_without((name,)))
+        together = False
+        if not names:
+            sets = [pair for size in range(2, len(bounds) + 1) for pair in combinations(bounds, size)]
+            names = next((several for several in sets if feasible_without(several)), ())
+            together = bool(names)
+        if together:
+            text = " and ".join(texts[name] for name in names) + " are in the way together"
+        elif names:
+            text = ", or ".join(texts[name] for name in names) + (
+                " is in the way" if len(names) == 1 else ": each is in the way"
+            )
+        else:
+            text = "no stiffness and damping would do, whatever the bounds"
+        best, reserve = self._best(stiffness, bounds, needed)
+        return Obstruction(bounds=names, together=together, text=text, best=best, reserve=reserve)
+
+    def _best(self, stiffness: FloatArray, bounds: dict[str, Bound], needed: FloatArray) -> tuple[Gains | None, float]:
+        least, largest = _joined(list(bounds.values()), stiffness.shape)
+        inside = (least <= largest) & np.isfinite(needed) & np.isfinite(largest)
+        if not inside.any():
+            return None, math.nan
+        wanted = 1.0 + self._limits.wanted_margin
+        with np.errstate(all="ignore"):
+            reserve = wanted * (largest + self._viscous) / np.maximum(needed + self._viscous, 1e-300) - 1.0
+        index = int(np.argmax(np.where(inside, reserve, -math.inf)))
+        return Gains(stiffness=float(stiffness[index]), damping=float(largest[index])), float(reserve[index])
+
+    def _grid(self, reach: float) -> FloatArray:
+        """Logarithms of stiffnesses no further from the present one than ``reach``, and where bounds allow any."""
+        low, high = self._domain
+        low, high = max(low, self._present - reach), min(high, self._present + reach)
+        if not low <= high:
+            return np.array([])
+        points = max(_POINTS, math.ceil((high - low) / _SPACING))
+        inside = [self._present] if low <= self._present <= high else []
+        return np.unique(np.concatenate([np.linspace(low, high, points), inside]))
+
+    def _allowed_domain(self) -> tuple[float, float]:
+        """The least and the largest logarithm of a stiffness at which bounds allow any damping."""
+        coarse = np.linspace(self._present - self._reach, self._present + self._reach, _COARSE)
+        # The best often lies where the allowed stiffnesses begin or end.
+        edges = [math.log(edge) for edge in self._limits.stiffness_range if 0 < edge < math.inf]
+        inward = [edge + side for edge in edges for side in (-_INSIDE, _INSIDE)]
+        within = [edge for edge in inward if abs(edge - self._present) <= self._reach]
+        coarse = np.sort(np.concatenate([coarse, [self._present], within]))
+        least, largest = _joined(list(self._bounds(np.exp(coarse)).values()), coarse.shape)
+        allowed = coarse[least <= largest]
+        return (float(allowed[0]), float(allowed[-1])) if len(allowed) else (math.inf, -math.inf)
+
+    def _needed(self, stiffness: FloatArray) -> FloatArray:
+        needed = np.max([requirement.damping(stiffness) for requirement in self._requirements], axis=0)
+        return np.asarray((needed + self._viscous) * self._more - self._viscous)
+
+    def _bounds(self, stiffness: FloatArray) -> dict[str, Bound]:
+        bounds = bounds_at(stiffness, self._joint, self._limits, self._circumstances)
+        if self._learnt:
+            most = _BELIEVABLE * max(
+                float(self._gains.damping) + self._viscous, damping_floor(self._joint, self._gains)
+            )
+            bounds[_LEARNT] = Bound(
+                text=f"it does not answer for gains × {_BELIEVABLE:g}",
+                least=np.full(stiffness.shape, -math.inf),
+                largest=np.full(stiffness.shape, most - self._viscous),
+            )
+        return bounds
+
+    def _reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
+        less = (damping + self._viscous) / self._more - self._viscous
+        return np.asarray(np.all([one.reached(stiffness, less) for one in self._requirements], axis=0))
+
+    def _within_bounds(self, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return _joined(list(self._bounds(stiffness).values()), stiffness.shape)
+
+    def _evaluate(self, logarithm: FloatArray, best: float = math.inf) -> tuple[FloatArray, FloatArray]:
+        """What the nearest gains of each stiffness cost, and their damping.
+
+        The cost is infinite where there are none, or none cheaper than ``best``.
+        """
+        costs, dampings = np.full(logarithm.shape, math.inf), np.full(logarithm.shape, math.nan)
+        order = np.argsort(np.abs(logarithm - self._present))
+        for part in np.array_split(order, max(1, len(order) // _AT_ONCE)):
+            part_costs, dampings[part] = self._evaluate_at_once(logarithm[part], best)
+            costs[part] = part_costs
+            best = min(best, float(np.min(part_costs, initial=math.inf)))
+        return costs, dampings
+
+    def _evaluate_at_once(self, logarithm: FloatArray, best: float) -> tuple[FloatArray, FloatArray]:
+        costs, damping = np.full(logarithm.shape, math.inf), np.full(logarithm.shape, math.nan)
+        best *= 1.0 + _SLACK
+        stiffness = np.exp(logarithm)
+        least, largest = self._within_bounds(stiffness)
+        present, floor = float(self._gains.damping), damping_floor(self._joint, self._gains)
+        before = max(present + self._viscous, floor)
+        # No damping further away than this is cheaper; most stiffnesses need more, which is soon seen.
+        with np.errstate(all="ignore"):
+            room = np.sqrt(best**2 - (logarithm - self._present) ** 2)
+            useful = np.minimum(largest, np.where(np.isfinite(room), before * np.exp(room) - self._viscous, math.inf))
+        hopeful = (least <= useful) & (np.abs(logarithm - self._present) <= best)
+        bounded = hopeful & np.isfinite(useful)
+        if bounded.any():
+            hopeful[bounded] = self._reached(stiffness[bounded], useful[bounded])
+        if not hopeful.any():
+            return costs, damping
+        lowest = np.maximum(least[hopeful], self._needed(stiffness[hopeful]))
+        possible = lowest <= largest[hopeful]
+        chosen = np.clip(present, lowest, np.maximum(lowest, largest[hopeful]))
+        with np.errstate(all="ignore"):
+            change = np.log(np.maximum(chosen + self._viscous, floor) / before)
+        damping[hopeful] = chosen
+        costs[hopeful] = np.where(possible, np.hypot(logarithm[hopeful] - self._present, change), math.inf)
+        return costs, damping
+
+    def _allows_present_damping(self, logarithm: FloatArray) -> NDArray[np.bool_]:
+        stiffness, present = np.exp(logarithm), np.full(logarithm.shape, float(self._gains.damping))
+        least, largest = self._within_bounds(stiffness)
+        allowed = (least <= present) & (present <= largest)
+        allowed[allowed] = self._reached(stiffness[allowed], present[allowed]) if allowed.any() else False
+        return np.asarray(allowed)
+
+    def _as_gains(self, logarithm: float, damping: float) -> Gains:
+        same = logarithm == self._present
+        return Gains(stiffness=self._gains.stiffness if same else math.exp(logarithm), damping=float(damping))
+
+
+def damping_floor(joint: Joint, present: Gains) -> float:
+    """Total damping below which there is none to speak of [N·m·s/rad]."""
+    return 2.0 * _NO_DAMPING * math.sqrt(float(present.stiffness) * float(joint.inertia))
+
+
+def _joined(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+    least, largest = np.full(shape, -math.inf), np.full(shape, math.inf)
+    for bound in bounds:
+        least, largest = np.maximum(least, bound.least), np.minimum(largest, bound.largest)
+    return least, largest

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""One question for advice and its answer: what a monitor asks, here or in another thread."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.margin import lowest_smooth_velocity
+from stickslip_ros.monitoring.advice import Recommendation, recommend
+from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances
+from stickslip_ros.monitoring.requirement import Uncertainty
+from stickslip_ros.monitoring.sensitivity import Sensitivity, sensitivities
+
+_SAME_SPEED = 0.01
+_SAME_RATE = 0.05
+_SAME_ERROR = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AdviceQuestion:
+    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend`.
+
+    Attributes
+    ----------
+    velocity : commanded speed, not negative [rad/s].
+    """
+
+    joint: Joint
+    gains: Gains
+    velocity: float
+    limits: AdviceLimits
+    uncertainty: Uncertainty | None
+    circumstances: Circumstances
+    gains_known: bool
+
+    def about_the_same(self, other: AdviceQuestion) -> bool:
+        """Whether both are about the same joint, gains and limits, at whatever speed."""
+        return (
+            self.joint is other.joint
+            and self.gains == other.gains
+            and self.limits == other.limits
+            and self.uncertainty is other.uncertainty
+            and self.gains_known == other.gains_known
+            and self.circumstances.conditions == other.circumstances.conditions
+        )
+
+    def alike(self, other: AdviceQuestion) -> bool:
+        """Whether the answer to the one answers the other."""
+        mine, its = self.circumstances, other.circumstances
+        return (
+            self.about_the_same(other)
+            and _near(self.velocity, other.velocity, _SAME_SPEED)
+            and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
+            and (
+                math.isinf(self.limits.effort)
+                or (
+                    _near(mine.tracking_error, its.tracking_error, _SAME_ERROR)
+                    and _near(mine.velocity_error, its.velocity_error, _SAME_ERROR)
+                )
+            )
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """The answer.
+
+    Attributes
+    ----------
+    recommendation : gains.
+    sensitivities : what lubricant and mechanics could do; empty where there is no margin.
+    lowest_smooth_velocity : with the present gains, by Eq. (43) [rad/s]; NaN if unknown.
+    """
+
+    recommendation: Recommendation
+    sensitivities: tuple[Sensitivity, ...]
+    lowest_smooth_velocity: float
+
+
+Adviser = Callable[[AdviceQuestion], Advice | None]
+
+
+def advise(question: AdviceQuestion) -> Advice:
+    """Answer a question: ten milliseconds by Eq. (43), up to seconds exactly."""
+    joint, gains, limits = question.joint, question.gains, question.limits
+    recommendation = recommend(
+        joint,
+        gains,
+        question.velocity,
+        limits,
+        question.uncertainty,
+        question.circumstances,
+        gains_known=question.gains_known,
+    )
+    possible = gains.stiffness > 0 and recommendation.velocity > 0 and math.isfinite(recommendation.velocity)
+    return Advice(
+        recommendation=recommendation,
+        sensitivities=sensitivities(
+            joint, gains, recommendation.velocity, wanted_margin=limits.wanted_margin, condition=limits.condition
+        )
+        if possible
+        else (),
+        lowest_smooth_velocity=float(lowest_smooth_velocity(joint, gains)) if gains.stiffness > 0 else math.nan,
+    )
+
+
+def _near(one: float, other: float, share: float) -> bool:
+    return abs(one - other) <= share * abs(other) or (math.isnan(one) and math.isnan(other))

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""How a joint is judged, and everything known of it at one time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.margin import StabilityMargin
+from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant
+from stickslip_ros.monitoring.advice_limits import AdviceLimits
+from stickslip_ros.monitoring.adviser import Advice
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.status import Finding
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonitorOptions:
+    """How a joint is judged.
+
+    Attributes
+    ----------
+    warn_margin : relative damping reserve ρ/ρ_c − 1 below which smooth motion is at risk.
+    least_motion : motion must last so long before it is called smooth, if no period is known [s].
+    learn : whether friction is learnt from the motion.
+    memory : slips after which what they taught has faded to a third.
+    limits : what advice must reach and keep within.
+    variant : which of the three variants of advice is recommended.
+    conditions : load and sampled control, where advice is to satisfy the exact condition.
+    trial : gains whose margin is wanted beside that of the present ones, or None.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the memory is less than a slip.
+    """
+
+    warn_margin: float = 0.1
+    least_motion: float = field(default=1.0, metadata={"unit": "s"})
+    learn: bool = True
+    memory: float = 100.0
+    limits: AdviceLimits = field(default_factory=AdviceLimits)
+    variant: Kind = Kind.LEAST_CHANGE
+    conditions: Conditions = field(default_factory=Conditions)
+    trial: Gains | None = None
+
+    def __post_init__(self) -> None:
+        if not self.memory >= 1.0:
+            raise InvalidParameterError("memory", ">= 1 slip", self.memory)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """Everything known of a joint at one time.
+
+    Attributes
+    ----------
+    finding : what the motion shows.
+    time : of the last sample [s], NaN before any.
+    velocity : commanded velocity, or the mean one where no reference is known [rad/s].
+    velocity_source : "reference", "mean motion" or "".
+    gains : the controller's gains, None if unknown.
+    margin : what Eq. (43) predicts, None if joint or gains are unknown.
+    margin_reason : why there is no margin, or it does not apply; "" if it does.
+    margin_std : standard error of the energy margin from those of the friction [M x˙_s²]; NaN if that is
+        configured, not learnt.
+    stick_slip_probability : that Eq. (43) predicts stick slip, given these errors; NaN likewise.
+    rests_on : where the friction comes from that the margin uses.
+    joint : inertia and friction that the margin uses; margin_gains : its gains; per_inertia : whether both are, the
+        gains being unknown.
+    position : of the last sample [rad]; mean_velocity : over the last tenths of a second [rad/s].
+    estimate : what was learnt, None if nothing yet; notice : what changed abruptly, or "".
+    advice : None if joint or gains are unknown, or as long as it is being worked out; variant : of it, which is
+        recommended.
+    trial : gains on trial, None if there are none; trial_margin : what Eq. (43) predicts with them.
+    tracking_error, velocity_error : largest of the last second [rad], [rad/s]; NaN without a reference.
+    cycles : how many were counted; last_cycle : the latest one.
+    resolution, noise : of the position [rad].
+    sample_rate : [Hz].
+    dropped : reasons for which samples were left out, and how many.
+    """
+
+    finding: Finding
+    time: float
+    velocity: float
+    velocity_source: str
+    gains: Gains | None
+    margin: StabilityMargin | None
+    margin_reason: str
+    margin_std: float
+    stick_slip_probability: float
+    rests_on: str
+    joint: Joint | None
+    margin_gains: Gains | None
+    per_inertia: bool
+    position: float
+    mean_velocity: float
+    estimate: FrictionEstimate | None
+    notice: str
+    advice: Advice | None
+    variant: Kind
+    trial: Gains | None
+    trial_margin: StabilityMargin | None
+    tracking_error: float
+    velocity_error: float
+    cycles: int
+    last_cycle: Cycle | None
+    resolution: float
+    noise: float
+    sample_rate: float
+    dropped: dict[str, int]
+
+    @property
+    def recommendation(self) -> Recommendation | None:
+        """The advice's gains, if there is advice."""
+        return self.advice.recommendation if self.advice is not None else None
+
+    @property
+    def recommended(self) -> Variant | None:
+        """The recommended variant, whether it holds gains or the reason why there are none."""
+        return self.advice.recommendation[self.variant] if self.advice is not None else None
+
+    @property
+    def lowest_smooth_velocity(self) -> float:
+        """With the present gains, by Eq. (43) [rad/s]; NaN if unknown."""
+        return self.advice.lowest_smooth_velocity if self.advice is not None else math.nan

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What lubricant and mechanics could do: how the margin hangs on each parameter of the friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
+from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
+from stickslip_ros.model.extinction import critical_damping_ratio
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.monitoring.advice_limits import Condition
+from stickslip_ros.monitoring.samples import FloatArray
+
+PARAMETERS = ("stribeck", "stribeck_velocity", "lag", "rise_time", "viscous")
+_STEP = {Condition.PAPER: 1e-3, Condition.EXACT: 0.05}  # of the logarithm; the exact ratio is known to 1e-3
+_REACH, _POINTS = 30.0, 41
+_BISECTIONS = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity:
+    """How the margin hangs on one parameter of the friction, the gains as they are.
+
+    Attributes
+    ----------
+    parameter : its name in :class:`~stickslip_ros.model.friction.Friction`.
+    elasticity : d ln(ρ/ρ_c) / d ln(parameter): by how many per cent ρ/ρ_c grows with one per cent more of it; NaN
+        where no damping is needed at all.
+    factor : the nearest factor on it that alone reaches the wanted margin, 1 if it is reached; NaN if none between
+        1/30 and 30 does.
+    """
+
+    parameter: str
+    elasticity: float
+    factor: float
+
+
+def sensitivities(
+    joint: Joint, gains: Gains, velocity: float, *, wanted_margin: float = 0.2, condition: Condition = Condition.PAPER
+) -> tuple[Sensitivity, ...]:
+    """Sensitivities of ρ/ρ_c to the friction's parameters, by Eq. (43) or exactly; the paper's conclusion in numbers.
+
+    Coulomb friction is not among them: it cancels. All NaN where Eq. (43) does not apply.
+
+    Parameters
+    ----------
+    joint, gains : scalars. velocity : [rad/s].
+    """
+    found = []
+    grid = np.linspace(-math.log(_REACH), math.log(_REACH), _POINTS)
+    step = _STEP[condition]
+    for parameter in PARAMETERS:
+
+        def changed(logarithms: FloatArray, name: str = parameter) -> DimensionlessGroups:
+            return _groups(joint, name, np.exp(logarithms), gains, velocity)
+
+        def reached(logarithms: FloatArray) -> NDArray[np.bool_]:
+            return _reached(changed(logarithms), 1.0 + wanted_margin, condition)
+
+        below, above = _reserve(changed(np.array([-step, step])), condition)
+        slope = math.log(above / below) / (2.0 * step) if 0 < below < math.inf and 0 < above < math.inf else math.nan
+        found.append(
+            Sensitivity(
+                parameter=parameter,
+                elasticity=slope,
+                factor=_nearest_factor(reached, grid),
+            )
+        )
+    return tuple(found)
+
+
+def in_words(found: tuple[Sensitivity, ...]) -> str:
+    """What would reach the wanted margin without a change of gains, for a person; "" if nothing is needed or helps."""
+    words = [
+        f"{one.parameter.replace('_', ' ')} × {one.factor:.2g}"
+        for one in sorted(found, key=lambda one: abs(math.log(one.factor)) if one.factor > 0 else math.inf)
+        if math.isfinite(one.factor) and one.factor != 1.0
+    ]
+    return f"with the gains as they are: {', or '.join(words)}" if words else ""
+
+
+def _groups(joint: Joint, parameter: str, factors: FloatArray, gains: Gains, velocity: float) -> DimensionlessGroups:
+    friction = {name: np.full(factors.shape, value) for name, value in vars(joint.friction).items()}
+    friction[parameter] = friction[parameter] * factors
+    changed = Joint(inertia=joint.inertia, friction=Friction(**friction))
+    return dimensionless_groups(changed, replace(gains, integral=0.0), velocity)
+
+
+def _reserve(groups: DimensionlessGroups, condition: Condition) -> FloatArray:
+    """ρ/ρ_c, infinite where none is needed and NaN where there is no answer."""
+    with np.errstate(all="ignore"):
+        if condition is Condition.EXACT:
+            return np.asarray(groups.damping_ratio / np.asarray(exact_critical_damping_ratio(groups)))
+        ratio = np.asarray(groups.damping_ratio) / np.asarray(critical_damping_ratio(groups))
+        return np.where(np.asarray(groups.lag) <= 2.0 * math.pi, ratio, math.nan)
+
+
+def _reached(groups: DimensionlessGroups, wanted: float, condition: Condition) -> NDArray[np.bool_]:
+    if condition is Condition.EXACT:
+        # With less damping by the wanted margin the cycle must die; that is sooner known than the critical ratio.
+        persists = cycle_persists(replace(groups, damping_ratio=groups.damping_ratio / wanted))
+        return np.equal(persists, 0.0)
+    return np.asarray(_reserve(groups, condition) >= wanted)
+
+
+def _nearest_factor(reached: Callable[[FloatArray], NDArray[np.bool_]], grid: FloatArray) -> float:
+    if reached(np.zeros(1))[0]:
+        return 1.0
+    good = np.flatnonzero(reached(grid))
+    if len(good) == 0:
+        return math.nan
+    index = int(good[np.argmin(np.abs(grid[good]))])
+    inside = float(grid[index])
+    outside = float(grid[index - 1] if inside > 0 else grid[min(index + 1, len(grid) - 1)])
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if reached(np.array([middle]))[0] else (inside, middle)
+    return math.exp(inside)

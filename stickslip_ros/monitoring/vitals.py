@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Whether a joint gets worse while its gains are changed: tracking error, oscillation, saturation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.monitoring.samples import Batch, FloatArray
+
+_LEAST_SAMPLES = 16
+_ERROR_GROWTH = 1.5
+_OSCILLATION_GROWTH = 3.0
+_RESOLUTIONS = 3.0  # of the encoder, below which nothing is an oscillation
+_SHARE_OF_EFFORT = 0.1  # below which an oscillation of the effort is none
+_AT_LIMIT = 0.98
+_FOLLOWABLE = 0.4  # of the sample rate, up to which a frequency is seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vitals:
+    """What is watched, over one stretch of time; NaN for what is not known.
+
+    Attributes
+    ----------
+    tracking_error : largest [rad].
+    oscillation : root mean square of the position above the mechanical band [rad].
+    effort_oscillation : the same of the effort [N·m].
+    effort : largest [N·m].
+    """
+
+    tracking_error: float
+    oscillation: float
+    effort_oscillation: float
+    effort: float
+
+
+def vitals_of(batch: Batch, band: float) -> Vitals:
+    """Vitals of a stretch of samples.
+
+    Parameters
+    ----------
+    band : frequency [Hz] up to which the joint moves by itself; what is above comes from the controller.
+    """
+    errors = np.abs(batch.reference_position - batch.position)
+    return Vitals(
+        tracking_error=_largest(errors),
+        oscillation=_above(band, batch.time, batch.position),
+        effort_oscillation=_above(band, batch.time, batch.effort),
+        effort=_largest(np.abs(batch.effort)),
+    )
+
+
+def what_got_worse(
+    before: Vitals, now: Vitals, *, softer: float = 1.0, resolution: float = 0.0, effort_limit: float = math.inf
+) -> str:
+    """What got worse, for a person; "" if nothing did. What is not known is no finding.
+
+    Parameters
+    ----------
+    softer : stiffness before over that of now: by so much a tracking error may grow.
+    resolution : of the position [rad]. effort_limit : [N·m].
+    """
+    allowed = _ERROR_GROWTH * max(softer, 1.0) * before.tracking_error + _RESOLUTIONS * resolution
+    if now.tracking_error > allowed:
+        return f"the tracking error grew from {before.tracking_error:.3g} to {now.tracking_error:.3g} rad"
+    if now.oscillation > max(_OSCILLATION_GROWTH * before.oscillation, _RESOLUTIONS * resolution):
+        return f"an oscillation of {now.oscillation:.3g} rad (root mean square) began; it was {before.oscillation:.3g}"
+    if now.effort_oscillation > max(_OSCILLATION_GROWTH * before.effort_oscillation, _SHARE_OF_EFFORT * before.effort):
+        return (
+            f"an oscillation of the effort of {now.effort_oscillation:.3g} N·m (root mean square) began; "
+            f"it was {before.effort_oscillation:.3g}"
+        )
+    if now.effort >= _AT_LIMIT * effort_limit > before.effort:
+        return f"the effort of {now.effort:.3g} N·m is at its limit"
+    return ""
+
+
+def _largest(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else math.nan
+
+
+def _above(band: float, times: FloatArray, values: FloatArray) -> float:
+    """Root mean square of what is above a frequency; NaN where too few samples could show it."""
+    known = np.isfinite(values)
+    if known.sum() < _LEAST_SAMPLES:
+        return math.nan
+    times, values = times[known], values[known]
+    interval = float(np.median(np.diff(times)))
+    if not 0.0 < band < _FOLLOWABLE / interval:
+        return math.nan
+    grid = np.arange(times[0], times[-1], interval)
+    if len(grid) < _LEAST_SAMPLES:
+        return math.nan
+    even = np.interp(grid, times, values)
+    trend = np.polynomial.Polynomial.fit(grid, even, 1)
+    window = np.hanning(len(grid))
+    spectrum = np.abs(np.fft.rfft((even - trend(grid)) * window)) ** 2
+    frequencies = np.fft.rfftfreq(len(grid), interval)
+    power = 2.0 * spectrum[frequencies > band].sum() / (len(grid) * np.sum(window**2))
+    return math.sqrt(float(power))

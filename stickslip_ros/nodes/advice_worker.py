@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Advice beside the node's own work: by Eq. (43) it takes ten milliseconds, exactly up to seconds."""
+
+from __future__ import annotations
+
+from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
+from stickslip_ros.nodes.background import Background
+
+
+class AdviceWorker:
+    """Advisers, one a joint, that share a thread."""
+
+    def __init__(self) -> None:
+        self._background: Background[AdviceQuestion, Advice] = Background(advise, "advice")
+
+    def adviser(self, name: str) -> Adviser:
+        """What a joint's monitor asks: answers what is known already, or begins to work it out."""
+
+        def ask(question: AdviceQuestion) -> Advice | None:
+            known = self._background.latest(name)
+            if known is not None and known[0].alike(question):
+                return known[1]
+            self._background.ask(name, question)
+            # The speed may never be the same twice; an answer for that of a moment ago is the best there can be.
+            return known[1] if known is not None and known[0].about_the_same(question) else None
+
+        return ask
+
+    def close(self) -> None:
+        """Drop the questions not begun."""
+        self._background.close()

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What is known of a joint as diagnostics: a summary for a person, key and value for programs."""
+
+from __future__ import annotations
+
+import math
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.sensitivity import in_words
+from stickslip_ros.monitoring.status import Status
+from stickslip_ros.nodes.joint_parameters import FRICTION_UNITS
+
+ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
+PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}
+
+
+def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+    """What was learnt, one number a key, and the whole in words."""
+    values: list[tuple[str, object]] = []
+    words = []
+    for name, unit in ESTIMATE_UNITS.items():
+        found = estimate.load if name == "load" else estimate[name]
+        if estimate.normalised:
+            if name in ("inertia", "coulomb", "load"):
+                continue
+            unit = PER_INERTIA.get(name, unit)
+        if math.isnan(found.value):
+            continue
+        values += [(f"{name} [{unit}]", found.value), (f"{name} std [{unit}]", found.std)]
+        words.append(f"{name.replace('_', ' ')} {found.value:.4g} ± {found.std:.2g}{'' if found.identified else '?'}")
+    if estimate.normalised:
+        frequency = estimate.natural_frequency
+        values += [
+            ("natural_frequency learnt [rad/s]", frequency.value),
+            ("natural_frequency std [rad/s]", frequency.std),
+        ]
+        words.insert(0, f"natural frequency {frequency.value:.4g} ± {frequency.std:.2g}")
+    values += [
+        ("friction learnt", "; ".join(words)),
+        ("not identified", ", ".join(estimate.unidentified)),
+        ("slips learnt from [1]", estimate.slips),
+        ("slips not explained [1]", estimate.aside),
+        ("friction fit mean square [1]", estimate.mean_square),
+    ]
+    return values
+
+
+def joint_diagnostic(
+    name: str,
+    assessment: Assessment,
+    exact: ExactVerdict,
+    trial: ExactVerdict,
+    *,
+    warn_margin: float,
+    silent_for: float | None,
+    applied: str = "",
+) -> DiagnosticStatus:
+    """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
+
+    Parameters
+    ----------
+    exact, trial : verdicts on the present gains and on those on trial. silent_for : [s], None if it is heard.
+    applied : the last outcome of `~/apply_recommendation`, "" if there was none.
+    """
+    status = DiagnosticStatus(name=f"stickslip_monitor: {name}", hardware_id=name)
+    status.level, status.message = _summary(assessment, warn_margin, silent_for)
+    gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
+    values: list[tuple[str, object]] = [
+        ("status", assessment.finding.status.value),
+        ("reason", assessment.finding.reason),
+        ("velocity [rad/s]", assessment.velocity),
+        ("velocity is from", assessment.velocity_source),
+        ("margin applicable", "" if margin is None else str(bool(margin.applicable)).lower()),
+        ("margin reason", assessment.margin_reason),
+    ]
+    if margin is not None:
+        values += [
+            ("energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
+            ("damping_ratio [1]", margin.damping_ratio),
+            ("critical_damping_ratio [1]", margin.critical_damping_ratio),
+            ("reduction_factor [1]", margin.reduction_factor),
+            ("steady_stribeck [N*m]", margin.steady_stribeck),
+            ("natural_frequency [rad/s]", margin.natural_frequency),
+            ("lowest_smooth_velocity [rad/s]", assessment.lowest_smooth_velocity),
+        ]
+    if exact.smooth is not None:
+        values += [
+            ("exact smooth", str(exact.smooth).lower()),
+            ("exact critical_damping_ratio [1]", exact.critical_damping_ratio),
+            ("exact lowest_smooth_velocity [rad/s]", exact.lowest_smooth_velocity),
+            ("exact least_smooth_stiffness [N*m/rad]", exact.least_smooth_stiffness),
+        ]
+    if exact.reason:
+        values.append(("exact reason", exact.reason))
+    if gains is not None:
+        values += [
+            ("stiffness [N*m/rad]", gains.stiffness),
+            ("damping [N*m*s/rad]", gains.damping),
+            ("integral [N*m/(rad*s)]", gains.integral),
+        ]
+    values += _advice_values(assessment) + _trial_values(assessment, trial)
+    if applied:
+        values.append(("applied", applied))
+    if assessment.rests_on:
+        values.append(("margin rests on", assessment.rests_on))
+    if math.isfinite(assessment.margin_std):
+        values += [
+            ("energy_margin std [M*stribeck_velocity^2]", assessment.margin_std),
+            ("stick_slip_probability [1]", assessment.stick_slip_probability),
+        ]
+    if assessment.estimate is not None:
+        values += friction_values(assessment.estimate)
+    if assessment.notice:
+        values.append(("friction change", assessment.notice))
+    values.append(("cycles [1]", assessment.cycles))
+    if cycle is not None:
+        values += [
+            ("last slip_distance [rad]", cycle.slip_distance),
+            ("last dwell [s]", cycle.dwell),
+            ("last slip duration [s]", cycle.slip_duration),
+        ]
+    values += [
+        ("position resolution [rad]", assessment.resolution),
+        ("position noise [rad]", assessment.noise),
+        ("sample rate [Hz]", assessment.sample_rate),
+        ("samples left out", "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())),
+    ]
+    status.values = [KeyValue(key=key, value=_value_text(value)) for key, value in values]
+    return status
+
+
+def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
+    """The recommended variant under plain names, then all three, and what mechanics could do."""
+    advice, chosen = assessment.advice, assessment.recommended
+    if advice is None or chosen is None:
+        return []
+    known = advice.recommendation.gains_known
+    values: list[tuple[str, object]] = [
+        ("recommendation", chosen.reason),
+        ("recommendation is by", advice.recommendation.condition.value),
+        ("recommended for velocity [rad/s]", advice.recommendation.velocity),
+        ("recommended stiffness_factor [1]", chosen.stiffness_factor),
+        ("recommended damping_factor [1]", chosen.damping_factor),
+        ("recommended damping reserve [1]", chosen.reserve),
+        ("recommended lowest_smooth_velocity [rad/s]", advice.recommendation.slowest_smooth_velocity),
+    ]
+    if chosen.exactly_smooth is not None:
+        values.append(("recommended exact smooth", str(chosen.exactly_smooth).lower()))
+    if known:
+        values += [
+            ("recommended stiffness [N*m/rad]", chosen.stiffness),
+            ("recommended damping [N*m*s/rad]", chosen.damping),
+        ]
+    for variant in advice.recommendation.variants:
+        values.append((f"advice, {variant.kind.value.replace('_', ' ')}", variant.reason))
+    obstruction = advice.recommendation.obstruction
+    if obstruction is not None:
+        values.append(("advice, bounds in the way", ", ".join(obstruction.bounds)))
+    values += [(f"reserve elasticity to {one.parameter} [1]", one.elasticity) for one in advice.sensitivities]
+    mechanics = in_words(advice.sensitivities)
+    if mechanics:
+        values.append(("advice, lubricant and mechanics", mechanics))
+    return values
+
+
+def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str, object]]:
+    """What the gains on trial would do."""
+    gains, margin = assessment.trial, assessment.trial_margin
+    if gains is None:
+        return []
+    values: list[tuple[str, object]] = [
+        ("trial stiffness [N*m/rad]", gains.stiffness),
+        ("trial damping [N*m*s/rad]", gains.damping),
+    ]
+    if margin is not None:
+        values += [
+            ("trial margin applicable", str(bool(margin.applicable)).lower()),
+            ("trial energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
+            ("trial damping_ratio [1]", margin.damping_ratio),
+            ("trial critical_damping_ratio [1]", margin.critical_damping_ratio),
+        ]
+    if exact.smooth is not None:
+        values.append(("trial exact smooth", str(exact.smooth).lower()))
+    return values
+
+
+def _summary(assessment: Assessment, warn_margin: float, silent_for: float | None) -> tuple[bytes, str]:
+    finding, margin = assessment.finding, assessment.margin
+    text = finding.status.value + (f": {finding.reason}" if finding.reason else "")
+    if silent_for is not None:
+        return DiagnosticStatus.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
+    if finding.status is Status.STICK_SLIP:
+        advised = assessment.recommended
+        if assessment.notice.endswith("learning anew"):
+            text += f"; {assessment.notice}"
+        return DiagnosticStatus.ERROR, f"{text}; {advised.reason}" if advised is not None else text
+    if finding.status in (Status.AT_RISK, Status.UNKNOWN):
+        return DiagnosticStatus.WARN, text
+    if assessment.estimate is not None and assessment.estimate.mismatch:
+        return DiagnosticStatus.WARN, f"{text}; {assessment.estimate.mismatch}"
+    if margin is None:
+        return DiagnosticStatus.WARN, f"{text}; no margin: {assessment.margin_reason}"
+    if margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
+        return DiagnosticStatus.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
+    return DiagnosticStatus.OK, text
+
+
+def cycle_diagnostic(name: str, cycle: Cycle) -> DiagnosticStatus:
+    """One completed cycle."""
+    values = [
+        ("breakaway [s]", cycle.breakaway),
+        ("arrest [s]", cycle.arrest),
+        ("slip_distance [rad]", cycle.slip_distance),
+        ("dwell [s]", cycle.dwell),
+        ("slip duration [s]", cycle.slip_duration),
+        ("position [rad]", cycle.position),
+        ("breakaway_effort [N*m]", cycle.effort),
+    ]
+    return DiagnosticStatus(
+        level=DiagnosticStatus.WARN,
+        name=f"stickslip_monitor: {name}",
+        hardware_id=name,
+        message=f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest",
+        values=[KeyValue(key=key, value=_value_text(value)) for key, value in values],
+    )
+
+
+def _value_text(value: object) -> str:
+    """Numbers bare and in full, so that plotting tools take them."""
+    return repr(float(value)) if isinstance(value, float) else str(value)

@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Advised gains written to a controller while its joint moves: step by step, read back, watched, taken back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.advice_limits import AdviceLimits
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.gain_ramp import GainRamp
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.status import Status
+from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
+from stickslip_ros.nodes.gain_source import gain_name
+from stickslip_ros.nodes.remote_parameters import RemoteParameters, number
+
+_STEP_PERIOD = 0.1  # [s] at least from one step to the next
+_RETREAT_PERIOD = 0.05  # [s]
+_WATCH = 1.0  # [s] of motion that is looked at; gains that were in force so long ago are good
+_LEAST_BASELINE = 2.0  # [s]
+_LONGEST_BASELINE = 20.0
+_CYCLES = 2.0  # of stick slip that the baseline has to cover
+_BAND = 5.0  # times the natural frequency, up to which the motion is the joint's own
+_SILENCE = 1.0  # [s] without a sample, from which on there is no watching
+_REST = 10.0  # [s] at rest, after which the ramp is given up
+_LONGEST_JUDGEMENT = 10.0  # [s] for the status after the ramp
+_EQUAL = 1e-9
+
+Script = Generator[None, None, None]
+
+
+class StoppedError(StickSlipError):
+    """The ramp was ended before its end; the text says why, and which gains are in force."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How it ended, for the answer and the diagnostics."""
+
+    success: bool
+    message: str
+
+
+class GainApplication:
+    """One joint's ramp. :meth:`tick` carries it on; it never waits.
+
+    Parameters
+    ----------
+    joint : its name. monitor : its monitor. controller : parameters of its controller.
+    target : advised gains, in SI units. scale : SI units in one of the controller's.
+    limits : inside which gains are written. rate : relative change a second [1/s].
+    allowed : whether it still may go on.
+    heard : when the joint was last heard of, as a steady time [s].
+    """
+
+    def __init__(
+        self,
+        joint: str,
+        monitor: JointMonitor,
+        controller: RemoteParameters,
+        target: Gains,
+        *,
+        scale: float,
+        limits: AdviceLimits,
+        rate: float,
+        reason: str,
+        allowed: Callable[[], bool],
+        heard: Callable[[], float],
+        log: RcutilsLogger,
+    ) -> None:
+        self.joint = joint
+        self._monitor, self._controller, self._target = monitor, controller, target
+        self._scale, self._limits, self._rate, self._reason = scale, limits, rate, reason
+        self._allowed, self._heard, self._log = allowed, heard, log
+        self._now = 0.0
+        self._good: list[tuple[float, Gains]] = []  # verified gains, and when they came into force
+        self._before: Vitals | None = None
+        self._band = math.nan
+        self.state = f"{joint}: beginning"
+        self.outcome: Outcome | None = None
+        self._script = self._run()
+
+    def tick(self, now: float) -> Outcome | None:
+        """Carry on; ``now`` is a steady time [s]. Returns the outcome once there is one."""
+        self._now = now
+        self._controller.poll(now)
+        if self.outcome is None:
+            try:
+                next(self._script)
+            except StopIteration:
+                pass
+            except StoppedError as stopped:
+                self._finish(success=False, message=str(stopped))
+        return self.outcome
+
+    def _finish(self, *, success: bool, message: str) -> None:
+        self.state = f"{self.joint}: {message}"
+        self.outcome = Outcome(success=success, message=self.state)
+        # Two lines of code: rclpy wants one severity from each.
+        if success:
+            self._log.info(f"apply_recommendation: {self.state}")
+        else:
+            self._log.error(f"apply_recommendation: {self.state}")
+
+    def _run(self) -> Script:
+        begin = yield from self._read()
+        assessment = self._monitor.assessment()
+        self._check_start(assessment, begin)
+        assert assessment.joint is not None  # there is advice
+        self._good.append((self._now, begin))
+        self._begin_watch(assessment, begin)
+        ramp = GainRamp.between(assessment.joint, begin, self._target)
+        was, share, steps = assessment.finding.status.value, 0.0, 0
+        while share < 1.0:
+            last = self._now
+            yield from self._pause(_STEP_PERIOD)
+            yield from self._wait_for_motion()
+            state = self._monitor.assessment()
+            share = ramp.next_share(
+                share,
+                rate=self._rate,
+                elapsed=self._now - last,
+                tracking_error=state.tracking_error,
+                velocity_error=state.velocity_error,
+            )
+            steps += 1
+            yield from self._write(ramp.at(share), f"step {steps}, {100 * share:.0f} % of the way: {self._reason}")
+            self.state = f"{self.joint}: {100 * share:.0f} % of the way to {self._text(self._target)}"
+        yield from self._judge()
+        status = self._monitor.finding().status.value
+        way = f"from {self._text(begin)} to {self._text(self._target)} in {steps} steps"
+        self._finish(success=True, message=f"{way}; it was {was}, it is {status}")
+
+    def _judge(self) -> Script:
+        """Watch on until the motion with the new gains can be judged."""
+        until, settled = self._now + _LONGEST_JUDGEMENT, self._now + 2.0 * _WATCH
+        cycles = self._monitor.cycle_count
+        while self._now < until:
+            yield from self._pause(_STEP_PERIOD)
+            status = self._monitor.finding().status
+            sticks = status is Status.STICK_SLIP and self._monitor.cycle_count >= cycles + _CYCLES
+            if self._now >= settled and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
+                return
+
+    def _check_start(self, assessment: Assessment, begin: Gains) -> None:
+        """Refuse where the ramp could not be watched, or would leave the bounds."""
+        for gains in (begin, self._target):
+            self._check_bounds(gains)
+        if assessment.gains is None or not _same(assessment.gains, begin):
+            raise StoppedError(f"the controller's gains are {self._text(begin)}, not those that the advice is for")
+
+    def _check_bounds(self, gains: Gains) -> None:
+        for name, value, (least, largest), unit in (
+            ("stiffness", float(gains.stiffness), self._limits.stiffness_range, "N·m/rad"),
+            ("damping", float(gains.damping), self._limits.damping_range, "N·m·s/rad"),
+        ):
+            slack = _EQUAL * max(abs(least), abs(value))
+            if not least - slack <= value <= largest + slack:
+                raise StoppedError(f"the {name} of {value:.4g} {unit} is outside {least:.4g} to {largest:.4g}")
+
+    def _begin_watch(self, assessment: Assessment, begin: Gains) -> None:
+        inertia = float(assessment.joint.inertia) if assessment.joint is not None else math.nan
+        stiffest = max(float(begin.stiffness), float(self._target.stiffness))
+        self._band = _BAND * math.sqrt(stiffest / inertia) / (2.0 * math.pi)
+        cycle = assessment.last_cycle
+        longest = _CYCLES * cycle.period if cycle is not None else 0.0
+        baseline = self._monitor.recent(min(max(_LEAST_BASELINE, longest), _LONGEST_BASELINE))
+        self._before = vitals_of(baseline, self._band) if baseline is not None else None
+        if self._before is None:
+            raise StoppedError("there are no samples of the joint to watch it by")
+
+    def _pause(self, duration: float) -> Script:
+        """Watch for a while.
+
+        Raises
+        ------
+        StoppedError
+            If something speaks against going on; gains that were good are in force again then.
+        """
+        until = self._now + duration
+        while True:
+            yield
+            why = self._objection()
+            if why:
+                yield from self._retreat(why)
+            if self._now >= until:
+                return
+
+    def _objection(self) -> str:
+        """Why the ramp should not go on, or ""."""
+        if not self._allowed():
+            return "allow_apply was set to false"
+        if self._now - self._heard() > _SILENCE:
+            return f"the joint has not been heard for {_SILENCE:g} s"
+        recent = self._monitor.recent(_WATCH)
+        if recent is None or self._before is None or not self._good:
+            return ""
+        softer = float(self._good[0][1].stiffness) / float(self._good[-1][1].stiffness)
+        return what_got_worse(
+            self._before,
+            vitals_of(recent, self._band),
+            softer=softer,
+            resolution=self._monitor.resolution,
+            effort_limit=self._limits.effort,
+        )
+
+    def _wait_for_motion(self) -> Script:
+        """A joint at rest shows nothing: wait until it moves again."""
+        until = self._now + _REST
+        while self._monitor.finding().status is Status.AT_REST:
+            if self._now > until:
+                raise StoppedError(f"the joint has been at rest for {_REST:g} s; {self._in_force()}")
+            yield from self._pause(_STEP_PERIOD)
+
+    def _read(self) -> Generator[None, None, Gains]:
+        """The gains in force."""
+        names = [gain_name(self.joint, kind) for kind in ("p", "d")]
+        values = yield from self._ask(lambda then: self._controller.get(names, self._now, then))
+        if values is None:
+            raise StoppedError(f"{self._controller.remote} does not answer; {self._in_force()}")
+        stiffness, damping = (number(value) for value in [*values, *values][:2])
+        if not math.isfinite(stiffness):
+            raise StoppedError(f"{self._controller.remote} has no gain {names[0]}; {self._in_force()}")
+        return Gains(
+            stiffness=self._scale * stiffness, damping=self._scale * (damping if math.isfinite(damping) else 0.0)
+        )
+
+    def _ask(self, ask: Callable[[Callable[[Any], None]], None]) -> Generator[None, None, Any]:
+        answers: list[Any] = []
+        ask(answers.append)
+        while not answers:
+            yield
+        return answers[0]
+
+    def _write(self, gains: Gains, why: str) -> Script:
+        """Write gains, and read them back.
+
+        Raises
+        ------
+        StoppedError
+            If the controller does not take them as they are; the last ones that it took are in force then.
+        """
+        self._check_bounds(gains)
+        old = self._good[-1][1]
+        values = self._values(gains, old)
+        if not values:
+            return
+        found = yield from self._read()
+        if not _same(found, old):
+            raise StoppedError(
+                f"somebody else set {self._text(found)} while the ramp was at {self._text(old)}; they are left alone"
+            )
+        self._log.info(f"{self._controller.remote}: {self.joint} {self._text(old)} -> {self._text(gains)}: {why}")
+        result = yield from self._ask(lambda then: self._controller.set(values, self._now, then))
+        if result is not None and not result.successful:
+            raise StoppedError(
+                f"{self._controller.remote} refused {self._text(gains)}: {result.reason or 'no reason given'}; "
+                f"{self._in_force()}"
+            )
+        found = yield from self._read()
+        if _same(found, gains):
+            self._good.append((self._now, gains))
+            return
+        if _same(found, old):
+            silent = " did not answer and" if result is None else ""
+            raise StoppedError(
+                f"{self._controller.remote}{silent} took no notice of {self._text(gains)}; {self._in_force()}"
+            )
+        yield from self._put_back(gains, found)
+
+    def _put_back(self, gains: Gains, found: Gains) -> Script:
+        """The controller made something else of the gains: go back to those that it took."""
+        old = self._good[-1][1]
+        what = f"{self._controller.remote} made {self._text(found)} of {self._text(gains)}"
+        self._log.warning(f"{what}; going back to {self._text(old)}")
+        yield from self._ask(lambda then: self._controller.set(self._values(old, found), self._now, then))
+        after = yield from self._read()
+        if _same(after, old):
+            raise StoppedError(f"{what}; {self._in_force()}")
+        raise StoppedError(f"{what}, and {self._text(after)} of {self._text(old)}, which are in force now")
+
+    def _retreat(self, why: str) -> Script:
+        """Back to the last gains under which all was well for long enough, by the steps that led away from them."""
+        settled = [index for index, (since, _) in enumerate(self._good) if self._now - since >= _WATCH]
+        back_to = settled[-1] if settled else 0
+        self._log.warning(f"{self.joint}: {why}; going back to {self._text(self._good[back_to][1])}")
+        steps = [gains for _, gains in self._good[back_to:-1]]
+        for gains in reversed(steps):
+            yield from self._write(gains, f"taken back: {why}")
+            until = self._now + _RETREAT_PERIOD
+            while self._now < until:
+                yield
+        raise StoppedError(f"{why}; {self._in_force()}")
+
+    def _values(self, gains: Gains, old: Gains) -> dict[str, float]:
+        """The parameters that have to change, in the controller's units."""
+        pairs = (("p", gains.stiffness, old.stiffness), ("d", gains.damping, old.damping))
+        return {
+            gain_name(self.joint, kind): float(new) / self._scale
+            for kind, new, before in pairs
+            if not math.isclose(float(new), float(before), rel_tol=_EQUAL, abs_tol=0.0)
+        }
+
+    def _in_force(self) -> str:
+        if not self._good:
+            return "no gains were changed"
+        return f"the gains in force are {self._text(self._good[-1][1])}"
+
+    def _text(self, gains: Gains) -> str:
+        return f"p {float(gains.stiffness) / self._scale:.6g}, d {float(gains.damping) / self._scale:.6g}"
+
+
+def _same(one: Gains, other: Gains) -> bool:
+    return math.isclose(float(one.stiffness), float(other.stiffness), rel_tol=_EQUAL) and math.isclose(
+        float(one.damping), float(other.damping), rel_tol=_EQUAL, abs_tol=1e-12
+    )

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Where gains come from: the topic `pd_gains`, and the parameters of one controller or several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_parameter_events
+from std_msgs.msg import Float64MultiArray
+
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.nodes.conversion import MessageError, gains_from_message
+from stickslip_ros.nodes.gain_source import ControllerGains
+from stickslip_ros.nodes.remote_parameters import RemoteParameters
+
+PD_GAINS = "pd_gains"
+
+
+class GainIntake:
+    """Hears gains and passes them on, in the controller's units.
+
+    Parameters
+    ----------
+    node : does the talking. joints : names of those watched.
+    on_gains : called with a joint's name and its gains. refuse : called with the reason for what is not taken.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        joints: Callable[[], Iterable[str]],
+        on_gains: Callable[[str, Gains], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self._node, self._joints, self._on_gains, self._refuse = node, joints, on_gains, refuse
+        self._controllers: list[ControllerGains] = []
+        node.create_subscription(Float64MultiArray, PD_GAINS, self._on_message, 10)
+        qos = QoSProfile(depth=1000, reliability=qos_profile_parameter_events.reliability)
+        node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos)
+
+    def follow(self, names: Sequence[str]) -> None:
+        """Follow these controllers from now on; the earlier in the list, the more it has to say."""
+        if names == [controller.name for controller in self._controllers]:
+            return
+        for controller in self._controllers:
+            controller.close()
+        self._controllers = [
+            ControllerGains(self._node, name, partial(self._on_controller, name), self._joints) for name in names
+        ]
+
+    def poll(self, now: float) -> None:
+        """Ask for what is not known yet; call now and then with a steady time [s]."""
+        for controller in self._controllers:
+            controller.poll(now)
+
+    def controller_of(self, joint: str) -> RemoteParameters | None:
+        """The controller that has a joint's gains, None if none has."""
+        return next((one.parameters for one in self._controllers if one.has(joint)), None)
+
+    @property
+    def state(self) -> str:
+        """How far it has got with each controller, in words."""
+        return "; ".join(controller.state for controller in self._controllers) or "none configured"
+
+    @property
+    def waiting(self) -> bool:
+        """Whether some controller is missing or silent."""
+        return any(controller.waiting for controller in self._controllers)
+
+    def _on_controller(self, name: str, joint: str, gains: Gains) -> None:
+        first = next(one.name for one in self._controllers if one.has(joint))
+        if first == name:
+            self._on_gains(joint, gains)
+        else:
+            self._refuse(f"{name} has gains of {joint} too; those of {first} count, which is named first")
+
+    def _on_event(self, event: ParameterEvent) -> None:
+        for controller in self._controllers:
+            controller.on_event(event)
+
+    def _on_message(self, message: Float64MultiArray) -> None:
+        try:
+            gains = gains_from_message(message)
+        except MessageError as error:
+            self._refuse(f"{PD_GAINS}: {error}")
+            return
+        known = set(self._joints())
+        for joint, value in gains.items():
+            if joint in known:
+                self._on_gains(joint, value)
+            else:
+                self._refuse(
+                    f"{PD_GAINS}: unknown joint {joint[:64]!r}; known: {', '.join(sorted(known)) or 'none yet'}"
+                )

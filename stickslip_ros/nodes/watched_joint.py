@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""One joint as the node watches it: its monitor, its samples on their way there, its settings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.status import Status
+from stickslip_ros.nodes.joint_parameters import JointSettings
+from stickslip_ros.nodes.reference_pairing import ReferencePairing
+
+_WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
+
+
+@dataclass
+class WatchedJoint:
+    """See the module.
+
+    Attributes
+    ----------
+    heard : when a sample came last, as a steady time [s].
+    """
+
+    name: str
+    monitor: JointMonitor
+    settings: JointSettings
+    pairing: ReferencePairing = field(default_factory=ReferencePairing)
+    heard: float = -math.inf
+
+    def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
+        """A row of joint states, the effort in its publisher's units."""
+        self.pairing.add_sample(time, position, velocity, effort * self.settings.effort_scale)
+
+    def last_heard(self) -> float:
+        """When a sample came last, as a steady time [s]."""
+        return self.heard
+
+    def advised(self, assessment: Assessment) -> Gains | None:
+        """Recommended gains in the controller's units, None if there are none or the present ones are not known."""
+        recommended = assessment.recommended
+        if recommended is None or not recommended.found or assessment.gains is None or assessment.per_inertia:
+            return None
+        return self.settings.from_si(recommended.gains)
+
+    def being_advised(self, assessment: Assessment) -> bool:
+        """Whether advice that would be applied is being worked out."""
+        status = assessment.finding.status
+        return status in _WORTH_CHANGING and assessment.margin is not None and assessment.advice is None
+
+    def why_not_applied(self, assessment: Assessment, *, has_controller: bool) -> str:
+        """Why the advice cannot be applied, or ""; SI units."""
+        recommendation, status = assessment.recommendation, assessment.finding.status
+        if status not in _WORTH_CHANGING:
+            return f"{self.name} is {status.value}, which no gains have to change"
+        if recommendation is None:
+            return f"{self.name} has no advice: {assessment.margin_reason or 'it is being worked out'}"
+        if recommendation.keep:
+            return f"{self.name} reaches the wanted margin already"
+        if self.advised(assessment) is None:
+            reason = assessment.recommended.reason if assessment.recommended else ""
+            return f"{self.name}: " + ("its gains are not known" if assessment.per_inertia else reason)
+        if not has_controller:
+            return f"{self.name} has no controller whose parameters could be written (parameter 'controller')"
+        limits = self.settings.limits
+        if math.isinf(limits.stiffness_range[1]) or math.isinf(limits.damping_range[1]):
+            return f"{self.name} has no bounds: set limits.{self.name}.p_max and limits.{self.name}.d_max first"
+        return ""

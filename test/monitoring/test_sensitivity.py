@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What lubricant and mechanics could do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import exact_critical_damping_ratio
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.monitoring.advice_limits import Condition
+from stickslip_ros.monitoring.sensitivity import PARAMETERS, in_words, sensitivities
+
+GAINS, SPEED = Gains(stiffness=2016.0), 0.00493
+
+
+def changed(joint: Joint, parameter: str, factor: float) -> Joint:
+    return replace(joint, friction=replace(joint.friction, **{parameter: getattr(joint.friction, parameter) * factor}))
+
+
+def ratio(joint: Joint, condition: Condition) -> float:
+    if condition is Condition.PAPER:
+        margin = stability_margin(joint, GAINS, SPEED)
+        return float(margin.damping_ratio / margin.critical_damping_ratio)
+    groups = dimensionless_groups(joint, GAINS, SPEED)
+    return float(groups.damping_ratio / exact_critical_damping_ratio(groups, tolerance=1e-5))
+
+
+@pytest.mark.parametrize("condition", list(Condition))
+def test_elasticities_are_derivatives_and_factors_reach_the_margin(puma: Joint, condition: Condition) -> None:
+    """Issue 5, item 1: the margin's sensitivity to each friction parameter, against differences; factors do cure."""
+    found = sensitivities(puma, GAINS, SPEED, condition=condition)
+    assert tuple(one.parameter for one in found) == PARAMETERS
+    for one in found:
+        step = 1.02
+        slope = math.log(
+            ratio(changed(puma, one.parameter, step), condition)
+            / ratio(changed(puma, one.parameter, 1 / step), condition)
+        ) / (2 * math.log(step))
+        assert one.elasticity == pytest.approx(slope, abs=0.05, rel=0.05)
+        if math.isfinite(one.factor):
+            cured = changed(puma, one.parameter, one.factor)
+            margin = stability_margin(cured, GAINS, SPEED)
+            if condition is Condition.EXACT or margin.critical_damping_ratio > 0:
+                assert ratio(cured, condition) >= 1.2 * (1 - 1e-3)
+            # Half as large a change of it is not enough.
+            assert ratio(changed(puma, one.parameter, math.sqrt(one.factor)), condition) < 1.2
+    by_name = {one.parameter: one for one in found}
+    # The paper's conclusion: less static friction in excess, more lag.
+    assert by_name["stribeck"].elasticity < 0 < by_name["lag"].elasticity
+    assert by_name["viscous"].elasticity == pytest.approx(1.0)
+    assert "stribeck × 0." in in_words(found)
+
+
+def test_nothing_is_needed_where_the_margin_is_there(puma: Joint) -> None:
+    """Issue 5, item 1: a joint with the wanted margin needs no other friction; without stiffness there is no answer."""
+    found = sensitivities(puma, Gains(stiffness=2016.0, damping=300.0), SPEED)
+    assert {one.factor for one in found} == {1.0}
+    assert in_words(found) == ""
+    assert all(math.isnan(one.elasticity) for one in sensitivities(puma, Gains(stiffness=0.0), SPEED))

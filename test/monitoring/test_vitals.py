@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Whether a joint gets worse is seen, and what is no worse is not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
+
+BAND = 10.0
+
+
+def batch(shake: float = 0.0, frequency: float = 60.0, error: float = 0.01, rate: float = 1000.0) -> Batch:
+    time = np.arange(0.0, 1.0, 1.0 / rate)
+    reference = 0.05 * time
+    sway = error * np.sin(2 * np.pi * 2.0 * time)
+    position = reference + sway + shake * np.sin(2 * np.pi * frequency * time)
+    return Batch(time=time, position=position, reference_position=reference, effort=100.0 * (reference - position))
+
+
+def test_what_is_measured() -> None:
+    """Issue 5, item 4: the largest tracking error and effort; what oscillates above the band, and that alone."""
+    calm, shaken = vitals_of(batch(), BAND), vitals_of(batch(1e-3), BAND)
+    assert calm.tracking_error == pytest.approx(0.01, rel=0.01)
+    assert calm.effort == pytest.approx(1.0, rel=0.01)
+    assert calm.oscillation < 1e-5
+    assert shaken.oscillation == pytest.approx(1e-3 / math.sqrt(2), rel=0.02)
+    assert shaken.effort_oscillation == pytest.approx(0.1 / math.sqrt(2), rel=0.02)
+    # Uneven stamps and a missing reference are taken as they are; too slow a sampling shows nothing.
+    kept = np.sort(np.random.default_rng(1).choice(1000, 900, replace=False))
+    assert vitals_of(batch(1e-3).where(kept), BAND).oscillation == pytest.approx(1e-3 / math.sqrt(2), rel=0.1)
+    assert math.isnan(vitals_of(batch(rate=20.0), BAND).oscillation)
+    time = np.arange(0.0, 1.0, 0.01)
+    assert math.isnan(vitals_of(Batch(time=time, position=time), BAND).tracking_error)
+
+
+@pytest.mark.parametrize(
+    ("now", "word"),
+    [
+        (batch(error=0.02), "tracking error"),
+        (batch(shake=1e-3), "oscillation of 0.000"),
+        (replace(batch(), effort=batch().effort + 0.2 * np.sin(400 * batch().time)), "oscillation of the effort"),
+        (replace(batch(), effort=np.full(1000, 5.0)), "at its limit"),
+    ],
+)
+def test_what_gets_worse_is_named(now: Batch, word: str) -> None:
+    """Issue 5, item 4: tracking error, oscillation above the mechanical band, saturation."""
+    before = vitals_of(batch(), BAND)
+    assert what_got_worse(before, before) == ""
+    assert word in what_got_worse(before, vitals_of(now, BAND), effort_limit=5.0)
+
+
+def test_what_is_no_worse() -> None:
+    """Issue 5, item 4: a softer joint may lag more, an encoder's steps do not count, nor does the unknown."""
+    before = vitals_of(batch(), BAND)
+    assert what_got_worse(before, vitals_of(batch(error=0.02), BAND), softer=2.0) == ""
+    assert what_got_worse(before, vitals_of(batch(shake=1e-4), BAND), resolution=1e-4) == ""
+    unknown = Vitals(tracking_error=math.nan, oscillation=math.nan, effort_oscillation=math.nan, effort=math.nan)
+    assert what_got_worse(before, unknown) == ""
+    assert what_got_worse(unknown, before) == ""
