@@ -21,8 +21,10 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     known = found.parameters()
     assumed = [parameter for parameter in NAMES if parameter not in known or not known[parameter][0].identified]
 
+    each = " / inertia" if found.per_inertia else ""
+
     def line(parameter: str, value: float) -> str:
-        note = UNITS[parameter]
+        note = UNITS[parameter] + (each if parameter in ("viscous", "stribeck", "coulomb") else "")
         if parameter in known:
             estimate, origin = known[parameter]
             note += f", ± {estimate.std:.2g}, from {origin}"
@@ -33,12 +35,15 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     lines = [f"# {text}" for text in source.splitlines()]
     if found.slips is not None and found.slips.mismatch:
         lines.append(f"# {found.slips.mismatch}")
-    lines += [f"name: {name}", line("inertia", float(joint.inertia)), "friction:"]
+    lines.append(f"name: {name}")
+    if found.per_inertia:
+        lines.append("per_inertia: true".ljust(32) + "# the gains were not known; all is over the inertia")
+    lines += [line("inertia", float(joint.inertia)), "friction:"]
     lines += [f"  {line(parameter, float(getattr(joint.friction, parameter)))}" for parameter in NAMES[1:]]
     lines.append("gains:                          # of the controller then")
     gains = gains or Gains(stiffness=0.0)
     for parameter, unit in (("stiffness", "N·m/rad"), ("damping", "N·m·s/rad"), ("integral", "N·m/(rad·s)")):
-        lines.append(f"  {parameter}: {float(getattr(gains, parameter)):.6g}".ljust(32) + f"# {unit}")
+        lines.append(f"  {parameter}: {float(getattr(gains, parameter)):.6g}".ljust(32) + f"# {unit}{each}")
     lines.append(f"velocity: {found.speed:.6g}".ljust(32) + "# rad/s, of the motion then")
     lines.append(f"encoder_resolution: {found.resolution:.6g}".ljust(32) + "# rad")
     lines.append(f"assumed: [{', '.join(assumed)}]")

@@ -28,6 +28,7 @@ class KnownJoint:
     name : of the joint; joint : inertia and friction.
     gains : of its controller; velocity : a speed to try [rad/s]; encoder_resolution : [rad], 0 for none.
     assumed : names of the values that have no source.
+    per_inertia : whether inertia, friction and gains are known but for a common factor; the inertia then is 1.
     """
 
     name: str
@@ -36,6 +37,7 @@ class KnownJoint:
     velocity: float = 0.0
     encoder_resolution: float = 0.0
     assumed: tuple[str, ...] = field(default=())
+    per_inertia: bool = False
 
     def __post_init__(self) -> None:
         require_finite("velocity", self.velocity)
@@ -114,6 +116,7 @@ def _parse(content: Any) -> KnownJoint:
         velocity=float(content.get("velocity", 0.0)),
         encoder_resolution=float(content.get("encoder_resolution", 0.0)),
         assumed=tuple(content.get("assumed", ())),
+        per_inertia=bool(content.get("per_inertia", False)),
     )
 
 

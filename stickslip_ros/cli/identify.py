@@ -33,6 +33,7 @@ from stickslip_ros.recordings import find_recording, load_recording
 if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
 
+_PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s²"}
 _STEP_TIME, _REST, _LARGEST_WAY = 15.0, 3.0, 0.5
 
 
@@ -74,6 +75,8 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Identify and print; exit status 0 if something was found, 1 if the motion shows nothing."""
     prior = load_joint(options.prior) if options.prior else None
+    if prior is not None and prior.per_inertia:
+        raise InvalidParameterError("--prior", "a joint whose inertia is known", options.prior)
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
         raise InvalidParameterError("what to identify", "one of RECORDING, --simulated and --controller", sum(chosen))
@@ -98,9 +101,12 @@ def run(options: argparse.Namespace) -> int:
     if not found.parameters() and found.slips is None:
         return 1
     if options.out:
-        text = joint_file_text(
-            options.name or name, found.joint(prior.joint if prior else None), found, gains, _full(source, prior)
-        )
+        slips = found.slips
+        if found.per_inertia and prior is None and slips is not None:
+            joint, gains = slips.joint(), slips.gains
+        else:
+            joint = found.joint(prior.joint if prior else None)
+        text = joint_file_text(options.name or name, joint, found, gains, _full(source, prior))
         write_joint_file(options.out, text)
         if not options.json:
             Console(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
@@ -205,7 +211,7 @@ def _print(found: Identification) -> None:
     for name in NAMES:
         if name not in parameters:
             continue
-        unit = UNITS[name] + (" / inertia" if per_inertia and name in ("viscous", "stribeck") else "")
+        unit = _PER_INERTIA.get(name, UNITS[name]) if per_inertia else UNITS[name]
         rows.append((name.replace("_", " "), *parameters[name], unit))
     if per_inertia and slips is not None:
         rows.append(("natural frequency", slips.natural_frequency, "slips", "rad/s"))
@@ -216,12 +222,12 @@ def _print(found: Identification) -> None:
         ("± error", "right"),
         ("", "left"),
         ("", "left"),
-        ("", "left"),
     ):
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for name, estimate, origin, unit in rows:
         sure = "[green]identified[/]" if estimate.identified else "[yellow]not identified[/]"
-        table.add_row(name, f"{estimate.value:.4g}", f"{estimate.std:.2g}", unit, sure, f"[dim]from {origin}[/]")
+        note = f"{sure} [dim]from {origin}[/]"
+        table.add_row(name, f"{estimate.value:.4g}", f"{estimate.std:.2g}", unit, note)
     console.print(table)
     if found.sliding is not None:
         console.print(

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 from types import TracebackType
 
 _PR_SET_PDEATHSIG = 1
@@ -39,12 +40,21 @@ class NodeProcess:
     module : name of a module of stickslip_ros.nodes, or path of a script (.py).
     parameters : ROS parameters, name to value in YAML.
     remappings : ROS remappings, from to.
+    params_file : of further parameters.
     """
 
-    def __init__(self, module: str, parameters: dict[str, object], remappings: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        module: str,
+        parameters: dict[str, object],
+        remappings: dict[str, str] | None = None,
+        params_file: Path | None = None,
+    ) -> None:
         self.module = module
         arguments = [item for name, value in parameters.items() for item in ("-p", f"{name}:={value}")]
         arguments += [item for name, value in (remappings or {}).items() for item in ("-r", f"{name}:={value}")]
+        if params_file is not None:
+            arguments += ["--params-file", str(params_file)]
         target = [module] if module.endswith(".py") else ["-m", f"stickslip_ros.nodes.{module}"]
         command = [sys.executable, *target, "--ros-args", *arguments]
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from, margin_json, number
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant, recommend
@@ -72,8 +73,9 @@ def run(options: argparse.Namespace) -> int:
         tracking_error=options.tracking_error,
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
+    factors = options.factors or bool(options.joint and load_joint(options.joint).per_inertia)
     with Console(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
-        advice = recommend(joint, gains, velocity, limits, None, circumstances, gains_known=not options.factors)
+        advice = recommend(joint, gains, velocity, limits, None, circumstances, gains_known=not factors)
         found: Sequence[Sensitivity] = ()
         if gains.stiffness > 0 and advice.velocity > 0:
             found = sensitivities(
@@ -186,9 +188,8 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
         for variant in advice.variants:
             table.add_row(*_variant_row(variant, joint, gains, advice))
         console.print(table)
-        console.print(
-            "[dim]Stiffness in N·m/rad, damping in N·m·s/rad; × total: of controller's and joint's damping.[/]"
-        )
+        units = "Stiffness in N·m/rad, damping in N·m·s/rad; " if advice.gains_known else ""
+        console.print(f"[dim]{units}× total: of controller's and joint's damping.[/]")
     if first.found and 0 < advice.slowest_smooth_velocity < math.inf:
         console.print(f"With these gains the joint is smooth from {advice.slowest_smooth_velocity:.3g} rad/s on.")
     elif first.found and advice.slowest_smooth_velocity == 0:

@@ -149,6 +149,8 @@ def read(node: Node, name: str, changes: dict[str, Parameter] | None = None) -> 
 
     model = node.get_parameter(f"model.{name}").value
     known = load_joint(model) if model else None
+    if known is not None and known.per_inertia:
+        raise InvalidParameterError(f"model.{name}", "a joint whose inertia is known", model)
     inertia = value(f"inertia.{name}")
     friction = {key: value(f"friction.{name}.{key}") for key in FRICTION_UNITS}
     given = {key: number for key, number in friction.items() if not math.isnan(number)}

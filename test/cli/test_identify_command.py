@@ -66,14 +66,24 @@ def test_gains_unknown_print_the_groups(table: Path, capsys: pytest.CaptureFixtu
     assert found["friction"]["lag"]["value"] == pytest.approx(0.05, rel=0.05)
 
 
-def test_without_an_inertia_no_joint_file_is_written(
+def test_without_gains_the_joint_file_is_per_inertia(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Issue 4, item 6: what is per inertia is no joint; the message says what would show it."""
+    """Issue 5, item 5: what is known per inertia goes into a file that says so; advice from it is in factors."""
     out = tmp_path / "waist.yaml"
-    assert main(["identify", str(table), "--out", str(out)]) == 2
-    assert "known gains or effort" in capsys.readouterr().err
-    assert not out.exists()
+    assert main(["identify", str(table), "--out", str(out)]) == 0
+    known = load_joint(str(out))
+    assert known.per_inertia
+    assert known.joint.inertia == 1.0
+    assert float(known.gains.stiffness) == pytest.approx(100.0, rel=0.03)
+    capsys.readouterr()
+    assert main(["recommend", "--joint", str(out), "--velocity", "0.0058"]) == 0
+    advice = capsys.readouterr().out
+    assert "stiffness × " in advice
+    assert "N·m" not in advice
+    # As a prior, which has an inertia, it will not do.
+    assert main(["identify", str(table), "--prior", str(out)]) == 2
+    assert "whose inertia is known" in capsys.readouterr().err
 
 
 def test_a_bag_is_a_recording_too(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip recommend`: advice without ROS."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.model.verdict import exactly_smooth
+
+PUMA = ["recommend", "--joint", "puma560_joint1"]
+KNOWN = load_joint("puma560_joint1")
+
+
+def advice(capsys: pytest.CaptureFixture[str], *options: str, status: int = 0) -> dict[str, Any]:
+    assert main([*PUMA, "--json", *options]) == status
+    out = capsys.readouterr().out
+    assert len(out.splitlines()) == 1
+    return dict(json.loads(out))
+
+
+def test_json(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 5, item 2: one JSON object with the gains, all three variants, and what mechanics could do."""
+    result = advice(capsys)
+    assert {"stiffness", "damping", "energy_margin", "reason"} <= set(result)
+    assert set(result["variants"]) == {"least_change", "damping_only", "stiffness_only"}
+    for variant in result["variants"].values():
+        gains = Gains(stiffness=variant["stiffness"], damping=variant["damping"])
+        margin = stability_margin(KNOWN.joint, gains, KNOWN.velocity)
+        assert margin.damping_ratio >= 1.2 * margin.critical_damping_ratio
+        assert variant["energy_margin"] == pytest.approx(margin.energy_margin)
+    assert result["variants"]["damping_only"]["stiffness"] == 630.0
+    assert result["sensitivities"]["stribeck"]["elasticity"] < 0
+    exact = advice(capsys, "--condition", "exact")
+    assert exact["change"] < result["change"]
+    assert exactly_smooth(KNOWN.joint, Gains(stiffness=exact["stiffness"], damping=exact["damping"]), KNOWN.velocity)
+
+
+def test_bounds_and_what_is_in_the_way(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 5, item 1: bounds from the command line; exit status 1 and the bounds in the way where nothing works."""
+    assert advice(capsys, "--largest-stiffness", "2000")["stiffness"] <= 2000.0
+    none = advice(capsys, "--largest-stiffness", "2000", "--largest-damping", "10", status=1)
+    assert none["stiffness"] is None
+    assert set(none["obstruction"]["bounds"]) == {"largest stiffness", "largest damping"}
+    assert none["obstruction"]["best_damping"] == pytest.approx(10.0)
+    assert none["lowest_smooth_velocity"] > KNOWN.velocity
+    slow = advice(capsys, "--sample-rate", "20", status=1)
+    assert slow["obstruction"]["bounds"] == ["bandwidth"]
+    assert main([*PUMA, "--largest-stiffness", "2000", "--largest-damping", "10"]) == 1
+    assert "each is in the way" in capsys.readouterr().out
+
+
+def test_what_if(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 5, item 6: the margin with other gains beside the present one, and nothing is touched."""
+    result = advice(capsys, "--what-if", "p=2000,d=30")["what_if"]
+    assert (result["stiffness"], result["damping"]) == (2000.0, 30.0)
+    then, now = result["margin"], result["present_margin"]
+    assert not then["smooth"]
+    assert then["exact"]["smooth"]
+    assert not now["exact"]["smooth"]
+    assert then["damping_ratio"] > now["damping_ratio"]
+    assert main([*PUMA, "--what-if", "d=30"]) == 0
+    out = capsys.readouterr().out
+    for text in ("What if p = 630 and d = 30", "lowest smooth velocity (rad/s)", "integrated", "stick slip"):
+        assert text in out
+
+
+def test_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 5, items 2, 5: a table of the variants; in factors alone where the gains are known per inertia only."""
+    assert main(PUMA) == 0
+    out = capsys.readouterr().out
+    for text in ("raise the stiffness", "least change", "damping only", "stiffness only", "lag ×", "N·m·s/rad"):
+        assert text in out
+    assert main([*PUMA, "--factors"]) == 0
+    out = capsys.readouterr().out
+    assert "stiffness × " in out
+    assert "630" not in out
+    assert "N·m" not in out
+    assert main([*PUMA, "--damping", "300"]) == 0
+    assert "keep the gains" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--what-if", "x=1"], "of the form p=2000,d=30"),
+        (["--what-if", "p=nan"], "of finite gains"),
+        (["--largest-stiffness", "-1"], "stiffness_range"),
+        (["--slowest-velocity", "-1"], "slowest_velocity"),
+        (["--effort", "0"], "effort"),
+    ],
+)
+def test_bad_options(capsys: pytest.CaptureFixture[str], options: list[str], text: str) -> None:
+    """Issue 5, item 2: what cannot be is refused in one line, with exit status 2."""
+    assert main([*PUMA, *options]) == 2
+    error = capsys.readouterr().err
+    assert text in error
+    assert len(error.strip().splitlines()) == 1
