@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
-from benchmarks import estimation, exact, monitoring, paper
+from benchmarks import advice, estimation, exact, monitoring, paper
 
 if __name__ == "__main__":
     paper.run()
     monitoring.run()
     exact.run()
+    advice.run()
     estimation.run()
