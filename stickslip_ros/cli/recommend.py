@@ -41,9 +41,14 @@ def add_parser(commands: Any) -> None:
     )  # fmt: skip
     wanted.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
     bounds = parser.add_argument_group("bounds")
-    for name, unit in (("stiffness", "N·m/rad"), ("damping", "N·m·s/rad"), ("damping-ratio", "1")):
-        bounds.add_argument(f"--least-{name}", type=float, metavar="X", default=0.0, help=f"[{unit}]")
-        bounds.add_argument(f"--largest-{name}", type=float, metavar="X", default=math.inf, help=f"[{unit}]")
+    for name, unit, (least, largest) in (
+        ("stiffness", "N·m/rad", defaults.stiffness_range),
+        ("damping", "N·m·s/rad", defaults.damping_range),
+        ("damping-ratio", "1", defaults.damping_ratio_range),
+    ):
+        default = f" (default {least:g})" if least > 0 else ""
+        bounds.add_argument(f"--least-{name}", type=float, metavar="X", default=least, help=f"[{unit}]{default}")
+        bounds.add_argument(f"--largest-{name}", type=float, metavar="X", default=largest, help=f"[{unit}]")
     bounds.add_argument("--bandwidth", type=float, metavar="W", default=math.inf, help="crossover frequency [rad/s]")
     bounds.add_argument("--sample-rate", type=float, metavar="F", default=math.nan, help="of the controller [Hz]")
     bounds.add_argument(

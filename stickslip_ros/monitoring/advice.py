@@ -17,6 +17,7 @@ import numpy as np
 
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
+from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
@@ -87,6 +88,7 @@ class Recommendation:
     variants : one of each kind, in the order of :class:`Kind`.
     velocity : the slowest speed at which the joint is to be smooth [rad/s].
     condition : what the advice satisfies; gains_known : False if it is in factors only.
+    reserve : ρ/ρ_c − 1 of the present gains, by this condition; NaN if unknown.
     keep : whether the present gains reach the wanted margin.
     obstruction : what is in the way where no gains are found, and the best within reach.
     slowest_smooth_velocity : from which on the joint is smooth with the advised gains, or with the best within
@@ -97,6 +99,7 @@ class Recommendation:
     velocity: float
     condition: Condition
     gains_known: bool = True
+    reserve: float = math.nan
     keep: bool = False
     obstruction: Obstruction | None = None
     slowest_smooth_velocity: float = math.nan
@@ -179,7 +182,11 @@ class _Case:
             joint, self._gains, limits, self._circumstances, [requirement], learnt=self._uncertainty is not None
         )
         answer = Recommendation(
-            variants=(), velocity=self._slowest, condition=limits.condition, gains_known=self._gains_known
+            variants=(),
+            velocity=self._slowest,
+            condition=limits.condition,
+            gains_known=self._gains_known,
+            reserve=self._reserve(self._gains),
         )
         if search.enough() and self._missing(self._gains) == 1.0:
             kept = [self._variant(kind, self._gains, "keep the gains: the wanted margin is reached") for kind in Kind]
@@ -189,7 +196,7 @@ class _Case:
         for kind in Kind:
             gains = self._found(kind, search)
             if gains is None:
-                text = f"no {kind.value.split('_')[0]} alone reaches the wanted margin"
+                text = self._none_alone(kind, search)
                 variants.append(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=text))
             else:
                 variants.append(self._variant(kind, gains, ""))
@@ -233,6 +240,15 @@ class _Case:
                 search = search.with_more_damping(missing ** (1 if number < _PATIENT_TRIES else 2) * (1.0 + _A_LITTLE))
         return None
 
+    def _none_alone(self, kind: Kind, search: AdviceSearch) -> str:
+        """Why damping or stiffness alone does not do."""
+        if kind is Kind.LEAST_CHANGE or self._beyond:
+            return f"no {kind.value.split('_')[0]} alone was found"
+        word = kind.value.split("_")[0]
+        names = search.in_the_way_of_damping() if kind is Kind.DAMPING_ONLY else search.in_the_way_of_stiffness()
+        text = f"no {word} alone reaches the wanted margin"
+        return f"{text}; in the way: {', '.join(names)}" if names else text
+
     def _missing(self, gains: Gains) -> float:
         """The factor by which the total damping falls short of what draws and integration ask for; 1 if it does not."""
         if self._sure is not None:
@@ -260,10 +276,6 @@ class _Case:
         margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
         viscous = float(joint.friction.viscous)
         total, before = float(gains.damping) + viscous, float(present.damping) + viscous
-        critical, groups = float(margin.critical_damping_ratio), dimensionless_groups(joint, gains, self._slowest)
-        if self._exact:
-            critical = float(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
-        ratio = float(groups.damping_ratio)
         conditions = self._circumstances.conditions if self._beyond else None
         integral = present.integral if self._beyond else 0.0
         return Variant(
@@ -272,12 +284,22 @@ class _Case:
             damping=float(gains.damping),
             reason=reason or self._in_words(gains),
             energy_margin=float(margin.energy_margin),
-            reserve=ratio / critical - 1.0 if critical > 0 else (math.inf if critical == 0 else math.nan),
+            reserve=self._reserve(gains),
             exactly_smooth=exactly_smooth(joint, replace(gains, integral=integral), self._slowest, conditions),
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
             change=AdviceSearch.change(joint, present, gains),
         )
+
+    def _reserve(self, gains: Gains) -> float:
+        groups = dimensionless_groups(self._joint, gains, self._slowest)
+        if self._exact:
+            critical = float(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
+        else:
+            critical = float(critical_damping_ratio(groups))
+        if critical > 0:
+            return float(groups.damping_ratio) / critical - 1.0
+        return math.inf if critical == 0 else math.nan
 
     def _in_words(self, gains: Gains) -> str:
         viscous = float(self._joint.friction.viscous)

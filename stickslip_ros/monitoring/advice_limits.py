@@ -38,7 +38,8 @@ class AdviceLimits:
     condition : the critical damping ratio of Eq. (43), or the exact one.
     slowest_velocity : the joint shall be smooth from this speed on [rad/s]; None: at the commanded speed.
     stiffness_range, damping_range : least and largest gain [N·m/rad], [N·m·s/rad].
-    damping_ratio_range : least and largest damping ratio ρ.
+    damping_ratio_range : least and largest damping ratio ρ. With less than a tenth a joint that does not stick rings
+        for many periods after every disturbance, and all but stops in each.
     bandwidth : largest crossover frequency of the position loop [rad/s].
     samples_per_period : the controller shall act so often in a period of the crossover frequency.
     effort : largest |effort| that position and velocity error of now may ask for [N·m].
@@ -56,7 +57,7 @@ class AdviceLimits:
     slowest_velocity: float | None = field(default=None, metadata={"unit": "rad/s"})
     stiffness_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m/rad"})
     damping_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m·s/rad"})
-    damping_ratio_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "1"})
+    damping_ratio_range: tuple[float, float] = field(default=(0.1, math.inf), metadata={"unit": "1"})
     bandwidth: float = field(default=math.inf, metadata={"unit": "rad/s"})
     samples_per_period: float = 20.0
     effort: float = field(default=math.inf, metadata={"unit": "N·m"})

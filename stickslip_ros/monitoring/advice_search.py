@@ -9,7 +9,7 @@ one variable. What a stiffness costs in damping is not convex in it: a grid come
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -206,18 +206,8 @@ class AdviceSearch:
         grid = np.sort(np.concatenate([everywhere, grid]))
         stiffness = np.exp(grid)
         bounds, needed = self._bounds(stiffness), self._needed(stiffness)
-        texts = {name: f"{name} ({bound.text})" if bound.text else name for name, bound in bounds.items()}
-
-        def feasible_without(left_out: tuple[str, ...]) -> bool:
-            least, largest = _joined([bound for name, bound in bounds.items() if name not in left_out], grid.shape)
-            return bool(np.any((np.maximum(least, needed) <= largest) & np.isfinite(np.maximum(least, needed))))
-
-        names: tuple[str, ...] = tuple(name for name in bounds if feasible_without((name,)))
-        together = False
-        if not names:
-            sets = [pair for size in range(2, len(bounds) + 1) for pair in combinations(bounds, size)]
-            names = next((several for several in sets if feasible_without(several)), ())
-            together = bool(names)
+        texts = {name: f"{name} ({bound.text})" for name, bound in bounds.items()}
+        names, together = _in_the_way(bounds, lambda least, largest: _some_damping(least, largest, needed))
         if together:
             text = " and ".join(texts[name] for name in names) + " are in the way together"
         elif names:
@@ -228,6 +218,22 @@ class AdviceSearch:
             text = "no stiffness and damping would do, whatever the bounds"
         best, reserve = self._best(stiffness, bounds, needed)
         return Obstruction(bounds=names, together=together, text=text, best=best, reserve=reserve)
+
+    def in_the_way_of_damping(self) -> tuple[str, ...]:
+        """Names of the bounds without which damping alone would do."""
+        stiffness = np.array([float(self._gains.stiffness)])
+        needed = self._needed(stiffness)
+        return _in_the_way(self._bounds(stiffness), lambda least, largest: _some_damping(least, largest, needed))[0]
+
+    def in_the_way_of_stiffness(self) -> tuple[str, ...]:
+        """Names of the bounds without which stiffness alone would do."""
+        stiffness = np.exp(np.linspace(self._present - self._reach, self._present + self._reach, 2 * _POINTS))
+        damping = np.full(stiffness.shape, float(self._gains.damping))
+        reached = self._reached(stiffness, damping)
+        return _in_the_way(
+            self._bounds(stiffness),
+            lambda least, largest: bool(np.any(reached & (least <= damping) & (damping <= largest))),
+        )[0]
 
     def _best(self, stiffness: FloatArray, bounds: dict[str, Bound], needed: FloatArray) -> tuple[Gains | None, float]:
         least, largest = _joined(list(bounds.values()), stiffness.shape)
@@ -347,3 +353,26 @@ def _joined(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, Fl
     for bound in bounds:
         least, largest = np.maximum(least, bound.least), np.minimum(largest, bound.largest)
     return least, largest
+
+
+def _some_damping(least: FloatArray, largest: FloatArray, needed: FloatArray) -> bool:
+    """Whether bounds leave enough damping at any stiffness."""
+    least = np.maximum(least, needed)
+    return bool(np.any((least <= largest) & np.isfinite(least)))
+
+
+def _in_the_way(
+    bounds: dict[str, Bound], feasible: Callable[[FloatArray, FloatArray], bool]
+) -> tuple[tuple[str, ...], bool]:
+    """Bounds any one of which is in the way, or the fewest that are together, and whether they are together."""
+    shape = next(iter(bounds.values())).least.shape
+
+    def feasible_without(left_out: tuple[str, ...]) -> bool:
+        return feasible(*_joined([bound for name, bound in bounds.items() if name not in left_out], shape))
+
+    names = tuple(name for name in bounds if feasible_without((name,)))
+    if names:
+        return names, False
+    sets = [several for size in range(2, len(bounds) + 1) for several in combinations(bounds, size)]
+    together = next((several for several in sets if feasible_without(several)), ())
+    return together, bool(together)

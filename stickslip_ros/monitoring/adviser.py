@@ -37,15 +37,22 @@ class AdviceQuestion:
     circumstances: Circumstances
     gains_known: bool
 
+    def of_the_same_controller(self, other: AdviceQuestion) -> bool:
+        """Whether gains and limits are the same, however friction and speed have changed."""
+        return (
+            self.gains_known == other.gains_known
+            and (not self.gains_known or self.gains == other.gains)
+            and self.limits == other.limits
+            and self.circumstances.conditions == other.circumstances.conditions
+        )
+
     def about_the_same(self, other: AdviceQuestion) -> bool:
         """Whether both are about the same joint, gains and limits, at whatever speed."""
         return (
             self.joint is other.joint
             and self.gains == other.gains
-            and self.limits == other.limits
             and self.uncertainty is other.uncertainty
-            and self.gains_known == other.gains_known
-            and self.circumstances.conditions == other.circumstances.conditions
+            and self.of_the_same_controller(other)
         )
 
     def alike(self, other: AdviceQuestion) -> bool:
@@ -106,6 +113,19 @@ def advise(question: AdviceQuestion) -> Advice:
         else (),
         lowest_smooth_velocity=float(lowest_smooth_velocity(joint, gains)) if gains.stiffness > 0 else math.nan,
     )
+
+
+class CachingAdviser:
+    """Answers at once, and does not work out again what has changed by too little to matter."""
+
+    def __init__(self) -> None:
+        self._last: tuple[AdviceQuestion, Advice] | None = None
+
+    def __call__(self, question: AdviceQuestion) -> Advice:
+        """The answer to a question."""
+        if self._last is None or not self._last[0].alike(question):
+            self._last = (question, advise(question))
+        return self._last[1]
 
 
 def _near(one: float, other: float, share: float) -> bool:

@@ -13,8 +13,8 @@ import numpy as np
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.advice_limits import Circumstances
-from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
+from stickslip_ros.monitoring.advice_limits import Circumstances, Condition
+from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.detection import Cycle, CycleDetector
@@ -33,7 +33,6 @@ _RECENT_CYCLES = 5
 _DIP_AT_RISK = 0.2  # of the mean speed
 _SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
 _RECENT = 1.0  # [s] over which the largest errors are taken
-_ASK_EVERY = 1.0  # [s] of data, where the speed alone has changed
 _NOW = 0.1  # [s] over which the present velocity is taken
 _SLICE = 0.05  # [s] how finely findings are dated within a batch
 
@@ -57,7 +56,7 @@ class JointMonitor:
         joint: Joint | None = None,
         gains: Gains | None = None,
         options: MonitorOptions | None = None,
-        adviser: Adviser = advise,
+        adviser: Adviser | None = None,
     ) -> None:
         self.options = options or MonitorOptions()
         self._joint = joint
@@ -68,9 +67,8 @@ class JointMonitor:
         self._disbelief = ""
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
         self._filter = SampleFilter()
-        self._adviser = adviser
-        self._advice: tuple[AdviceQuestion, Advice] | None = None
-        self._asked_at = -math.inf
+        self._adviser = adviser or CachingAdviser()
+        self._advice: Advice | None = None
         self.cycle_count = 0
         self.segments: deque[Segment] = deque(maxlen=10_000)
         self._begin()
@@ -263,12 +261,22 @@ class JointMonitor:
         dip = self._detector.detector.slowest_share(since)
         if dip < _DIP_AT_RISK:
             return Finding(status=Status.AT_RISK, reason=f"the speed falls to {100 * dip:.0f} % of its mean")
-        margin, _, _ = self._margin()
-        if margin is not None and margin.applicable:
-            reserve = _reserve(margin)
-            if reserve < self.options.warn_margin:
-                return Finding(status=Status.AT_RISK, reason=f"damping reserve {100 * reserve:.0f} % by Eq. (43)")
+        reserve, source = self._damping_reserve()
+        if reserve < self.options.warn_margin:
+            return Finding(status=Status.AT_RISK, reason=f"damping reserve {100 * reserve:.0f} % {source}")
         return Finding(status=Status.SMOOTH)
+
+    def _damping_reserve(self) -> tuple[float, str]:
+        """Relative damping reserve ρ/ρ_c − 1 by the condition chosen, and which it is; infinite if it is not known."""
+        if self.options.limits.condition is Condition.EXACT:
+            # Worked out with the advice, if at all: an integration is too long for every batch of samples.
+            known = self._advice is not None and math.isfinite(self._advice.recommendation.reserve)
+            return (self._advice.recommendation.reserve if known and self._advice else math.inf), "exactly"
+        margin, _, _ = self._margin()
+        if margin is None or not margin.applicable:
+            return math.inf, ""
+        critical = float(margin.critical_damping_ratio)
+        return (float(margin.damping_ratio) / critical - 1.0 if critical > 0 else math.inf), "by Eq. (43)"
 
     def velocity(self) -> tuple[float, str]:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
@@ -305,7 +313,7 @@ class JointMonitor:
         return margin, str(margin.reason or ""), belief
 
     def _advise(self, belief: Belief, velocity: float) -> Advice | None:
-        """Advice; kept while what it depends on changes by little, and for a second where the speed alone changes."""
+        """Advice on the joint as it is believed to be."""
         tracking_error, velocity_error = self._motion.errors(_RECENT)
         question = AdviceQuestion(
             joint=belief.joint,
@@ -321,14 +329,8 @@ class JointMonitor:
             ),
             gains_known=belief.gains_known,
         )
-        now, known = self._motion.last_time, self._advice
-        holds = known is not None and known[0].about_the_same(question)
-        if known is None or not (known[0].alike(question) or (holds and 0.0 <= now - self._asked_at < _ASK_EVERY)):
-            answer = self._adviser(question)
-            if answer is not None:
-                self._advice, self._asked_at = (question, answer), now
-                holds = True
-        return self._advice[1] if holds and self._advice is not None else None
+        self._advice = self._adviser(question)
+        return self._advice
 
     def _sample_rate(self) -> float:
         return 1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan
@@ -377,12 +379,6 @@ class JointMonitor:
             sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
         )
-
-
-def _reserve(margin: StabilityMargin) -> float:
-    """Relative damping reserve ρ/ρ_c − 1; infinite where no damping is needed."""
-    critical = float(margin.critical_damping_ratio)
-    return float(margin.damping_ratio) / critical - 1.0 if critical > 0 else math.inf
 
 
 def _without_silences(batch: Batch) -> list[Batch]:

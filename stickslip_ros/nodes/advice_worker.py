@@ -4,8 +4,13 @@
 
 from __future__ import annotations
 
+import math
+from time import monotonic
+
 from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
 from stickslip_ros.nodes.background import Background
+
+_ASK_EVERY = 1.0  # [s] where the speed alone has changed
 
 
 class AdviceWorker:
@@ -13,6 +18,7 @@ class AdviceWorker:
 
     def __init__(self) -> None:
         self._background: Background[AdviceQuestion, Advice] = Background(advise, "advice")
+        self._asked_at: dict[str, float] = {}
 
     def adviser(self, name: str) -> Adviser:
         """What a joint's monitor asks: answers what is known already, or begins to work it out."""
@@ -21,9 +27,14 @@ class AdviceWorker:
             known = self._background.latest(name)
             if known is not None and known[0].alike(question):
                 return known[1]
-            self._background.ask(name, question)
-            # The speed may never be the same twice; an answer for that of a moment ago is the best there can be.
-            return known[1] if known is not None and known[0].about_the_same(question) else None
+            now = monotonic()
+            speed_alone = known is not None and known[0].about_the_same(question)
+            if not speed_alone or now - self._asked_at.get(name, -math.inf) >= _ASK_EVERY:
+                self._background.ask(name, question)
+                self._asked_at[name] = now
+            # Learning changes the friction with every slip, and the speed may never be the same twice: while the
+            # gains are the same, the advice of a moment ago is the best there can be.
+            return known[1] if known is not None and known[0].of_the_same_controller(question) else None
 
         return ask
 

@@ -9,6 +9,7 @@ import math
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.advice_limits import Condition
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import FrictionEstimate
@@ -69,7 +70,7 @@ def joint_diagnostic(
     applied : the last outcome of `~/apply_recommendation`, "" if there was none.
     """
     status = DiagnosticStatus(name=f"stickslip_monitor: {name}", hardware_id=name)
-    status.level, status.message = _summary(assessment, warn_margin, silent_for)
+    status.level, status.message = _summary(assessment, exact, warn_margin, silent_for)
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
         ("status", assessment.finding.status.value),
@@ -135,6 +136,11 @@ def joint_diagnostic(
     return status
 
 
+def _advised_exactly(assessment: Assessment) -> bool:
+    """Whether the exact condition is the one that counts."""
+    return assessment.advice is not None and assessment.advice.recommendation.condition is Condition.EXACT
+
+
 def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     """The recommended variant under plain names, then all three, and what mechanics could do."""
     advice, chosen = assessment.advice, assessment.recommended
@@ -190,7 +196,9 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str
     return values
 
 
-def _summary(assessment: Assessment, warn_margin: float, silent_for: float | None) -> tuple[bytes, str]:
+def _summary(
+    assessment: Assessment, exact: ExactVerdict, warn_margin: float, silent_for: float | None
+) -> tuple[bytes, str]:
     finding, margin = assessment.finding, assessment.margin
     text = finding.status.value + (f": {finding.reason}" if finding.reason else "")
     if silent_for is not None:
@@ -206,7 +214,10 @@ def _summary(assessment: Assessment, warn_margin: float, silent_for: float | Non
         return DiagnosticStatus.WARN, f"{text}; {assessment.estimate.mismatch}"
     if margin is None:
         return DiagnosticStatus.WARN, f"{text}; no margin: {assessment.margin_reason}"
-    if margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
+    if _advised_exactly(assessment):
+        if exact.smooth is False:
+            return DiagnosticStatus.WARN, f"{text}; integrated, the joint would stick"
+    elif margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
         return DiagnosticStatus.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
     return DiagnosticStatus.OK, text
 

@@ -13,6 +13,7 @@ from stickslip_ros.nodes.background import Background
 
 UNKNOWN = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02
+_SAME_GAINS = 0.01
 _SAME_GAINS_INTERVAL = 5.0  # [s] between verdicts that only a change of speed asks for
 
 
@@ -23,6 +24,12 @@ class _Question:
     conditions: Conditions
     speed: float
     asked_at: float
+
+    def of_the_same_controller(self, other: _Question) -> bool:
+        """Whether conditions and gains are the same, the latter but for what learning makes of them per inertia."""
+        pairs = [(getattr(self.gains, name), getattr(other.gains, name)) for name in vars(self.gains)]
+        near = all(abs(float(one) - float(two)) <= _SAME_GAINS * abs(float(two)) for one, two in pairs)
+        return near and self.conditions == other.conditions
 
 
 def _answer(question: _Question) -> ExactVerdict:
@@ -46,15 +53,14 @@ class ExactWorker:
         """
         question = _Question(joint, gains, conditions, abs(velocity), now)
         known = self._background.latest(name)
-        answer, wanted = UNKNOWN, True
-        if known is not None and (known[0].joint, known[0].gains, known[0].conditions) == (joint, gains, conditions):
-            if abs(known[0].speed - question.speed) <= _SAME_SPEED * question.speed:
-                answer, wanted = known[1], False
-            else:
-                wanted = now - known[0].asked_at >= _SAME_GAINS_INTERVAL
-        if wanted:
+        if known is None or not known[0].of_the_same_controller(question):
             self._background.ask(name, question)
-        return answer
+            return UNKNOWN
+        same_speed = abs(known[0].speed - question.speed) <= _SAME_SPEED * question.speed
+        if known[0].joint != joint or (not same_speed and now - known[0].asked_at >= _SAME_GAINS_INTERVAL):
+            self._background.ask(name, question)
+        # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
+        return known[1] if same_speed else UNKNOWN
 
     def close(self) -> None:
         """Drop the questions not begun."""

@@ -5,14 +5,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator
 from dataclasses import dataclass
 from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice import Variant
 from stickslip_ros.monitoring.advice_limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.gain_ramp import GainRamp
@@ -29,9 +30,12 @@ _LEAST_BASELINE = 2.0  # [s]
 _LONGEST_BASELINE = 20.0
 _CYCLES = 2.0  # of stick slip that the baseline has to cover
 _BAND = 5.0  # times the natural frequency, up to which the motion is the joint's own
+_LONGEST_ADVICE = 10.0  # [s] for advice on the gains in force
 _SILENCE = 1.0  # [s] without a sample, from which on there is no watching
 _REST = 10.0  # [s] at rest, after which the ramp is given up
 _LONGEST_JUDGEMENT = 10.0  # [s] for the status after the ramp
+_NEWS = 0.2  # [s] for a change of parameters to be told
+_READS = 2  # an answer can be lost
 _EQUAL = 1e-9
 
 Script = Generator[None, None, None]
@@ -55,10 +59,11 @@ class GainApplication:
     Parameters
     ----------
     joint : its name. monitor : its monitor. controller : parameters of its controller.
-    target : advised gains, in SI units. scale : SI units in one of the controller's.
+    scale : SI units in one of the controller's.
     limits : inside which gains are written. rate : relative change a second [1/s].
     allowed : whether it still may go on.
     heard : when the joint was last heard of, as a steady time [s].
+    gains_heard : the latest gains that the controller has told of, in SI units.
     """
 
     def __init__(
@@ -66,21 +71,22 @@ class GainApplication:
         joint: str,
         monitor: JointMonitor,
         controller: RemoteParameters,
-        target: Gains,
         *,
         scale: float,
         limits: AdviceLimits,
         rate: float,
-        reason: str,
         allowed: Callable[[], bool],
         heard: Callable[[], float],
+        gains_heard: Collection[Gains],
         log: RcutilsLogger,
     ) -> None:
         self.joint = joint
-        self._monitor, self._controller, self._target = monitor, controller, target
-        self._scale, self._limits, self._rate, self._reason = scale, limits, rate, reason
+        self._monitor, self._controller = monitor, controller
+        self._scale, self._limits, self._rate = scale, limits, rate
         self._allowed, self._heard, self._log = allowed, heard, log
+        self._gains_heard = gains_heard
         self._now = 0.0
+        self._target, self._reason = Gains(stiffness=math.nan), ""
         self._good: list[tuple[float, Gains]] = []  # verified gains, and when they came into force
         self._before: Vitals | None = None
         self._band = math.nan
@@ -112,16 +118,17 @@ class GainApplication:
 
     def _run(self) -> Script:
         begin = yield from self._read()
-        assessment = self._monitor.assessment()
-        self._check_start(assessment, begin)
-        assert assessment.joint is not None  # there is advice
+        assessment, advised, joint = yield from self._advice_for(begin)
+        self._target, self._reason = advised.gains, advised.reason
+        for gains in (begin, self._target):
+            self._check_bounds(gains)
         self._good.append((self._now, begin))
-        self._begin_watch(assessment, begin)
-        ramp = GainRamp.between(assessment.joint, begin, self._target)
+        self._begin_watch(assessment, joint, begin)
+        ramp = GainRamp.between(joint, begin, self._target)
         was, share, steps = assessment.finding.status.value, 0.0, 0
+        last = self._now
         while share < 1.0:
-            last = self._now
-            yield from self._pause(_STEP_PERIOD)
+            yield from self._pause(last + _STEP_PERIOD - self._now)
             yield from self._wait_for_motion()
             state = self._monitor.assessment()
             share = ramp.next_share(
@@ -131,7 +138,7 @@ class GainApplication:
                 tracking_error=state.tracking_error,
                 velocity_error=state.velocity_error,
             )
-            steps += 1
+            steps, last = steps + 1, self._now
             yield from self._write(ramp.at(share), f"step {steps}, {100 * share:.0f} % of the way: {self._reason}")
             self.state = f"{self.joint}: {100 * share:.0f} % of the way to {self._text(self._target)}"
         yield from self._judge()
@@ -150,12 +157,20 @@ class GainApplication:
             if self._now >= settled and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
                 return
 
-    def _check_start(self, assessment: Assessment, begin: Gains) -> None:
-        """Refuse where the ramp could not be watched, or would leave the bounds."""
-        for gains in (begin, self._target):
-            self._check_bounds(gains)
-        if assessment.gains is None or not _same(assessment.gains, begin):
-            raise StoppedError(f"the controller's gains are {self._text(begin)}, not those that the advice is for")
+    def _advice_for(self, begin: Gains) -> Generator[None, None, tuple[Assessment, Variant, Joint]]:
+        """The advice for the gains in force, once the monitor has heard of these; and the joint that it is for."""
+        until = self._now + _LONGEST_ADVICE
+        while True:
+            assessment = self._monitor.assessment()
+            advised = assessment.recommended
+            if assessment.gains is not None and _same(assessment.gains, begin) and advised is not None:
+                break
+            if self._now > until:
+                raise StoppedError(f"there is no advice for the gains in force, {self._text(begin)}")
+            yield
+        if assessment.joint is None or not advised.found:
+            raise StoppedError(advised.reason)
+        return assessment, advised, assessment.joint
 
     def _check_bounds(self, gains: Gains) -> None:
         for name, value, (least, largest), unit in (
@@ -166,10 +181,9 @@ class GainApplication:
             if not least - slack <= value <= largest + slack:
                 raise StoppedError(f"the {name} of {value:.4g} {unit} is outside {least:.4g} to {largest:.4g}")
 
-    def _begin_watch(self, assessment: Assessment, begin: Gains) -> None:
-        inertia = float(assessment.joint.inertia) if assessment.joint is not None else math.nan
+    def _begin_watch(self, assessment: Assessment, joint: Joint, begin: Gains) -> None:
         stiffest = max(float(begin.stiffness), float(self._target.stiffness))
-        self._band = _BAND * math.sqrt(stiffest / inertia) / (2.0 * math.pi)
+        self._band = _BAND * math.sqrt(stiffest / float(joint.inertia)) / (2.0 * math.pi)
         cycle = assessment.last_cycle
         longest = _CYCLES * cycle.period if cycle is not None else 0.0
         baseline = self._monitor.recent(min(max(_LEAST_BASELINE, longest), _LONGEST_BASELINE))
@@ -178,7 +192,7 @@ class GainApplication:
             raise StoppedError("there are no samples of the joint to watch it by")
 
     def _pause(self, duration: float) -> Script:
-        """Watch for a while.
+        """Watch for a while, at least once.
 
         Raises
         ------
@@ -223,7 +237,11 @@ class GainApplication:
     def _read(self) -> Generator[None, None, Gains]:
         """The gains in force."""
         names = [gain_name(self.joint, kind) for kind in ("p", "d")]
-        values = yield from self._ask(lambda then: self._controller.get(names, self._now, then))
+        values = None
+        for _ in range(_READS):
+            values = yield from self._ask(lambda then: self._controller.get(names, self._now, then))
+            if values is not None:
+                break
         if values is None:
             raise StoppedError(f"{self._controller.remote} does not answer; {self._in_force()}")
         stiffness, damping = (number(value) for value in [*values, *values][:2])
@@ -255,9 +273,7 @@ class GainApplication:
             return
         found = yield from self._read()
         if not _same(found, old):
-            raise StoppedError(
-                f"somebody else set {self._text(found)} while the ramp was at {self._text(old)}; they are left alone"
-            )
+            raise StoppedError(self._somebody_else(found, old))
         self._log.info(f"{self._controller.remote}: {self.joint} {self._text(old)} -> {self._text(gains)}: {why}")
         result = yield from self._ask(lambda then: self._controller.set(values, self._now, then))
         if result is not None and not result.successful:
@@ -279,6 +295,12 @@ class GainApplication:
     def _put_back(self, gains: Gains, found: Gains) -> Script:
         """The controller made something else of the gains: go back to those that it took."""
         old = self._good[-1][1]
+        until = self._now + _NEWS
+        while self._now < until:
+            yield
+        if any(_same(heard, gains) for heard in self._gains_heard):
+            # The controller had taken them, and told so, before it took others.
+            raise StoppedError(self._somebody_else(found, gains))
         what = f"{self._controller.remote} made {self._text(found)} of {self._text(gains)}"
         self._log.warning(f"{what}; going back to {self._text(old)}")
         yield from self._ask(lambda then: self._controller.set(self._values(old, found), self._now, then))
@@ -286,6 +308,9 @@ class GainApplication:
         if _same(after, old):
             raise StoppedError(f"{what}; {self._in_force()}")
         raise StoppedError(f"{what}, and {self._text(after)} of {self._text(old)}, which are in force now")
+
+    def _somebody_else(self, found: Gains, ours: Gains) -> str:
+        return f"somebody else set {self._text(found)} while the ramp was at {self._text(ours)}; they are left alone"
 
     def _retreat(self, why: str) -> Script:
         """Back to the last gains under which all was well for long enough, by the steps that led away from them."""

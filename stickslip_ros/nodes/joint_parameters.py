@@ -88,8 +88,9 @@ def declare(node: Node, name: str) -> None:
         number(f"trial.{name}.{key}", unit, f"{word} on trial: its margin is published, and nothing is set")
         number(f"limits.{name}.{key}_min", unit, "least gain to recommend", default=0.0)
         number(f"limits.{name}.{key}_max", unit, "largest gain to recommend", default=math.inf)
-    number(f"limits.{name}.damping_ratio_min", "1", "least damping ratio to recommend", default=0.0)
-    number(f"limits.{name}.damping_ratio_max", "1", "largest damping ratio to recommend", default=math.inf)
+    least, largest = AdviceLimits().damping_ratio_range
+    number(f"limits.{name}.damping_ratio_min", "1", "least damping ratio to recommend", default=least)
+    number(f"limits.{name}.damping_ratio_max", "1", "largest damping ratio to recommend", default=largest)
     number(f"limits.{name}.bandwidth", "rad/s", "largest crossover frequency to recommend", default=math.inf)
     number(f"limits.{name}.effort", "N*m", "largest effort that advised gains may ask for now", default=math.inf)
     number(

@@ -162,6 +162,8 @@ class Monitor(Node):
         """Let a joint's monitor know its gains, in SI units."""
         if joint.monitor.gains != gains:
             joint.monitor.gains = gains
+            if gains is not None:
+                joint.gains_heard.append(gains)
             self.get_logger().info(f"{joint.name}: gains are now {gains}")
 
     def _refuse(self, reason: str) -> None:
@@ -333,8 +335,7 @@ class Monitor(Node):
                 raise NotYetError(f"the advice for {joint.name} is being worked out")
             controller = self._gains.controller_of(joint.name)
             reason = joint.why_not_applied(assessment, has_controller=controller is not None)
-            recommended = assessment.recommended
-            if reason or controller is None or recommended is None:
+            if reason or controller is None:
                 reasons.append(reason)
                 continue
             ramps.append(
@@ -342,13 +343,12 @@ class Monitor(Node):
                     joint.name,
                     joint.monitor,
                     controller,
-                    recommended.gains,
                     scale=joint.settings.gain_scale,
                     limits=joint.settings.limits,
                     rate=float(self.get_parameter("apply_rate").value),
-                    reason=recommended.reason,
                     allowed=lambda: bool(self.get_parameter("allow_apply").value),
                     heard=joint.last_heard,
+                    gains_heard=joint.gains_heard,
                     log=self.get_logger(),
                 )
             )

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 from stickslip_ros.model.friction import Gains
@@ -14,6 +15,7 @@ from stickslip_ros.monitoring.status import Status
 from stickslip_ros.nodes.joint_parameters import JointSettings
 from stickslip_ros.nodes.reference_pairing import ReferencePairing
 
+_GAINS_KEPT = 16
 _WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
 
 
@@ -24,6 +26,7 @@ class WatchedJoint:
     Attributes
     ----------
     heard : when a sample came last, as a steady time [s].
+    gains_heard : the latest gains of the controller, in SI units, the last one in force.
     """
 
     name: str
@@ -31,6 +34,7 @@ class WatchedJoint:
     settings: JointSettings
     pairing: ReferencePairing = field(default_factory=ReferencePairing)
     heard: float = -math.inf
+    gains_heard: deque[Gains] = field(default_factory=lambda: deque(maxlen=_GAINS_KEPT))
 
     def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
         """A row of joint states, the effort in its publisher's units."""

@@ -15,7 +15,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import exactly_smooth
 
-PUMA = ["recommend", "--joint", "puma560_joint1"]
+PUMA = ["recommend", "--joint", "puma560_joint1", "--least-damping-ratio", "0"]
 KNOWN = load_joint("puma560_joint1")
 
 
@@ -38,6 +38,9 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
         assert variant["energy_margin"] == pytest.approx(margin.energy_margin)
     assert result["variants"]["damping_only"]["stiffness"] == 630.0
     assert result["sensitivities"]["stribeck"]["elasticity"] < 0
+    ringing = advice(capsys, "--least-damping-ratio", "0.1")["variants"]["stiffness_only"]
+    assert ringing["stiffness"] is None
+    assert ringing["reason"].endswith("in the way: least damping ratio")
     exact = advice(capsys, "--condition", "exact")
     assert exact["change"] < result["change"]
     assert exactly_smooth(KNOWN.joint, Gains(stiffness=exact["stiffness"], damping=exact["damping"]), KNOWN.velocity)

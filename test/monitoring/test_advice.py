@@ -112,7 +112,7 @@ def test_margin_at_every_speed_needed(puma: Joint, condition: Condition) -> None
 @pytest.mark.parametrize("condition", list(Condition))
 def test_bounds_are_kept_and_named(puma: Joint, condition: Condition) -> None:
     """Issue 5, item 1: a bound moves the advice; where none is left, the bounds in the way and the best are said."""
-    base = AdviceLimits(condition=condition)
+    base = AdviceLimits(condition=condition, damping_ratio_range=(0.0, math.inf))
     free = recommend(puma, STICKING, SPEED, base)[Kind.LEAST_CHANGE]
     assert free.stiffness > 2000.0
     bound = recommend(puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 2000.0)))
@@ -120,7 +120,11 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Condition) -> None:
     assert bound[Kind.LEAST_CHANGE].damping > free.damping
     assert bound[Kind.DAMPING_ONLY].found
     assert not bound[Kind.STIFFNESS_ONLY].found
-    assert "no stiffness alone" in bound[Kind.STIFFNESS_ONLY].reason
+    reason = bound[Kind.STIFFNESS_ONLY].reason
+    assert reason == "no stiffness alone reaches the wanted margin; in the way: largest stiffness"
+    narrow = recommend(puma, STICKING, SPEED, replace(base, damping_range=(0.0, 10.0)))
+    assert narrow[Kind.STIFFNESS_ONLY].found
+    assert narrow[Kind.DAMPING_ONLY].reason.endswith("in the way: largest damping")
     none = recommend(
         puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 2000.0), damping_range=(0.0, 10.0), bandwidth=1e3)
     )
@@ -192,7 +196,8 @@ def test_effort_at_the_present_error(puma: Joint) -> None:
 
 def test_damping_ratio_bounds(puma: Joint) -> None:
     """Issue 5, item 1: the damping ratio stays between its bounds."""
-    for least, largest in ((0.0, 0.3), (0.5, 0.9)):
+    assert AdviceLimits().damping_ratio_range == (0.1, math.inf)
+    for least, largest in ((0.0, 0.3), (0.1, math.inf), (0.5, 0.9)):
         limits = AdviceLimits(damping_ratio_range=(least, largest))
         best = recommend(puma, STICKING, SPEED, limits)[Kind.LEAST_CHANGE]
         ratio = stability_margin(puma, best.gains, SPEED).damping_ratio
@@ -232,7 +237,7 @@ def test_confidence(puma: Joint, condition: Condition) -> None:
     uncertainty = Uncertainty(joint=draws, stiffness=np.ones(32))
     changes = []
     for confidence in (0.5, 0.95):
-        limits = AdviceLimits(condition=condition, confidence=confidence)
+        limits = AdviceLimits(condition=condition, confidence=confidence, damping_ratio_range=(0.0, math.inf))
         advice = recommend(puma, STICKING, SPEED, limits, uncertainty)
         for variant in advice.variants:
             groups = dimensionless_groups(draws, variant.gains, SPEED)
@@ -268,8 +273,11 @@ def test_factors_where_gains_are_unknown(puma: Joint) -> None:
         inertia=1.0,
         friction=replace(friction, stribeck=friction.stribeck / inertia, viscous=friction.viscous / inertia),
     )
-    known = recommend(puma, STICKING, SPEED)
-    limits = AdviceLimits(stiffness_range=(0.0, 1.0), damping_range=(0.0, 1e-3), effort=1e-3)
+    any_ratio = (0.0, math.inf)
+    known = recommend(puma, STICKING, SPEED, AdviceLimits(damping_ratio_range=any_ratio))
+    limits = AdviceLimits(
+        stiffness_range=(0.0, 1.0), damping_range=(0.0, 1e-3), effort=1e-3, damping_ratio_range=any_ratio
+    )
     unknown = recommend(per_inertia, Gains(stiffness=100.0), SPEED, limits, gains_known=False)
     for one, other in zip(known.variants, unknown.variants, strict=True):
         assert other.stiffness_factor == pytest.approx(one.stiffness_factor, rel=1e-3)

@@ -35,6 +35,7 @@ class Probe:
         self.margin_times: list[tuple[float, float]] = []
         self.recommended: Float64MultiArray | None = None
         self.cycles: list[dict[str, str]] = []
+        self._clients: dict[str, AsyncParameterClient] = {}
         qos = QoSProfile(depth=5000)
         self.states = self.node.create_publisher(JointState, "joint_states", qos)
         self.references = self.node.create_publisher(JointState, "joint_references", qos)
@@ -91,11 +92,17 @@ class Probe:
 
     def set_parameters(self, node: str, values: dict[str, object]) -> list[str]:
         """Set parameters; returns the reasons of refusal, "" for what was taken."""
-        client = AsyncParameterClient(self.node, node)
+        client = self._parameters_of(node)
         self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
         future = client.set_parameters([Parameter(name, value=value) for name, value in values.items()])
         self.wait(future.done, 10.0, f"the answer of {node}")
         return ["" if result.successful else result.reason or "refused" for result in future.result().results]
+
+    def _parameters_of(self, node: str) -> AsyncParameterClient:
+        """One client a node: ever new ones would keep the discovery busy."""
+        if node not in self._clients:
+            self._clients[node] = AsyncParameterClient(self.node, node)
+        return self._clients[node]
 
     def call(self, service: str) -> Future:
         """Call a Trigger service of the monitor; the answer comes when it comes."""
@@ -119,7 +126,7 @@ class Probe:
 
     def get_parameters(self, node: str, names: list[str]) -> list[float]:
         """Double parameters of a node."""
-        client = AsyncParameterClient(self.node, node)
+        client = self._parameters_of(node)
         self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
         future = client.get_parameters(names)
         self.wait(future.done, 10.0, f"the answer of {node}")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
@@ -68,17 +69,18 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         wait_for_stick_slip(one, "a")
         before = {joint: gains(one, joint) for joint in "abc"}
         begin = time.monotonic()
+        slips: list[float] = []
+        one.node.create_subscription(
+            DiagnosticArray, "/stickslip_monitor/cycles", lambda _: slips.append(time.monotonic()), 100
+        )
         answer = one.answer("apply_recommendation", 60.0)
         assert answer.success, answer.message
         assert "it was stick_slip, it is smooth" in answer.message
-        seen = len(one.cycles)
-        last_cycle = time.monotonic()
-        assert last_cycle - begin < 20.0 + 5.0
         one.wait(lambda: one.status("a") == "smooth", 20.0, "smooth motion")
-        assert time.monotonic() - begin < 25.0
-        until = time.monotonic() + 4.0
-        one.wait(lambda: time.monotonic() > until, 10.0, "a while")
-        assert len([cycle for cycle in one.cycles[seen:] if cycle["joint"] == "a"]) == 0
+        until = max(time.monotonic() + 4.0, begin + 22.0)
+        one.wait(lambda: time.monotonic() > until, 30.0, "a while")
+        assert slips
+        assert slips[-1] - begin < 20.0
         after = {joint: gains(one, joint) for joint in "abc"}
         assert after["b"] == before["b"]
         assert after["c"] == before["c"]
@@ -190,7 +192,7 @@ def test_refusals_and_what_ends_a_ramp(ros_domain: int) -> None:
         # Somebody else sets gains meanwhile: theirs are left alone.
         wait_for_stick_slip(one)
         fourth = one.call("apply_recommendation")
-        one.wait(lambda: gains(one)[0] > stopped[0] * 1.3, 20.0, "more steps")
+        one.wait(lambda: stiffness(one) > stopped[0] * 1.3, 20.0, "more steps")
         assert one.set_parameters(CONTROLLER, {"gains.joint1.p": 5000.0}) == [""]
         one.wait(fourth.done, 20.0, "the answer")
         assert "somebody else set p 5000" in fourth.result().message
