@@ -5,10 +5,23 @@
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+
+def monitor(context: LaunchContext) -> list[Node]:
+    """The node; without a controller here, that of the parameter file counts."""
+    controller = LaunchConfiguration("controller").perform(context)
+    return [
+        Node(
+            package="stickslip_ros",
+            executable="monitor",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[LaunchConfiguration("params_file"), *([{"controller": controller}] if controller else [])],
+        )
+    ]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -24,14 +37,6 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "controller", default_value="", description="node whose gains are followed, e.g. /pid_controller"
             ),
-            Node(
-                package="stickslip_ros",
-                executable="monitor",
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[
-                    LaunchConfiguration("params_file"),
-                    {"controller": LaunchConfiguration("controller")},
-                ],
-            ),
+            OpaqueFunction(function=monitor),
         ]
     )

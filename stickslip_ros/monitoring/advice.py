@@ -140,8 +140,8 @@ def recommend(
     exact = limits.condition is Condition.EXACT
     slowest = abs(velocity) if limits.slowest_velocity is None else limits.slowest_velocity
     if exact:
-        verdict = exact_verdict(joint, gains, slowest, circumstances.conditions, limits=False)
-        obstacle = verdict.reason if verdict.smooth is None else ""
+        unanswered = exactly_smooth(joint, gains, slowest, circumstances.conditions) is None
+        obstacle = exact_verdict(joint, gains, slowest, circumstances.conditions).reason if unanswered else ""
     else:
         margin = stability_margin(joint, gains, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,14 +14,13 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice import Variant
-from stickslip_ros.monitoring.advice_limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.gain_ramp import GainRamp
-from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.status import Status
 from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
 from stickslip_ros.nodes.gain_source import gain_name
 from stickslip_ros.nodes.remote_parameters import RemoteParameters, number
+from stickslip_ros.nodes.watched_joint import WatchedJoint
 
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
 _RETREAT_PERIOD = 0.05  # [s]
@@ -58,39 +57,30 @@ class GainApplication:
 
     Parameters
     ----------
-    joint : its name. monitor : its monitor. controller : parameters of its controller.
-    scale : SI units in one of the controller's.
-    limits : inside which gains are written. rate : relative change a second [1/s].
-    allowed : whether it still may go on.
-    heard : when the joint was last heard of, as a steady time [s].
-    gains_heard : the latest gains that the controller has told of, in SI units.
+    watched : the joint, whose limits and permission count as they are at each step.
+    controller : parameters of its controller. rate : relative change a second [1/s].
+    allowed : whether gains still may be written.
     """
 
     def __init__(
         self,
-        joint: str,
-        monitor: JointMonitor,
+        watched: WatchedJoint,
         controller: RemoteParameters,
         *,
-        scale: float,
-        limits: AdviceLimits,
         rate: float,
         allowed: Callable[[], bool],
-        heard: Callable[[], float],
-        gains_heard: Collection[Gains],
         log: RcutilsLogger,
     ) -> None:
-        self.joint = joint
-        self._monitor, self._controller = monitor, controller
-        self._scale, self._limits, self._rate = scale, limits, rate
-        self._allowed, self._heard, self._log = allowed, heard, log
-        self._gains_heard = gains_heard
+        self.joint = watched.name
+        self._watched, self._monitor, self._controller = watched, watched.monitor, controller
+        self._scale = watched.settings.gain_scale
+        self._rate, self._allowed, self._log = rate, allowed, log
         self._now = 0.0
         self._target, self._reason = Gains(stiffness=math.nan), ""
         self._good: list[tuple[float, Gains]] = []  # verified gains, and when they came into force
         self._before: Vitals | None = None
         self._band = math.nan
-        self.state = f"{joint}: beginning"
+        self.state = f"{self.joint}: beginning"
         self.outcome: Outcome | None = None
         self._script = self._run()
 
@@ -174,8 +164,8 @@ class GainApplication:
 
     def _check_bounds(self, gains: Gains) -> None:
         for name, value, (least, largest), unit in (
-            ("stiffness", float(gains.stiffness), self._limits.stiffness_range, "N·m/rad"),
-            ("damping", float(gains.damping), self._limits.damping_range, "N·m·s/rad"),
+            ("stiffness", float(gains.stiffness), self._watched.settings.limits.stiffness_range, "N·m/rad"),
+            ("damping", float(gains.damping), self._watched.settings.limits.damping_range, "N·m·s/rad"),
         ):
             slack = _EQUAL * max(abs(least), abs(value))
             if not least - slack <= value <= largest + slack:
@@ -202,6 +192,8 @@ class GainApplication:
         until = self._now + duration
         while True:
             yield
+            if not self._allowed():
+                raise StoppedError(f"allow_apply was set to false; {self._in_force()}")
             why = self._objection()
             if why:
                 yield from self._retreat(why)
@@ -210,9 +202,7 @@ class GainApplication:
 
     def _objection(self) -> str:
         """Why the ramp should not go on, or ""."""
-        if not self._allowed():
-            return "allow_apply was set to false"
-        if self._now - self._heard() > _SILENCE:
+        if self._now - self._watched.heard > _SILENCE:
             return f"the joint has not been heard for {_SILENCE:g} s"
         recent = self._monitor.recent(_WATCH)
         if recent is None or self._before is None or not self._good:
@@ -223,7 +213,7 @@ class GainApplication:
             vitals_of(recent, self._band),
             softer=softer,
             resolution=self._monitor.resolution,
-            effort_limit=self._limits.effort,
+            effort_limit=self._watched.settings.limits.effort,
         )
 
     def _wait_for_motion(self) -> Script:
@@ -298,7 +288,7 @@ class GainApplication:
         until = self._now + _NEWS
         while self._now < until:
             yield
-        if any(_same(heard, gains) for heard in self._gains_heard):
+        if any(_same(heard, gains) for heard in self._watched.gains_heard):
             # The controller had taken them, and told so, before it took others.
             raise StoppedError(self._somebody_else(found, gains))
         what = f"{self._controller.remote} made {self._text(found)} of {self._text(gains)}"

@@ -340,15 +340,10 @@ class Monitor(Node):
                 continue
             ramps.append(
                 GainApplication(
-                    joint.name,
-                    joint.monitor,
+                    joint,
                     controller,
-                    scale=joint.settings.gain_scale,
-                    limits=joint.settings.limits,
                     rate=float(self.get_parameter("apply_rate").value),
                     allowed=lambda: bool(self.get_parameter("allow_apply").value),
-                    heard=joint.last_heard,
-                    gains_heard=joint.gains_heard,
                     log=self.get_logger(),
                 )
             )

@@ -40,10 +40,6 @@ class WatchedJoint:
         """A row of joint states, the effort in its publisher's units."""
         self.pairing.add_sample(time, position, velocity, effort * self.settings.effort_scale)
 
-    def last_heard(self) -> float:
-        """When a sample came last, as a steady time [s]."""
-        return self.heard
-
     def advised(self, assessment: Assessment) -> Gains | None:
         """Recommended gains in the controller's units, None if there are none or the present ones are not known."""
         recommended = assessment.recommended

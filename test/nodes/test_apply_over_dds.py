@@ -89,6 +89,10 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         assert one.get_parameters("/stickslip_monitor", ["recommended.a.p", "recommended.a.d"]) == pytest.approx(
             after["a"]
         )
+        # Nothing is left to do, and it says so.
+        again = one.answer("apply_recommendation", 20.0)
+        assert not again.success
+        assert "b is smooth, which no gains have to change" in again.message
         # The joint has its new gains in ever so small steps; each is in the log with old and new value and reason.
         log = node.output()
         steps = re.findall(r"a p ([\d.]+), d ([\d.]+) -> p ([\d.]+), d ([\d.]+): step \d+.*raise the stiffness", log)
