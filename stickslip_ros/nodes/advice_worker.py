@@ -10,7 +10,7 @@ from time import monotonic
 from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
 from stickslip_ros.nodes.background import Background
 
-_ASK_EVERY = 1.0  # [s] where the speed alone has changed
+_ASK_EVERY = 5.0  # [s] where the speed alone has changed
 
 
 class AdviceWorker:

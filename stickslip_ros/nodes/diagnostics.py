@@ -8,6 +8,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice_limits import Condition
 from stickslip_ros.monitoring.assessment import Assessment
@@ -77,14 +78,11 @@ def joint_diagnostic(
         ("reason", assessment.finding.reason),
         ("velocity [rad/s]", assessment.velocity),
         ("velocity is from", assessment.velocity_source),
-        ("margin applicable", "" if margin is None else str(bool(margin.applicable)).lower()),
         ("margin reason", assessment.margin_reason),
+        *_margin_values(margin),
     ]
     if margin is not None:
         values += [
-            ("energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
-            ("damping_ratio [1]", margin.damping_ratio),
-            ("critical_damping_ratio [1]", margin.critical_damping_ratio),
             ("reduction_factor [1]", margin.reduction_factor),
             ("steady_stribeck [N*m]", margin.steady_stribeck),
             ("natural_frequency [rad/s]", margin.natural_frequency),
@@ -164,7 +162,18 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
             ("recommended damping [N*m*s/rad]", chosen.damping),
         ]
     for variant in advice.recommendation.variants:
-        values.append((f"advice, {variant.kind.value.replace('_', ' ')}", variant.reason))
+        name = variant.kind.value
+        values.append((f"advice, {name.replace('_', ' ')}", variant.reason))
+        if known:
+            values += [
+                (f"{name} stiffness [N*m/rad]", variant.stiffness),
+                (f"{name} damping [N*m*s/rad]", variant.damping),
+            ]
+        else:
+            values += [
+                (f"{name} stiffness_factor [1]", variant.stiffness_factor),
+                (f"{name} damping_factor [1]", variant.damping_factor),
+            ]
     obstruction = advice.recommendation.obstruction
     if obstruction is not None:
         values.append(("advice, bounds in the way", ", ".join(obstruction.bounds)))
@@ -175,22 +184,28 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     return values
 
 
+def _margin_values(margin: StabilityMargin | None, prefix: str = "") -> list[tuple[str, object]]:
+    """What Eq. (43) says of gains."""
+    if margin is None:
+        return [(f"{prefix}margin applicable", "")]
+    return [
+        (f"{prefix}margin applicable", str(bool(margin.applicable)).lower()),
+        (f"{prefix}energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
+        (f"{prefix}damping_ratio [1]", margin.damping_ratio),
+        (f"{prefix}critical_damping_ratio [1]", margin.critical_damping_ratio),
+    ]
+
+
 def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str, object]]:
     """What the gains on trial would do."""
-    gains, margin = assessment.trial, assessment.trial_margin
+    gains = assessment.trial
     if gains is None:
         return []
     values: list[tuple[str, object]] = [
         ("trial stiffness [N*m/rad]", gains.stiffness),
         ("trial damping [N*m*s/rad]", gains.damping),
+        *_margin_values(assessment.trial_margin, "trial "),
     ]
-    if margin is not None:
-        values += [
-            ("trial margin applicable", str(bool(margin.applicable)).lower()),
-            ("trial energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
-            ("trial damping_ratio [1]", margin.damping_ratio),
-            ("trial critical_damping_ratio [1]", margin.critical_damping_ratio),
-        ]
     if exact.smooth is not None:
         values.append(("trial exact smooth", str(exact.smooth).lower()))
     return values
@@ -207,6 +222,8 @@ def _summary(
         advised = assessment.recommended
         if assessment.notice.endswith("learning anew"):
             text += f"; {assessment.notice}"
+        if assessment.recommendation is not None and assessment.recommendation.keep:
+            return DiagnosticStatus.ERROR, f"{text}, though its margin is there: the friction is not what is believed"
         return DiagnosticStatus.ERROR, f"{text}; {advised.reason}" if advised is not None else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):
         return DiagnosticStatus.WARN, text

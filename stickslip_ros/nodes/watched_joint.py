@@ -60,7 +60,7 @@ class WatchedJoint:
         if recommendation is None:
             return f"{self.name} has no advice: {assessment.margin_reason or 'it is being worked out'}"
         if recommendation.keep:
-            return f"{self.name} reaches the wanted margin already"
+            return f"{self.name} has the wanted margin already; if it sticks, its friction is not what is believed"
         if self.advised(assessment) is None:
             reason = assessment.recommended.reason if assessment.recommended else ""
             return f"{self.name}: " + ("its gains are not known" if assessment.per_inertia else reason)

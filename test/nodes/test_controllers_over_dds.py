@@ -144,6 +144,8 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
         keys = one.diagnostics["joint1"][2]
         assert keys["advice, least change"] == keys["recommendation"]
         assert keys["advice, damping only"].startswith("raise the damping")
+        assert float(keys["damping_only damping [N*m*s/rad]"]) == pytest.approx(178.1, rel=0.01)
+        assert float(keys["damping_only stiffness [N*m/rad]"]) == 630.0
         assert keys["advice, stiffness only"].endswith("in the way: least damping ratio")
         assert "lag × " in keys["advice, lubricant and mechanics"]
         assert float(keys["reserve elasticity to stribeck [1]"]) < 0

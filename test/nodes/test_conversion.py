@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,8 +15,14 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import simulate
+from stickslip_ros.monitoring.assessment import MonitorOptions
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import MessageError, gains_from_message, joint_rows, seconds, stamp, table
+from stickslip_ros.nodes.diagnostics import joint_diagnostic
+from stickslip_ros.nodes.exact_worker import UNKNOWN
 from stickslip_ros.nodes.reference_pairing import ReferencePairing
 from stickslip_ros.nodes.references import reference_rows
 
@@ -131,3 +138,19 @@ def test_a_stale_reference_says_nothing() -> None:
     assert batch is not None
     assert batch.reference_position[0] == 1.0
     assert math.isnan(batch.reference_position[1])
+
+
+def test_a_joint_that_sticks_in_spite_of_its_margin(puma: Joint) -> None:
+    """Issue 5, item 2: advice to keep the gains of a joint that sticks would mislead; what is wrong is said instead."""
+    references = 5.8e-6 * np.arange(12_000.0)
+    motion = simulate(puma, Gains(stiffness=630.0), references, np.full(12_000, 0.0058))
+    batch = Batch(time=motion.time, position=2.5e-5 * np.round(motion.position / 2.5e-5), reference_position=references)
+    oiled = replace(puma, friction=replace(puma.friction, stribeck=0.01))
+    monitor = JointMonitor(oiled, Gains(stiffness=630.0), MonitorOptions(learn=False))
+    monitor.process(batch)
+    state = monitor.assessment()
+    assert state.recommendation is not None
+    assert state.recommendation.keep
+    status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None)
+    assert status.level == b"\x02"
+    assert status.message == "stick_slip, though its margin is there: the friction is not what is believed"
