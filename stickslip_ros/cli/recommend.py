@@ -39,6 +39,7 @@ def add_parser(commands: Any) -> None:
         "--wanted-margin", type=float, metavar="R", default=defaults.wanted_margin,
         help="damping in excess of the critical one (default %(default)s)",
     )  # fmt: skip
+    wanted.add_argument("--steady-sliding", action="store_true", help="and no swinging about the speed either")
     wanted.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
     bounds = parser.add_argument_group("bounds")
     for name, unit, (least, largest) in (
@@ -107,6 +108,7 @@ def _limits(options: argparse.Namespace) -> AdviceLimits:
     return AdviceLimits(
         wanted_margin=options.wanted_margin,
         condition=Condition(options.condition),
+        steady_sliding=options.steady_sliding,
         slowest_velocity=options.slowest_velocity,
         stiffness_range=(options.least_stiffness, options.largest_stiffness),
         damping_range=(options.least_damping, options.largest_damping),
@@ -171,6 +173,7 @@ def _variant_json(variant: Variant) -> dict[str, Any]:
         "energy_margin": number(variant.energy_margin),
         "reserve": number(variant.reserve),
         "exactly_smooth": variant.exactly_smooth,
+        "slides_steadily": variant.slides_steadily,
         "stiffness_factor": number(variant.stiffness_factor),
         "damping_factor": number(variant.damping_factor),
         "change": number(variant.change),
@@ -195,6 +198,11 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
         console.print(table)
         units = "Stiffness in N·m/rad, damping in N·m·s/rad; " if advice.gains_known else ""
         console.print(f"[dim]{units}× total: of controller's and joint's damping.[/]")
+    if first.slides_steadily is False and not advice.keep:
+        console.print(
+            "[yellow]After a long rest the joint may go on swinging about its speed without sticking; "
+            "--steady-sliding asks for the damping that ends that.[/]"
+        )
     if first.found and 0 < advice.slowest_smooth_velocity < math.inf:
         console.print(f"With these gains the joint is smooth from {advice.slowest_smooth_velocity:.3g} rad/s on.")
     elif first.found and advice.slowest_smooth_velocity == 0:

@@ -20,10 +20,11 @@ from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
+from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
 from stickslip_ros.monitoring.advice_search import AdviceSearch, Obstruction
-from stickslip_ros.monitoring.requirement import Requirement, Uncertainty
+from stickslip_ros.monitoring.requirement import Requirement, SteadySliding, Uncertainty
 
 _MORE_DAMPING = 1.25  # asked for besides, where the integration refutes what a search has found
 _MOST_DAMPING = 10.0
@@ -52,6 +53,7 @@ class Variant:
     energy_margin : of Eq. (43) with these gains [M x˙_s²].
     reserve : ρ/ρ_c − 1 with these gains, by the condition asked for.
     exactly_smooth : whether stick slip dies out when Eqs (4)-(6) are integrated; None without an answer.
+    slides_steadily : whether the joint, once it slides after a long rest, settles at its speed instead of swinging.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
     change : √(ln² of the one + ln² of the other).
@@ -64,6 +66,7 @@ class Variant:
     energy_margin: float = math.nan
     reserve: float = math.nan
     exactly_smooth: bool | None = None
+    slides_steadily: bool | None = None
     stiffness_factor: float = math.nan
     damping_factor: float = math.nan
     change: float = math.nan
@@ -178,8 +181,14 @@ class _Case:
         requirement = Requirement(joint, velocity, limits, None if self._exact else self._uncertainty)
         if self._exact and self._uncertainty is not None:
             self._sure = Requirement(joint, velocity, limits, self._uncertainty)
+        steady = [SteadySliding(joint, requirement.speeds)] if limits.steady_sliding else []
         search = AdviceSearch(
-            joint, self._gains, limits, self._circumstances, [requirement], learnt=self._uncertainty is not None
+            joint,
+            self._gains,
+            limits,
+            self._circumstances,
+            [requirement, *steady],
+            learnt=self._uncertainty is not None,
         )
         answer = Recommendation(
             variants=(),
@@ -286,6 +295,9 @@ class _Case:
             energy_margin=float(margin.energy_margin),
             reserve=self._reserve(gains),
             exactly_smooth=exactly_smooth(joint, replace(gains, integral=integral), self._slowest, conditions),
+            slides_steadily=bool(
+                margin.damping_ratio >= sliding_damping_ratio(dimensionless_groups(joint, gains, self._slowest))
+            ),
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
             change=AdviceSearch.change(joint, present, gains),

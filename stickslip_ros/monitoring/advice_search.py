@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice_limits import AdviceLimits, Bound, Circumstances, bounds_at
-from stickslip_ros.monitoring.requirement import Requirement
+from stickslip_ros.monitoring.requirement import Requirement, SteadySliding
 from stickslip_ros.monitoring.samples import FloatArray
 
 _REACH = 1e4  # times the present stiffness, either way
@@ -72,7 +72,7 @@ class AdviceSearch:
         gains: Gains,
         limits: AdviceLimits,
         circumstances: Circumstances,
-        requirements: Sequence[Requirement],
+        requirements: Sequence[Requirement | SteadySliding],
         *,
         learnt: bool,
         more: float = 1.0,
@@ -94,7 +94,7 @@ class AdviceSearch:
         """The same search, where more total damping is required by this factor."""
         return self._again(self._requirements, self._more * factor)
 
-    def _again(self, requirements: Sequence[Requirement], more: float) -> AdviceSearch:
+    def _again(self, requirements: Sequence[Requirement | SteadySliding], more: float) -> AdviceSearch:
         return AdviceSearch(
             self._joint, self._gains, self._limits, self._circumstances, requirements, learnt=self._learnt, more=more
         )

@@ -14,6 +14,7 @@ from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_r
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
+from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.monitoring.advice_limits import AdviceLimits, Condition
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -23,6 +24,7 @@ _EXACT_TOLERANCE = 4e-4  # by so much more damping is asked for, the exact criti
 _EXACT_DRAWS = 32
 _SPEEDS, _EXACT_SPEEDS = 16, 8
 _FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
+_STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
 _LARGEST_LAG = 2.0 * math.pi
 
 
@@ -97,6 +99,35 @@ class Requirement:
             return np.asarray(exact_critical_damping_ratio(groups, tolerance=0.5 * _EXACT_TOLERANCE), dtype=float)
         critical = np.asarray(critical_damping_ratio(groups), dtype=float)
         return np.where(np.asarray(groups.lag) <= _LARGEST_LAG, critical, math.nan)
+
+
+class SteadySliding:
+    """Least damping with which steady sliding is stable, for the joint itself whatever its errors.
+
+    Parameters
+    ----------
+    joint : of scalars. speeds : of shape (m,) [rad/s].
+    """
+
+    exact = False
+
+    def __init__(self, joint: Joint, speeds: FloatArray) -> None:
+        self._joint, self._speeds = joint, speeds
+
+    def damping(self, stiffness: FloatArray) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
+        ratios = [
+            max(
+                sliding_damping_ratio(dimensionless_groups(self._joint, Gains(stiffness=one), float(speed)))
+                for speed in self._speeds
+            )
+            for one in stiffness.tolist()
+        ]
+        return np.asarray(damping_for_ratio(self._joint, stiffness, _STEADY * np.array(ratios)))
+
+    def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
+        """Whether gains of shape (n,) have it."""
+        return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
 
 
 def speeds_needed(joint: Joint, velocity: float, limits: AdviceLimits) -> FloatArray:

@@ -156,6 +156,8 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     ]
     if chosen.exactly_smooth is not None:
         values.append(("recommended exact smooth", str(chosen.exactly_smooth).lower()))
+    if chosen.slides_steadily is not None:
+        values.append(("recommended slides steadily", str(chosen.slides_steadily).lower()))
     if known:
         values += [
             ("recommended stiffness [N*m/rad]", chosen.stiffness),

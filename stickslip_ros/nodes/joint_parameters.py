@@ -174,6 +174,7 @@ def read(node: Node, name: str, changes: dict[str, Parameter] | None = None) -> 
         wanted_margin=value("wanted_margin"),
         confidence=value("confidence"),
         condition=choice(Condition, "condition", text("condition")),
+        steady_sliding=bool(text("steady_sliding")),
         slowest_velocity=None if math.isnan(slowest) else slowest,
         stiffness_range=(scale * value(f"limits.{name}.p_min"), scale * value(f"limits.{name}.p_max")),
         damping_range=(scale * value(f"limits.{name}.d_min"), scale * value(f"limits.{name}.d_max")),

@@ -45,6 +45,7 @@ def declare(node: Node) -> None:
     parameter("wanted_margin", 0.2, "damping reserve rho/rho_c - 1 that advice must reach [1]")
     parameter("confidence", 0.9, "probability with which advice must reach it, the friction learnt being uncertain [1]")
     parameter("condition", "paper", "which condition advice must satisfy: paper (Eq. (43)) or exact")
+    parameter("steady_sliding", False, "whether advice must also keep the sliding joint from swinging about its speed")
     parameter("variant", "least_change", "which advice is recommended: least_change, damping_only, stiffness_only")
     parameter(
         "samples_per_period",
