@@ -78,6 +78,8 @@ class GainApplication:
         self._now = 0.0
         self._target, self._reason = Gains(stiffness=math.nan), ""
         self._good: list[tuple[float, Gains]] = []  # verified gains, and when they came into force
+        self._tried: list[Gains] = []
+        self._heard_before: list[Gains] = []
         self._before: Vitals | None = None
         self._band = math.nan
         self.state = f"{self.joint}: beginning"
@@ -113,6 +115,7 @@ class GainApplication:
         for gains in (begin, self._target):
             self._check_bounds(gains)
         self._good.append((self._now, begin))
+        self._heard_before = list(self._watched.gains_heard)
         self._begin_watch(assessment, joint, begin)
         ramp = GainRamp.between(joint, begin, self._target)
         was, share, steps = assessment.finding.status.value, 0.0, 0
@@ -194,11 +197,19 @@ class GainApplication:
             yield
             if not self._allowed():
                 raise StoppedError(f"allow_apply was set to false; {self._in_force()}")
+            self._look_for_others()
             why = self._objection()
             if why:
                 yield from self._retreat(why)
             if self._now >= until:
                 return
+
+    def _look_for_others(self) -> None:
+        """End the ramp if the controller has told of gains that are not the ramp's, though they may be gone again."""
+        ours = [gains for _, gains in self._good] + self._tried
+        for heard in self._watched.gains_heard:
+            if heard not in self._heard_before and not any(_same(heard, gains) for gains in ours):
+                raise StoppedError(f"somebody else set {self._text(heard)} meanwhile; {self._in_force()}")
 
     def _objection(self) -> str:
         """Why the ramp should not go on, or ""."""
@@ -265,6 +276,7 @@ class GainApplication:
         if not _same(found, old):
             raise StoppedError(self._somebody_else(found, old))
         self._log.info(f"{self._controller.remote}: {self.joint} {self._text(old)} -> {self._text(gains)}: {why}")
+        self._tried.append(gains)
         result = yield from self._ask(lambda then: self._controller.set(values, self._now, then))
         if result is not None and not result.successful:
             raise StoppedError(

@@ -343,7 +343,7 @@ def test_steady_sliding(condition: Condition) -> None:
     """Issue 5, item 1: where it is asked for, no joint is left swinging about its speed; where not, it is said."""
     rng = np.random.default_rng(11)
     swings, told = [], []
-    for _ in range(8):
+    for _ in range(12):
         case = random_case(rng, condition)
         limits = AdviceLimits(condition=condition)
         plain = recommend(case.joint, case.gains, case.velocity, limits)[Kind.LEAST_CHANGE]

@@ -199,8 +199,10 @@ def test_refusals_and_what_ends_a_ramp(ros_domain: int) -> None:
         one.wait(lambda: stiffness(one) > stopped[0] * 1.3, 20.0, "more steps")
         assert one.set_parameters(CONTROLLER, {"gains.joint1.p": 5000.0}) == [""]
         one.wait(fourth.done, 20.0, "the answer")
-        assert "somebody else set p 5000" in fourth.result().message
-        assert gains(one)[0] == 5000.0
+        # Set between the ramp's reading and its writing they are lost; the ramp ends all the same, and says so.
+        message = fourth.result().message
+        assert "somebody else set p 5000" in message
+        assert gains(one)[0] == 5000.0 or f"gains in force are p {gains(one)[0]:.6g}" in message
 
 
 def test_a_monitor_that_dies_half_way_leaves_the_last_gains(ros_domain: int) -> None:

@@ -33,6 +33,7 @@ def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> N
         one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
         one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
         one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, 10.0, "the exact verdict")
+        one.wait(lambda: math.isfinite(one.margins["joint1"]["lowest_smooth_velocity"]), 10.0, "the advice")
         row, keys = one.margins["joint1"], one.diagnostics["joint1"][2]
         assert 0.00493 < row["exact_lowest_smooth_velocity"] < row["lowest_smooth_velocity"]
         assert float(keys["exact least_smooth_stiffness [N*m/rad]"]) == row["exact_least_smooth_stiffness"] > 630.0
