@@ -81,6 +81,8 @@ class AdviceSearch:
         self._requirements, self._learnt, self._more = list(requirements), learnt, more
         self._viscous = float(joint.friction.viscous)
         self._present = math.log(float(gains.stiffness))
+        self._floor = damping_floor(joint, gains)
+        self._before = max(float(gains.damping) + self._viscous, self._floor)
         self._reach = math.log(_BELIEVABLE if learnt else _REACH)
         self._exact = any(requirement.exact for requirement in requirements)
         self._domain = self._allowed_domain()
@@ -184,11 +186,10 @@ class AdviceSearch:
         line = np.arange(-reach, reach + _STEP, _STEP)
         line = line[np.argsort(np.abs(line))]
         line[0] = 0.0
-        floor, present = damping_floor(self._joint, self._gains), float(self._gains.damping)
-        before = max(present + self._viscous, floor)
+        present = float(self._gains.damping)
         softer, damped = np.meshgrid(line if stiffness else line[:1], line if damping else line[:1], indexing="ij")
         stiffnesses = float(self._gains.stiffness) * np.exp(softer.ravel())
-        dampings = np.where(damped.ravel() == 0.0, present, before * np.exp(damped.ravel()) - self._viscous)
+        dampings = np.where(damped.ravel() == 0.0, present, self._before * np.exp(damped.ravel()) - self._viscous)
         least, largest = self._within_bounds(stiffnesses)
         inside = (least <= dampings) & (dampings <= largest)
         changes = np.where(inside, np.hypot(softer, damped).ravel(), math.inf)
@@ -275,13 +276,10 @@ class AdviceSearch:
     def _bounds(self, stiffness: FloatArray) -> dict[str, Bound]:
         bounds = bounds_at(stiffness, self._joint, self._limits, self._circumstances)
         if self._learnt:
-            most = _BELIEVABLE * max(
-                float(self._gains.damping) + self._viscous, damping_floor(self._joint, self._gains)
-            )
             bounds[_LEARNT] = Bound(
                 text=f"it does not answer for gains × {_BELIEVABLE:g}",
                 least=np.full(stiffness.shape, -math.inf),
-                largest=np.full(stiffness.shape, most - self._viscous),
+                largest=np.full(stiffness.shape, _BELIEVABLE * self._before - self._viscous),
             )
         return bounds
 
@@ -310,12 +308,12 @@ class AdviceSearch:
         best *= 1.0 + _SLACK
         stiffness = np.exp(logarithm)
         least, largest = self._within_bounds(stiffness)
-        present, floor = float(self._gains.damping), damping_floor(self._joint, self._gains)
-        before = max(present + self._viscous, floor)
         # No damping further away than this is cheaper; most stiffnesses need more, which is soon seen.
         with np.errstate(all="ignore"):
             room = np.sqrt(best**2 - (logarithm - self._present) ** 2)
-            useful = np.minimum(largest, np.where(np.isfinite(room), before * np.exp(room) - self._viscous, math.inf))
+            useful = np.minimum(
+                largest, np.where(np.isfinite(room), self._before * np.exp(room) - self._viscous, math.inf)
+            )
         hopeful = (least <= useful) & (np.abs(logarithm - self._present) <= best)
         bounded = hopeful & np.isfinite(useful)
         if bounded.any():
@@ -324,9 +322,9 @@ class AdviceSearch:
             return costs, damping
         lowest = np.maximum(least[hopeful], self._needed(stiffness[hopeful]))
         possible = lowest <= largest[hopeful]
-        chosen = np.clip(present, lowest, np.maximum(lowest, largest[hopeful]))
+        chosen = np.clip(float(self._gains.damping), lowest, np.maximum(lowest, largest[hopeful]))
         with np.errstate(all="ignore"):
-            change = np.log(np.maximum(chosen + self._viscous, floor) / before)
+            change = np.log(np.maximum(chosen + self._viscous, self._floor) / self._before)
         damping[hopeful] = chosen
         costs[hopeful] = np.where(possible, np.hypot(logarithm[hopeful] - self._present, change), math.inf)
         return costs, damping

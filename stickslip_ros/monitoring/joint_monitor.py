@@ -312,9 +312,8 @@ class JointMonitor:
         margin = stability_margin(belief.joint, belief.gains, velocity)
         return margin, str(margin.reason or ""), belief
 
-    def _advise(self, belief: Belief, velocity: float) -> Advice | None:
+    def _advise(self, belief: Belief, velocity: float, tracking_error: float, velocity_error: float) -> Advice | None:
         """Advice on the joint as it is believed to be."""
-        tracking_error, velocity_error = self._motion.errors(_RECENT)
         question = AdviceQuestion(
             joint=belief.joint,
             gains=belief.gains,
@@ -339,14 +338,14 @@ class JointMonitor:
         """Everything known of the joint now."""
         velocity, source = self.velocity()
         advice, trial_margin = None, None
+        tracking_error, velocity_error = self._motion.errors(_RECENT)
         margin, reason, belief = self._margin()
         std = probability = math.nan
         if margin is not None and belief is not None:
-            advice = self._advise(belief, velocity)
+            advice = self._advise(belief, velocity, tracking_error, velocity_error)
             std, probability = uncertainty_of(margin, belief, velocity)
             if self.options.trial is not None and belief.gains_known:
                 trial_margin = stability_margin(belief.joint, self.options.trial, velocity)
-        tracking_error, velocity_error = self._motion.errors(_RECENT)
         detector = self._detector.detector
         return Assessment(
             finding=self.finding(),

@@ -138,16 +138,14 @@ class Monitor(Node):
             return
         names = {parameter.name for parameter in parameters}
         for joint in self._joints.values():
-            scale = joint.settings.gain_scale
+            before = joint.settings
             joint.settings = joint_parameters.read(self, joint.name)
             joint.monitor.joint = joint.settings.joint
             joint.monitor.options = monitor_parameters.options(self, joint.settings)
             if any(name.startswith(f"gains.{joint.name}.") for name in names):
                 self._set_gains(joint, joint.settings.gains)
-            elif joint.settings.gain_scale != scale and joint.monitor.gains is not None:
-                factor = joint.settings.gain_scale / scale
-                old = joint.monitor.gains
-                self._set_gains(joint, Gains(**{name: float(value) * factor for name, value in vars(old).items()}))
+            elif joint.settings.gain_scale != before.gain_scale and joint.monitor.gains is not None:
+                self._set_gains(joint, joint.settings.to_si(before.from_si(joint.monitor.gains)))
             if any(name.startswith(f"limits.{joint.name}.") for name in names):
                 joint_parameters.describe_recommended(self, joint.name)
         if "controller" in names:
