@@ -11,6 +11,7 @@ demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
 test: check
+	@sh tools/install_chromium.sh
 	$(BIN)/python -m pytest $(TESTS)
 
 check: $(STAMP)

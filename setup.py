@@ -11,14 +11,20 @@ SHARE = Path("share") / PACKAGE
 
 # The versions of Jazzy, from wheels: for machines without ROS.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"]
+DASK = ["dask", "distributed"]
+PARQUET = ["pyarrow"]
 TEST = [
+    *DASK,
+    *PARQUET,
     "catkin-pkg",
     "colcon-common-extensions",
     "colcon-ros",
     "hypothesis",
+    "mcap-ros2-support",
     "mypy==2.4.1",
     "pytest",
     "ruff==0.17.5",
+    "selenium",
     "types-PyYAML",
 ]
 
@@ -36,7 +42,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "bags/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (str(SHARE), ["package.xml"]),
@@ -45,8 +51,22 @@ setup(
         *shared("examples"),
     ],
     python_requires=">=3.10",
-    install_requires=["matplotlib", "mcap", "numba", "numpy", "pyyaml", "rich", "scipy", "setuptools"],
-    extras_require={"ros": ROS_WHEELS, "test": TEST},
+    install_requires=[
+        "bokeh",
+        "contourpy",
+        "lz4",
+        "matplotlib",
+        "mcap",
+        "numba",
+        "numpy",
+        "pyyaml",
+        "rich",
+        "rosbags",
+        "scipy",
+        "setuptools",
+        "zstandard",
+    ],
+    extras_require={"ros": ROS_WHEELS, "dask": DASK, "parquet": PARQUET, "test": TEST},
     zip_safe=False,
     maintainer="The stickslip_ros developers",
     maintainer_email="stickslip-ros@example.org",

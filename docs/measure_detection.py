@@ -16,6 +16,7 @@ from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import EventKind, simulate
 from stickslip_ros.monitoring.rests import RestDetector
+from stickslip_ros.monitoring.samples import Batch
 
 PUMA = load_joint("puma560_joint1").joint
 COUNT = 2.5e-5
@@ -31,12 +32,11 @@ def measure(damping: float, resolution: float, *, with_velocity: bool = False) -
         references = velocity * np.maximum(time - 0.5, 0.0) + generator.uniform(0, COUNT)
         gains = Gains(stiffness=stiffness * 6.3, damping=damping)
         trajectory = simulate(PUMA, gains, references, np.where(time >= 0.5, velocity, 0.0))
-        unknown = np.full(len(time), np.nan)
-        velocities = trajectory.velocity if with_velocity else unknown
+        velocities = trajectory.velocity if with_velocity else ()
         positions = resolution * np.round(trajectory.position / resolution)
         rests = [
             rest
-            for rest in RestDetector().feed(trajectory.time, positions, velocities, unknown, unknown)
+            for rest in RestDetector().feed(Batch(time=trajectory.time, position=positions, velocity=velocities))
             if rest.direction_before
         ]
         true = [

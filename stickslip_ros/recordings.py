@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import csv
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import environ
 from pathlib import Path
@@ -15,14 +17,27 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.known_joints import config_folder
 from stickslip_ros.monitoring.samples import Batch
 
-# The first column that is there serves; rotation and translation go through the same code.
+# A column's name begins with what it is and ends with its unit; the first kind that is there serves.
 COLUMNS: dict[str, tuple[str, ...]] = {
-    "time": ("time_s",),
-    "position": ("position_rad", "position_m"),
-    "velocity": ("velocity_rad_per_s", "velocity_m_per_s"),
-    "effort": ("effort_nm", "measured_torque_nm", "friction_torque_nm", "commanded_torque_nm", "effort_n"),
-    "reference_position": ("reference_rad", "reference_m"),
-    "reference_velocity": ("reference_velocity_rad_per_s", "reference_velocity_m_per_s"),
+    "time": ("time", "stamp", "t"),
+    "position": ("position", "q", "angle"),
+    "velocity": ("velocity", "qd", "speed"),
+    "effort": ("effort", "measured_torque", "friction_torque", "commanded_torque", "torque", "force"),
+    "reference_position": ("reference", "reference_position", "desired_position"),
+    "reference_velocity": ("reference_velocity", "desired_velocity"),
+}
+_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0}
+_TRANSLATION = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_EFFORT = {"nm": 1.0, "n": 1.0, "mnm": 1e-3}
+_SPEED = {f"{unit}_per_s": factor for unit, factor in (_ROTATION | _TRANSLATION).items()} | {"rpm": math.pi / 30.0}
+UNITS = {
+    "time": _TIME,
+    "position": _ROTATION | _TRANSLATION,
+    "velocity": _SPEED,
+    "effort": _EFFORT,
+    "reference_position": _ROTATION | _TRANSLATION,
+    "reference_velocity": _SPEED,
 }
 FOLDER_VARIABLE = "STICKSLIP_RECORDINGS"
 
@@ -68,27 +83,63 @@ def find_recording(name_or_path: str) -> Path:
     )
 
 
-def load_recording(path: Path) -> Recording:
-    """Read a table of samples of one joint.
+def load_recording(path: Path, named: Mapping[str, tuple[str, str]] | None = None) -> Recording:
+    """Read a table of samples of one joint, in SI units.
+
+    Parameters
+    ----------
+    named : column and unit of a field, where they are not to be found by the column's name; "" for the unit that the
+        name ends with.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read, or has no time or position column.
+        If the file cannot be read, has no time or position column, or a column or unit named is not there.
     """
     try:
         columns = _read_npz(path) if path.suffix == ".npz" else _read_csv(path)
     except (OSError, ValueError, csv.Error) as error:
         raise RecordingError(f"recording {path}: {error}") from error
-    fields = {}
-    for field, names in COLUMNS.items():
-        present = [name for name in names if name in columns]
-        if present:
-            fields[field] = columns[present[0]]
+    fields, translates = {}, False
+    for field in COLUMNS:
+        try:
+            found = _find(field, columns, (named or {}).get(field))
+        except ValueError as error:
+            raise RecordingError(f"recording {path}: {error}") from error
+        if found is not None:
+            name, unit = found
+            fields[field] = columns[name] * UNITS[field][unit]
+            translates = translates or (field == "position" and unit in _TRANSLATION)
         elif field in ("time", "position"):
-            raise RecordingError(f"recording {path}: needs a column {' or '.join(names)}; has {', '.join(columns)}")
-    unit = "rad" if COLUMNS["position"][0] in columns else "m"
-    return Recording(name=path.stem, unit=unit, batch=Batch(**fields))
+            names = " or ".join(f"{COLUMNS[field][0]}_{unit}" for unit in UNITS[field])
+            raise RecordingError(
+                f"recording {path}: needs a column {names}, or one named with --column; has {', '.join(columns)}"
+            )
+    return Recording(name=path.stem, unit="m" if translates else "rad", batch=Batch(**fields))
+
+
+def _find(field: str, columns: Mapping[str, np.ndarray], named: tuple[str, str] | None) -> tuple[str, str] | None:
+    """A field's column and its unit, None if there is none.
+
+    Raises
+    ------
+    ValueError
+        If a column named is not there, or its unit is none of the field's.
+    """
+    units = UNITS[field]
+    if named is not None:
+        name, unit = named
+        if name not in columns:
+            raise ValueError(f"no column {name!r} for {field}; has {', '.join(columns)}")
+        unit = unit or next((one for one in sorted(units, key=len, reverse=True) if name.endswith(f"_{one}")), "")
+        if unit not in units:
+            raise ValueError(f"column {name!r} for {field} needs a unit of {', '.join(units)}, got {unit!r}")
+        return name, unit
+    for kind in COLUMNS[field]:
+        for unit in units:
+            if f"{kind}_{unit}" in columns:
+                return f"{kind}_{unit}", unit
+    return None
 
 
 def _read_csv(path: Path) -> dict[str, np.ndarray]:

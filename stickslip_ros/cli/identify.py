@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from stickslip_ros.bags.reading import read_joint
-from stickslip_ros.cli.margin import number
+from stickslip_ros.as_json import number
+from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.joint_file import UNITS, joint_file_text, write_joint_file

@@ -13,10 +13,20 @@ import sys
 from typing import NoReturn
 
 import stickslip_ros
-from stickslip_ros.cli import demo, figures, identify, margin, recommend, stability_map
+from stickslip_ros.cli import (
+    analyze,
+    convert,
+    demo,
+    figures,
+    identify,
+    margin,
+    recommend,
+    simulate,
+    stability_map,
+)
 from stickslip_ros.errors import StickSlipError
 
-_COMMANDS = (margin, recommend, identify, stability_map, figures, demo)
+_COMMANDS = (margin, recommend, analyze, identify, stability_map, simulate, convert, figures, demo)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -12,12 +12,12 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from stickslip_ros.as_json import margin_json
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import KnownJoint, load_joint
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.margin import StabilityMargin, change_factors, lowest_smooth_velocity, stability_margin
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.margin import change_factors
 
 _FRICTION = {
     "stribeck": "F_s∞, static friction in excess of Coulomb friction [N·m]",
@@ -75,36 +75,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print(result, joint, gains, velocity)
     return 0
-
-
-def margin_json(joint: Joint, gains: Gains, velocity: float, conditions: Conditions | None = None) -> dict[str, Any]:
-    """The margin as the JSON object of `margin` and `analyze`; null for what is not applicable or infinite."""
-    margin: StabilityMargin = stability_margin(joint, gains, velocity)
-    exact = exact_verdict(joint, gains, velocity, conditions)
-    lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
-    return {
-        "applicable": margin.applicable,
-        "reason": margin.reason,
-        "smooth": margin.smooth if margin.applicable else None,
-        "energy_margin": number(margin.energy_margin),
-        "damping_ratio": number(margin.damping_ratio),
-        "critical_damping_ratio": number(margin.critical_damping_ratio),
-        "reduction_factor": number(margin.reduction_factor),
-        "steady_stribeck": number(margin.steady_stribeck),
-        "lowest_smooth_velocity": number(lowest),
-        "exact": {
-            "smooth": exact.smooth,
-            "reason": exact.reason,
-            "critical_damping_ratio": number(exact.critical_damping_ratio),
-            "lowest_smooth_velocity": number(exact.lowest_smooth_velocity),
-            "least_smooth_stiffness": number(exact.least_smooth_stiffness),
-        },
-    }
-
-
-def number(value: Any) -> float | None:
-    """A number that JSON can hold, or None."""
-    return float(value) if math.isfinite(float(value)) else None
 
 
 def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:

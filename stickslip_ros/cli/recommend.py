@@ -14,7 +14,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from stickslip_ros.cli.margin import add_joint_arguments, joint_from, margin_json, number
+from stickslip_ros.as_json import margin_json, recommendation_json
+from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.controlled import Conditions
@@ -137,48 +138,6 @@ def what_if(text: str, gains: Gains) -> Gains:
     if not all(math.isfinite(value) for value in changes.values()):
         raise InvalidParameterError("--what-if", "of finite gains", text)
     return replace(gains, **changes)
-
-
-def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = ()) -> dict[str, Any]:
-    """The advice as in the JSON of `analyze`, and more; null for what is not there, unknown or infinite."""
-    obstruction = advice.obstruction
-    best = obstruction.best if obstruction is not None else None
-    return {
-        **_variant_json(advice[Kind.LEAST_CHANGE]),
-        "keep": advice.keep,
-        "condition": advice.condition.value,
-        "velocity": number(advice.velocity),
-        "gains_known": advice.gains_known,
-        "lowest_smooth_velocity": number(advice.slowest_smooth_velocity),
-        "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
-        "obstruction": None
-        if obstruction is None
-        else {
-            "bounds": list(obstruction.bounds),
-            "together": obstruction.together,
-            "best_stiffness": None if best is None else number(best.stiffness),
-            "best_damping": None if best is None else number(best.damping),
-            "best_reserve": number(obstruction.reserve),
-        },
-        "sensitivities": {
-            one.parameter: {"elasticity": number(one.elasticity), "factor": number(one.factor)} for one in found
-        },
-    }
-
-
-def _variant_json(variant: Variant) -> dict[str, Any]:
-    return {
-        "stiffness": number(variant.stiffness),
-        "damping": number(variant.damping),
-        "energy_margin": number(variant.energy_margin),
-        "reserve": number(variant.reserve),
-        "exactly_smooth": variant.exactly_smooth,
-        "slides_steadily": variant.slides_steadily,
-        "stiffness_factor": number(variant.stiffness_factor),
-        "damping_factor": number(variant.damping_factor),
-        "change": number(variant.change),
-        "reason": variant.reason,
-    }
 
 
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, gains: Gains) -> None:

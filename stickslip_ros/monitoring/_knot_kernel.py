@@ -50,8 +50,9 @@ KNOT_COLUMNS = 8
     VELOCITY_1,
     VELOCITY_2,  # the two previous measured velocities, the latest first
     SLOWEST_VELOCITY,  # measured since the last knot
-) = range(27)
-STATE_SIZE = 27
+    REPLAYED,  # of the first block, which waits to be measured, the samples taken
+) = range(28)
+STATE_SIZE = 28
 
 SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
 _REVERSALS_KEPT = 27  # of the 30 of a block; the largest are left out as impulses
@@ -226,62 +227,35 @@ def close_spell(state, knots):
 
 
 @njit(cache=True)
-def scan(
-    start,
-    times,
-    positions,
-    velocities,
-    travels,
-    efforts,
-    block,
-    state,
-    smallest,
-    noises,
-    velocity_block,
-    velocity_state,
-    velocity_smallest,
-    velocity_noises,
-    knots,
-):
-    """Take samples from ``start`` until a spell is complete or the samples end.
+def take(count, sample, state, knots):
+    """Take sample number ``count``; True if it completes a spell.
 
-    Returns the index of the next sample, and whether a spell is complete; its longest gap stands in the
-    state (``LONGEST_GAP``), its surroundings in the ring of knots.
+    ``sample`` is time, position, velocity, travel of the reference and effort. The longest gap of a completed spell
+    stands in the state (``LONGEST_GAP``), its surroundings in the ring of knots.
     """
-    for i in range(start, times.shape[0]):
-        count = int(state[SAMPLES])
-        block[count % BLOCK] = positions[i]
-        velocity_block[count % BLOCK] = velocities[i]
-        state[SAMPLES] = count + 1
-        if (count + 1) % BLOCK == 0:
-            measure_block(block, state, smallest, noises)
-            if np.isfinite(velocity_block).all():
-                measure_block(velocity_block, velocity_state, velocity_smallest, velocity_noises)
-        # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
-        raw = positions[i]
-        position = _median(raw, state[MEDIAN_1], state[MEDIAN_2]) if count >= 2 else state[MEDIAN_1]
-        time, reference, effort = state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT]
-        state[MEDIAN_2], state[MEDIAN_1] = state[MEDIAN_1], raw
-        state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT] = times[i], travels[i], efforts[i]
-        if count == 0:
-            continue
-        complete = False
-        if state[HEAD] == 0.0:
-            _set_knot(time, position, 0.0, reference, effort, state, knots)
-            state[SIGN] = 0.0
-        else:
-            step = position - state[LEVEL]
-            same = step * state[SIGN] >= 0.0
-            needed = state[BAND] if same else 2.0 * state[BAND]
-            if abs(step) >= needed * (1.0 - 1e-6):
-                _set_knot(time, position, step, reference, effort, state, knots)
-                complete = _follow_spell(state, knots)
-        # The slowest that a velocity sensor saw since the last knot, impulses left out.
-        pace = abs(_median(velocities[i], state[VELOCITY_1], state[VELOCITY_2])) if count >= 2 else np.nan
-        state[VELOCITY_2], state[VELOCITY_1] = state[VELOCITY_1], velocities[i]
-        if not pace >= state[SLOWEST_VELOCITY]:
-            state[SLOWEST_VELOCITY] = pace
-        state[LAST_TIME], state[LAST_REFERENCE], state[LAST_EFFORT] = time, reference, effort
-        if complete:
-            return i + 1, True
-    return times.shape[0], False
+    # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
+    raw, pace_now = sample[1], sample[2]
+    position = _median(raw, state[MEDIAN_1], state[MEDIAN_2]) if count >= 2 else state[MEDIAN_1]
+    time, reference, effort = state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT]
+    state[MEDIAN_2], state[MEDIAN_1] = state[MEDIAN_1], raw
+    state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT] = sample[0], sample[3], sample[4]
+    if count == 0:
+        return False
+    complete = False
+    if state[HEAD] == 0.0:
+        _set_knot(time, position, 0.0, reference, effort, state, knots)
+        state[SIGN] = 0.0
+    else:
+        step = position - state[LEVEL]
+        same = step * state[SIGN] >= 0.0
+        needed = state[BAND] if same else 2.0 * state[BAND]
+        if abs(step) >= needed * (1.0 - 1e-6):
+            _set_knot(time, position, step, reference, effort, state, knots)
+            complete = _follow_spell(state, knots)
+    # The slowest that a velocity sensor saw since the last knot, impulses left out.
+    pace = abs(_median(pace_now, state[VELOCITY_1], state[VELOCITY_2])) if count >= 2 else np.nan
+    state[VELOCITY_2], state[VELOCITY_1] = state[VELOCITY_1], pace_now
+    if not pace >= state[SLOWEST_VELOCITY]:
+        state[SLOWEST_VELOCITY] = pace
+    state[LAST_TIME], state[LAST_REFERENCE], state[LAST_EFFORT] = time, reference, effort
+    return complete

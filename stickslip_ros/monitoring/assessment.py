@@ -63,7 +63,7 @@ class Assessment:
     finding : what the motion shows.
     time : of the last sample [s], NaN before any.
     velocity : commanded velocity, or the mean one where no reference is known [rad/s].
-    velocity_source : "reference", "mean motion" or "".
+    velocity_source : "reference", "mean motion", "given" or "".
     gains : the controller's gains, None if unknown.
     margin : what Eq. (43) predicts, None if joint or gains are unknown.
     margin_reason : why there is no margin, or it does not apply; "" if it does.

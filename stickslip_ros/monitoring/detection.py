@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.monitoring.rests import Rest, RestDetector, Samples
+from stickslip_ros.monitoring.rests import Rest
 
 _DRIVEN_SHARE = 0.1  # of the mean speed of the cycle: how fast the reference must go on during a rest
 _LEAST_STEP = 0.2  # of the way that the reference goes during the next rest
@@ -67,13 +67,9 @@ class Cycle:
 
 
 class CycleDetector:
-    """Finds stick-slip cycles in a stream of samples.
-
-    ``detector`` is the detector of rests below; its resolution, noise and open rest are of use to others.
-    """
+    """Finds stick-slip cycles in a sequence of rests."""
 
     def __init__(self) -> None:
-        self.detector = RestDetector()
         self.last_rest: Rest | None = None
         self._closed: Rest | None = None
         self._way = 0.0
@@ -82,25 +78,16 @@ class CycleDetector:
         self._confirmed = False
         self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
 
-    def feed(
-        self, times: Samples, positions: Samples, velocities: Samples, travels: Samples, efforts: Samples
-    ) -> list[Cycle]:
-        """Take samples (see :meth:`RestDetector.feed`) and return the cycles that are now certain, oldest first."""
-        cycles: list[Cycle] = []
-        for rest in self.detector.feed(times, positions, velocities, travels, efforts):
-            cycles += self._take(rest)
-        return cycles
-
-    def finish(self) -> list[Cycle]:
-        """The cycle that ended in a rest which still lasts, if the samples end there."""
-        rest = self.detector.unfinished_rest()
+    def finish(self, rest: Rest | None) -> list[Cycle]:
+        """The cycle that ended in a rest which still lasts (None if there is none), where the samples end there."""
         if rest is None or self._closed is not None:
             return []
-        cycles = self._take(rest)
+        cycles = self.take(rest)
         self._closed = rest
         return cycles
 
-    def _take(self, rest: Rest) -> list[Cycle]:
+    def take(self, rest: Rest) -> list[Cycle]:
+        """Take the next rest and return the cycles that are now certain, oldest first."""
         before, self.last_rest = self.last_rest, rest
         closed, self._closed = self._closed, None
         if before is None or (closed is not None and rest.arrest < closed.breakaway):

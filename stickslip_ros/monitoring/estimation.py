@@ -232,10 +232,12 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     return assess(*solved, configured=configured is not None) if solved else None
 
 
-def solve(windows: list[SlipWindow], configured: Joint | None) -> tuple[SlipProblem, Solution] | None:
-    """The problem that slips pose, and its solution; None if nothing fits."""
+def solve(
+    windows: list[SlipWindow], configured: Joint | None, start: FloatArray | None = None
+) -> tuple[SlipProblem, Solution] | None:
+    """The problem that slips pose, and its solution, perhaps next to a start; None if nothing fits."""
     problem = SlipProblem(windows)
-    solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised))
+    solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised), start)
     return (problem, solution) if solution is not None else None
 
 

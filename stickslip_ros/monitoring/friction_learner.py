@@ -18,6 +18,7 @@ from scipy.linalg import LinAlgError
 
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import (
     NAMES,
     FrictionEstimate,
@@ -30,14 +31,17 @@ from stickslip_ros.monitoring.estimation import (
 )
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_fit import Prior, SlipEvidence, SlipFit, Tolerances, evidence
-from stickslip_ros.monitoring.slip_problem import LEVEL, RISE_TIME, STRIBECK, SlipProblem, follows_on
+from stickslip_ros.monitoring.slip_problem import LEVEL, PARAMETERS, RISE_TIME, STRIBECK, SlipProblem, follows_on
 from stickslip_ros.monitoring.slip_search import Solution
 from stickslip_ros.monitoring.slip_windows import SlipWindow
 
 _KEPT = 64
 _FIRST_STUDY = 4
-_LATER_STUDIES = 1.6  # times as many slips as the last one had
-_OFTEN_ENOUGH = 48  # slips between studies once there are many
+_LATER_STUDIES = 2.5  # times as many slips as there were at the last one
+_SHAPE_IS_KNOWN = 4  # slips studied, from which on a study begins where the last one ended
+_EVERY_SLIP = 48  # slips, from which on those that are like the last one are learnt from only now and then
+_NOW_AND_THEN = 5.0  # [s]
+_LIKE = 0.15  # relative difference of two slips that are alike
 _LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
 _STRANGE = 9.0  # mean square of a slip's residuals that the friction known does not explain
 _FORCE_STRANGE = 6.0  # standard deviations of the kinetic friction
@@ -69,9 +73,24 @@ class Learnt:
     widening: FloatArray
 
 
-def study(windows: list[SlipWindow], configured: Joint | None = None) -> Learnt | None:
-    """Fit slips from no guess at all; None if nothing fits them. Pure, so it may run in another thread."""
-    solved = solve(windows, configured)
+@dataclass(frozen=True, kw_only=True)
+class StudyQuestion:
+    """What a study is made of.
+
+    Attributes
+    ----------
+    windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
+    """
+
+    windows: list[SlipWindow]
+    configured: Joint | None = None
+    start: FloatArray | None = None
+
+
+def study(question: StudyQuestion) -> Learnt | None:
+    """Fit slips, from no guess at all if need be; None if nothing fits them. Pure: it may run in another process."""
+    windows, configured = question.windows, question.configured
+    solved = solve(windows, configured, question.start)
     if solved is None:
         return None
     problem, solution = solved
@@ -108,10 +127,15 @@ def _remains(fit: SlipFit) -> float:
 class FrictionLearner:
     """Learns one joint's friction.
 
+    While a study is due or under way the slips that come after it wait for its result, so that what is learnt does
+    not depend on how long studies take.
+
     Parameters
     ----------
     configured : prior, or None.
     memory : slips after which what they said has faded to a third.
+
+    ``skipped`` counts slips that waited in vain because studies took too long.
     """
 
     def __init__(self, configured: Joint | None = None, memory: float = 100.0) -> None:
@@ -126,42 +150,83 @@ class FrictionLearner:
         self._changed_at = math.nan
         self._seen = 0
         self._studied = 0
+        self._last: Cycle | None = None
+        self._due: StudyQuestion | None = None
+        self._under_way = False
+        self._waiting: deque[SlipWindow] = deque()
+        self.skipped = 0
+
+    def wants(self, cycle: Cycle) -> bool:
+        """Whether there is something to learn from a slip: not if many like it came before, and one just now."""
+        last = self._last
+        news = (
+            last is None
+            or self._seen < _EVERY_SLIP
+            or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
+            or any(
+                abs(float(getattr(cycle, name)) - float(getattr(last, name))) > _LIKE * abs(float(getattr(last, name)))
+                for name in ("slip_distance", "slip_duration", "dwell")
+            )
+        )
+        if news:
+            self._last = cycle
+        return news
 
     def take(self, window: SlipWindow) -> None:
         """Learn from a slip, in bounded time."""
+        if self._due is None:
+            self._learn(window)
+            return
+        self._waiting.append(window)
+        if len(self._waiting) > _KEPT:
+            self._waiting.popleft()
+            self.skipped += 1
+
+    def _learn(self, window: SlipWindow) -> None:
         self._seen += 1
         self._windows.append(window)
         if self._state is not None and not self._state.estimate.normalised:
             self._update(window)
+        if self._seen >= max(_FIRST_STUDY, _LATER_STUDIES * self._studied):
+            chosen = best_known(list(self._windows))
+            if len(chosen) >= _FIRST_STUDY:
+                self._due = StudyQuestion(windows=chosen, configured=self.configured, start=self._start(chosen))
+                self._studied = self._seen
 
-    def wanted_study(self) -> list[SlipWindow] | None:
-        """The slips to study, if a study is due; pass what :func:`study` makes of them to :meth:`adopt`."""
-        due = max(_FIRST_STUDY, min(_LATER_STUDIES * self._studied, self._studied + _OFTEN_ENOUGH))
-        if self._seen < due:
+    def _start(self, windows: list[SlipWindow]) -> FloatArray | None:
+        """Parameters from which a study of these slips may begin, once enough were studied to be sure of the shape."""
+        state = self._state
+        if state is None or self._studied < _SHAPE_IS_KNOWN or not state.estimate.usable:
             return None
-        chosen = best_known(list(self._windows))
-        if len(chosen) < _FIRST_STUDY:
+        return state.parameters[:PARAMETERS] if windows[-1].source is state.last_window.source else None
+
+    def wanted_study(self) -> StudyQuestion | None:
+        """What to study, if a study is due; pass what :func:`study` makes of it to :meth:`adopt`."""
+        if self._due is None or self._under_way:
             return None
-        self._studied = self._seen
-        return chosen
+        self._under_way = True
+        return self._due
 
     def adopt(self, learnt: Learnt | None) -> None:
-        """Take over a study's result; slips that came meanwhile are in the next."""
-        if learnt is None or learnt.last_window.breakaway < self._changed_at:
+        """Take over a study's result, or None if it found nothing or failed; then the slips that waited for it.
+
+        What was begun before a reset comes to nothing.
+        """
+        if not self._under_way:
             return
-        better = self.estimate is not None and self.estimate.usable
-        if better and not learnt.estimate.usable:
-            return
-        self._state, self.estimate = learnt, learnt.estimate
-        if self._before_change is not None and not learnt.estimate.mismatch:
-            self.notice = _difference(self._before_change, learnt.estimate, self._changed_at)
-            self._before_change = None
+        self._due, self._under_way = None, False
+        if learnt is not None and not (self.estimate is not None and self.estimate.usable > learnt.estimate.usable):
+            self._state, self.estimate = learnt, learnt.estimate
+            if self._before_change is not None and not learnt.estimate.mismatch:
+                self.notice = _difference(self._before_change, learnt.estimate, self._changed_at)
+                self._before_change = None
+        while self._waiting and self._due is None:
+            self._learn(self._waiting.popleft())
 
     def study_now(self) -> None:
-        """Study here, if a study is due."""
-        windows = self.wanted_study()
-        if windows:
-            self.adopt(study(windows, self.configured))
+        """Study here what is due."""
+        while (question := self.wanted_study()) is not None:
+            self.adopt(study(question))
 
     def reset(self) -> None:
         """Forget everything."""

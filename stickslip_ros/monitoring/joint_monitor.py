@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring import _motion_kernel as kernel
 from stickslip_ros.monitoring.advice_limits import Circumstances, Condition
 from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
@@ -21,27 +23,37 @@ from stickslip_ros.monitoring.detection import Cycle, CycleDetector
 from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.friction_learner import FrictionLearner
 from stickslip_ros.monitoring.motion import MotionRecord
-from stickslip_ros.monitoring.samples import Batch, SampleBuffer, SampleFilter
+from stickslip_ros.monitoring.rests import RestDetector
+from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer, SampleFilter
 from stickslip_ros.monitoring.slip_windows import slip_window
 from stickslip_ros.monitoring.status import Finding, Segment, Status
 
-_PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
-_PERIODS_AT_REST = 4.0  # a dwell may last so many periods before the joint is called at rest
-_CYCLES_FOR_STICK_SLIP = 2
-_LEAST_KNOTS = 20
 _RECENT_CYCLES = 5
-_DIP_AT_RISK = 0.2  # of the mean speed
 _SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
 _RECENT = 1.0  # [s] over which the largest errors are taken
 _NOW = 0.1  # [s] over which the present velocity is taken
-_SLICE = 0.05  # [s] how finely findings are dated within a batch
+_REMEMBERED = 50.0  # [s] before now, from which a slip is learnt
+_LONGEST_PART = 8.0  # [s] of samples that are followed at once; shorter than what the buffer holds beyond that
+_SEGMENTS_KEPT = 10_000
+_TRAVELLED = 10.0  # bands, from which on a reference has left a joint at rest behind
+
+_STATUS_OF = {
+    kernel.TOO_FEW: Status.NOT_JUDGED,
+    kernel.STICKS: Status.STICK_SLIP,
+    kernel.AT_REST: Status.AT_REST,
+    kernel.REVERSING: Status.NOT_JUDGED,
+    kernel.TOO_SHORT: Status.NOT_JUDGED,
+    kernel.DIPS: Status.AT_RISK,
+    kernel.MOVES: Status.SMOOTH,
+}
 
 
 class JointMonitor:
     """Watches one joint, and learns its friction from slips.
 
     Learning from a slip takes milliseconds; a study of many, from which learning begins, seconds. Studies are
-    made by :meth:`learn`, or elsewhere with the means of ``learner``.
+    made as soon as they are due if ``studies_at_once``, else by :meth:`learn`, or elsewhere with the means of
+    ``learner``; what is learnt is the same.
 
     Parameters
     ----------
@@ -49,6 +61,7 @@ class JointMonitor:
     gains : the controller's, or None if unknown.
     options : defaults to MonitorOptions().
     adviser : answers questions for advice, or returns None as long as it is at work; by default it answers at once.
+    segments_kept : the latest ones; None for all.
     """
 
     def __init__(
@@ -57,10 +70,14 @@ class JointMonitor:
         gains: Gains | None = None,
         options: MonitorOptions | None = None,
         adviser: Adviser | None = None,
+        *,
+        studies_at_once: bool = False,
+        segments_kept: int | None = _SEGMENTS_KEPT,
     ) -> None:
         self.options = options or MonitorOptions()
         self._joint = joint
         self._gains = gains
+        self._studies_at_once = studies_at_once
         self.learner = FrictionLearner(joint, self.options.memory)
         self._gains_since = -math.inf
         self._belief: Belief | None = None
@@ -70,7 +87,7 @@ class JointMonitor:
         self._adviser = adviser or CachingAdviser()
         self._advice: Advice | None = None
         self.cycle_count = 0
-        self.segments: deque[Segment] = deque(maxlen=10_000)
+        self.segments: deque[Segment] = deque(maxlen=segments_kept)
         self._begin()
 
     @property
@@ -100,12 +117,11 @@ class JointMonitor:
 
     def _begin(self) -> None:
         """Forget the motion seen so far, not what is known of the joint."""
-        self._detector = CycleDetector()
+        self._rests = RestDetector()
+        self._cycles = CycleDetector()
         self._samples = SampleBuffer()
-        self._motion = MotionRecord()
+        self._motion = MotionRecord(self.options.least_motion)
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
-        self._open_rest: float | None = None
-        self._rested_at = -math.inf
 
     def reset(self) -> None:
         """Forget everything that was learnt from the motion."""
@@ -123,14 +139,14 @@ class JointMonitor:
     @property
     def resolution(self) -> float:
         """Of the position [rad]."""
-        return self._detector.detector.resolution
+        return self._rests.resolution
 
     def recent(self, duration: float) -> Batch | None:
         """The samples of the last seconds, at most a minute; None if there are none."""
         return self._samples.between(self._motion.last_time - duration, self._motion.last_time)
 
     def process(self, batch: Batch) -> list[Cycle]:
-        """Take samples and return the cycles that they complete, oldest first."""
+        """Take samples and return the cycles that they complete, oldest first; how they are batched is no matter."""
         cycles: list[Cycle] = []
         for restart, piece in self._filter.split(batch):
             for number, part in enumerate(_without_silences(piece)):
@@ -138,153 +154,162 @@ class JointMonitor:
                 if begins and math.isfinite(self._motion.last_time):
                     cycles += self.finish()
                     self._begin()
-                cycles += self._follow(part)
+                for short in _short_parts(part):
+                    cycles += self._follow(short)
         return cycles
 
     def finish(self) -> list[Cycle]:
         """Return the cycle that ended in the present rest: call when no more samples come."""
-        cycles = self._detector.finish()
-        self._recent.extend(cycles)
-        self.cycle_count += len(cycles)
+        cycles = self._cycles.finish(self._rests.unfinished_rest())
+        self._note(cycles)
+        self._rests.close_slice(self._motion)
+        self._take_slices()
         return cycles
 
     def _follow(self, batch: Batch) -> list[Cycle]:
-        """Feed the detector in slices that do not depend on how the samples were batched."""
         cycles: list[Cycle] = []
-        slices = np.floor(batch.time / _SLICE)
-        for indices in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(slices)) + 1):
-            part = batch.where(slice(int(indices[0]), int(indices[-1]) + 1))
-            travels = self._motion.take(part)
-            self._samples.add(part)
-            found = self._detector.feed(part.time, part.position, part.velocity, travels, part.effort)
+        self._samples.add(batch)
+        self._motion.window = self.options.least_motion
+        self._note([])
+        for rest in self._rests.feed(batch, self._motion):
+            found = self._cycles.take(rest)
+            if found:
+                # What was closed before was judged by what was known before.
+                self._take_slices()
             for cycle in found:
                 self._learn_from(cycle)
-            self._recent.extend(found)
-            self.cycle_count += len(found)
+            self._note(found)
             cycles += found
-            self._motion.follow_direction(self._detector.detector)
-            self._open_rest = self._detector.detector.open_rest()
-            if self._open_rest is not None:
-                self._rested_at = self._motion.last_time
-            self._extend_segments(part)
+        self._take_slices()
         return cycles
+
+    def _note(self, cycles: list[Cycle]) -> None:
+        """Let the judgement know the cycles found, and what follows from them."""
+        self._recent.extend(cycles)
+        self.cycle_count += len(cycles)
+        state, rest = self._motion.state, self._cycles.last_rest
+        state[kernel.CYCLES] = len(self._recent)
+        # The median, because a long smooth stretch between two rests makes a long cycle too.
+        state[kernel.PERIOD] = float(np.median([cycle.period for cycle in self._recent])) if self._recent else math.nan
+        state[kernel.LAST_ARREST] = self._recent[-1].arrest if self._recent else math.nan
+        state[kernel.LAST_BREAKAWAY] = rest.breakaway if rest else math.nan
+        state[kernel.NEEDED] = self._needed_motion()
 
     def _learn_from(self, cycle: Cycle) -> None:
         """Let the learner see one slip, if gains and reference were what they are throughout."""
         rest_begin = cycle.breakaway - cycle.dwell
-        if not self.options.learn or cycle.hunting or self._gains_since > rest_begin:
+        if not self.options.learn or cycle.hunting or self._gains_since > rest_begin or not self.learner.wants(cycle):
             return
-        samples = self._samples.between(
-            cycle.breakaway - min(cycle.dwell, max(2.0 * cycle.slip_duration, 1.0)), cycle.arrest + cycle.dwell
-        )
-        detector = self._detector.detector
+        now = self._motion.last_time
+        begin = cycle.breakaway - min(cycle.dwell, max(2.0 * cycle.slip_duration, 1.0))
+        samples = self._samples.between(max(begin, now - _REMEMBERED), min(cycle.arrest + cycle.dwell, now))
         if samples is not None:
-            window = slip_window(samples, cycle, self._gains, resolution=detector.resolution, noise=detector.noise)
+            window = slip_window(
+                samples, cycle, self._gains, resolution=self._rests.resolution, noise=self._rests.noise
+            )
             if window is not None:
                 self.learner.memory = self.options.memory
                 self.learner.take(window)
+                if self._studies_at_once:
+                    self.learner.study_now()
 
-    def _extend_segments(self, batch: Batch) -> None:
-        status = self.finding().status
-        start, end = float(batch.time[0]), float(batch.time[-1])
+    def _take_slices(self) -> None:
+        """Turn the slices of time closed since the last call into segments of one status each."""
+        rows = self._motion.closed()
+        if not len(rows):
+            return
+        codes = rows[:, kernel.CODE].astype(int)
+        thin = np.zeros(len(rows), dtype=bool)
+        moves = np.flatnonzero(codes == kernel.MOVES)
+        if len(moves):
+            reserves, _ = self._damping_reserves(rows[moves, kernel.VELOCITY])
+            thin[moves] = reserves < self.options.warn_margin
+        codes[thin] = kernel.DIPS
+        silent = rows[1:, kernel.BEGIN] - rows[:-1, kernel.END] >= _SILENCE
+        edges = [0, *(np.flatnonzero(np.diff(codes).astype(bool) | silent) + 1).tolist(), len(rows)]
+        for begin, end in pairwise(edges):
+            self._extend_segments(rows[begin:end], _STATUS_OF[int(codes[begin])])
+
+    def _extend_segments(self, rows: FloatArray, status: Status) -> None:
+        start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
+        way = float(rows[:, kernel.MOVED].sum())
         if self.segments and self.segments[-1].status is status and start - self.segments[-1].end < _SILENCE:
             last = self.segments.pop()
-            way = last.velocity * (last.end - last.start) + self._motion.last_way
+            way += last.velocity * (last.end - last.start)
             start = last.start
-        else:
-            way = self._motion.last_way
         velocity = way / (end - start) if end > start else 0.0
         self.segments.append(Segment(start=start, end=end, status=status, velocity=velocity))
 
     def finding(self) -> Finding:
         """What the motion shows at the last sample."""
-        detector, now = self._detector.detector, self._motion.last_time
-        if not math.isfinite(now):
+        if not math.isfinite(self._motion.last_time):
             missing = "; ".join(self._filter.dropped) or "no samples yet"
             return Finding(status=Status.UNKNOWN, reason=missing)
-        if not detector.ready:
-            return Finding(status=Status.NOT_JUDGED, reason="too few samples")
-        if self._sticks(now):
-            return Finding(status=Status.STICK_SLIP, reason=HUNTING if self._recent[-1].hunting else "")
-        rest_since = self._open_rest
-        if rest_since is not None or detector.knots <= 1:
-            return self._at_rest(rest_since if rest_since is not None else self._motion.first_time, now)
-        moving_for = now - max(self._motion.turned, self._motion_began())
-        needed = self._needed_motion()
-        if moving_for < needed or detector.knots < _LEAST_KNOTS:
-            if self._motion.turned > self._motion_began():
-                return Finding(status=Status.NOT_JUDGED, reason="reversing")
-            return Finding(status=Status.NOT_JUDGED, reason=f"too short a motion: {moving_for:.2f} s of {needed:.2f} s")
-        return self._smooth(needed)
+        self._note([])
+        code, first, second = self._rests.judge(self._motion)
+        return self._in_words(code, first, second)
 
-    def _sticks(self, now: float) -> bool:
-        """Whether stick-slip cycles go on."""
-        if len(self._recent) < _CYCLES_FOR_STICK_SLIP:
-            return False
-        # The median, because a long smooth stretch between two rests makes a long cycle too.
-        period = float(np.median([cycle.period for cycle in self._recent]))
-        # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
-        since = max(self._recent[-1].arrest, self._last_breakaway())
-        patience = _PERIODS_TO_TRUST if self._open_rest is None else _PERIODS_AT_REST
-        return now - since <= patience * period
-
-    def _at_rest(self, since: float, now: float) -> Finding:
-        travel = self._motion.reference_travel_since(since)
-        if travel > 10.0 * self._detector.detector.band:
-            return Finding(
-                status=Status.AT_REST,
-                reason=f"stuck for {now - since:.1f} s while the reference moved by {travel:.3g} rad",
-            )
-        return Finding(status=Status.AT_REST)
-
-    def _last_breakaway(self) -> float:
-        last_rest = self._detector.last_rest
-        return last_rest.breakaway if last_rest else self._motion.first_time
-
-    def _motion_began(self) -> float:
-        # A rest is known in full only some time after its end.
-        return max(self._last_breakaway(), self._rested_at)
+    def _in_words(self, code: int, first: float, second: float) -> Finding:
+        reason, status = "", _STATUS_OF[code]
+        if code == kernel.TOO_FEW:
+            reason = "too few samples"
+        elif code == kernel.STICKS:
+            reason = HUNTING if self._recent[-1].hunting else ""
+        elif code == kernel.AT_REST and second > _TRAVELLED * self._rests.band:
+            reason = f"stuck for {first:.1f} s while the reference moved by {second:.3g} rad"
+        elif code == kernel.REVERSING:
+            reason = "reversing"
+        elif code == kernel.TOO_SHORT:
+            reason = f"too short a motion: {first:.2f} s of {second:.2f} s"
+        elif code == kernel.DIPS:
+            reason = f"the speed falls to {100 * first:.0f} % of its mean"
+        elif code == kernel.MOVES:
+            reserve, source = self._damping_reserve()
+            if reserve < self.options.warn_margin:
+                status, reason = Status.AT_RISK, f"damping reserve {100 * reserve:.0f} % {source}"
+        return Finding(status=status, reason=reason)
 
     def _needed_motion(self) -> float:
         """How long motion without a rest must last before it is called smooth [s]."""
         needed = self.options.least_motion
         if self._recent:
-            needed = max(needed, _PERIODS_TO_TRUST * float(np.median([cycle.period for cycle in self._recent])))
+            needed = max(needed, kernel.PERIODS_TO_TRUST * float(np.median([cycle.period for cycle in self._recent])))
         elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
             natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
-            needed = max(needed, _PERIODS_TO_TRUST * natural_period)
+            needed = max(needed, kernel.PERIODS_TO_TRUST * natural_period)
         return needed
 
-    def _smooth(self, window: float) -> Finding:
-        # The start from rest is no dip.
-        since = max(self._motion.last_time - window, self._motion_began() + 0.25 * window)
-        dip = self._detector.detector.slowest_share(since)
-        if dip < _DIP_AT_RISK:
-            return Finding(status=Status.AT_RISK, reason=f"the speed falls to {100 * dip:.0f} % of its mean")
-        reserve, source = self._damping_reserve()
-        if reserve < self.options.warn_margin:
-            return Finding(status=Status.AT_RISK, reason=f"damping reserve {100 * reserve:.0f} % {source}")
-        return Finding(status=Status.SMOOTH)
-
     def _damping_reserve(self) -> tuple[float, str]:
-        """Relative damping reserve ρ/ρ_c − 1 by the condition chosen, and which it is; infinite if it is not known."""
+        """Relative damping reserve ρ/ρ_c − 1 now, and by which condition; infinite if it is not known."""
+        velocity, _ = self.velocity()
+        reserves, source = self._damping_reserves(np.array([velocity]))
+        return float(reserves[0]), source
+
+    def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, str]:
+        """Relative damping reserves at velocities [rad/s], and by which condition; infinite where not known."""
+        reserves = np.full(len(velocities), np.inf)
         if self.options.limits.condition is Condition.EXACT:
             # Worked out with the advice, if at all: an integration is too long for every batch of samples.
-            known = self._advice is not None and math.isfinite(self._advice.recommendation.reserve)
-            return (self._advice.recommendation.reserve if known and self._advice else math.inf), "exactly"
-        margin, _, _ = self._margin()
-        if margin is None or not margin.applicable:
-            return math.inf, ""
-        critical = float(margin.critical_damping_ratio)
-        return (float(margin.damping_ratio) / critical - 1.0 if critical > 0 else math.inf), "by Eq. (43)"
+            if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
+                reserves[:] = self._advice.recommendation.reserve
+            return reserves, "exactly"
+        belief, _ = self._believe()
+        known = np.isfinite(velocities)
+        if belief is not None and known.any():
+            margin = stability_margin(belief.joint, belief.gains, velocities[known])
+            critical = np.asarray(margin.critical_damping_ratio)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = np.asarray(margin.damping_ratio) / critical - 1.0
+            reserves[known] = np.where(np.asarray(margin.applicable) & (critical > 0), found, np.inf)
+        return reserves, "by Eq. (43)"
 
     def velocity(self) -> tuple[float, str]:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
-        window = self.options.least_motion
-        reference = self._motion.reference_velocity(window)
+        window = self._motion.window = self.options.least_motion
+        reference = self._motion.reference_velocity()
         if math.isfinite(reference):
             return reference, "reference"
-        if self._sticks(self._motion.last_time):
+        if self._rests.judge(self._motion)[0] == kernel.STICKS:
             cycles = list(self._recent)
             way = sum(cycle.slip_distance for cycle in cycles)
             return way / sum(cycle.period for cycle in cycles), "mean motion"
@@ -302,12 +327,11 @@ class JointMonitor:
         self._basis = basis
         return self._belief, self._disbelief
 
-    def _margin(self) -> tuple[StabilityMargin | None, str, Belief | None]:
+    def _margin(self, velocity: float) -> tuple[StabilityMargin | None, str, Belief | None]:
         belief, reason = self._believe()
         if belief is None:
             return None, reason, None
-        velocity, source = self.velocity()
-        if not source:
+        if not math.isfinite(velocity):
             return None, "the commanded velocity is not known", belief
         margin = stability_margin(belief.joint, belief.gains, velocity)
         return margin, str(margin.reason or ""), belief
@@ -334,19 +358,18 @@ class JointMonitor:
     def _sample_rate(self) -> float:
         return 1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan
 
-    def assessment(self) -> Assessment:
-        """Everything known of the joint now."""
-        velocity, source = self.velocity()
+    def assessment(self, velocity: float | None = None) -> Assessment:
+        """Everything known of the joint now; margin and advice at the present velocity or at one given [rad/s]."""
+        velocity, source = self.velocity() if velocity is None else (velocity, "given")
         advice, trial_margin = None, None
         tracking_error, velocity_error = self._motion.errors(_RECENT)
-        margin, reason, belief = self._margin()
+        margin, reason, belief = self._margin(velocity)
         std = probability = math.nan
         if margin is not None and belief is not None:
             advice = self._advise(belief, velocity, tracking_error, velocity_error)
             std, probability = uncertainty_of(margin, belief, velocity)
             if self.options.trial is not None and belief.gains_known:
                 trial_margin = stability_margin(belief.joint, self.options.trial, velocity)
-        detector = self._detector.detector
         return Assessment(
             finding=self.finding(),
             time=self._motion.last_time if math.isfinite(self._motion.last_time) else math.nan,
@@ -373,11 +396,21 @@ class JointMonitor:
             velocity_error=velocity_error,
             cycles=self.cycle_count,
             last_cycle=self._recent[-1] if self._recent else None,
-            resolution=detector.resolution,
-            noise=detector.noise,
+            resolution=self._rests.resolution,
+            noise=self._rests.noise,
             sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
         )
+
+
+def _short_parts(batch: Batch) -> Iterator[Batch]:
+    """The samples in parts of bounded duration, as long as the buffer of samples needs them."""
+    if batch.time[-1] - batch.time[0] <= _LONGEST_PART:
+        yield batch
+        return
+    parts = np.floor((batch.time - batch.time[0]) / _LONGEST_PART)
+    for begin, end in pairwise([0, *(np.flatnonzero(np.diff(parts)) + 1).tolist(), len(batch)]):
+        yield batch.where(slice(begin, end))
 
 
 def _without_silences(batch: Batch) -> list[Batch]:

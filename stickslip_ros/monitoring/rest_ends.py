@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from stickslip_ros.monitoring import _knot_kernel as kernel
 
 _WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
-WINDOW_KNOTS = 6
-ENOUGH_KNOTS = 3
+_WINDOW_KNOTS = 6
+_ENOUGH_KNOTS = 3
 _NEAREST_KNOTS = 5
 _WINDOW_SHARE = 0.3
 _NEARNESS = 0.5
@@ -56,7 +56,7 @@ def braking_knots(knots: NDArray[np.float64], fastest: float) -> NDArray[np.floa
     """The knots next to the rest, while the motion is still slow; evenly thinned."""
     fast = np.flatnonzero(np.abs(knots[:, kernel.SPEED]) > _WINDOW_SPEED * fastest)
     # Not before the third knot: the speed of the first spans the rest itself.
-    fast = fast[fast >= ENOUGH_KNOTS]
+    fast = fast[fast >= _ENOUGH_KNOTS]
     end = int(fast[0]) if len(fast) else len(knots)
     # Nor beyond a turn: a lightly damped joint bounces back before it rests.
     steps = np.diff(knots[:end, kernel.POSITION])
@@ -64,7 +64,7 @@ def braking_knots(knots: NDArray[np.float64], fastest: float) -> NDArray[np.floa
     end = int(turned[0]) + 1 if len(turned) else end
     way = np.abs(knots[:end, kernel.POSITION] - knots[0, kernel.POSITION])
     end = max(min(end, _NEAREST_KNOTS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
-    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, WINDOW_KNOTS)).astype(int))
+    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, _WINDOW_KNOTS)).astype(int))
     window: NDArray[np.float64] = knots[chosen]
     return window
 
@@ -86,11 +86,11 @@ def rest_ends(
     """
     arrest, breakaway = None, None
     residual = np.zeros(len(places))
-    if len(left) >= ENOUGH_KNOTS:
+    if len(left) >= _ENOUGH_KNOTS:
         way = direction_before * (places[:, :1] - left[None, :, kernel.POSITION])
         arrest, error = _extrapolate(left[:, kernel.TIME], way, _ARREST_POWER, -1.0)
         residual = residual + np.where(arrest < flat_end, error, np.inf)
-    if len(right) >= ENOUGH_KNOTS:
+    if len(right) >= _ENOUGH_KNOTS:
         way = direction_after * (right[None, :, kernel.POSITION] - places[:, 1:])
         breakaway, error = _extrapolate(right[:, kernel.TIME], way, _BREAKAWAY_POWER, 1.0)
         residual = residual + np.where(breakaway > flat_begin, error, np.inf)

@@ -12,26 +12,19 @@ joint slowed down without stopping.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring import _knot_kernel as kernel
-from stickslip_ros.monitoring.rest_ends import (
-    ENOUGH_KNOTS,
-    WINDOW_KNOTS,
-    braking_knots,
-    fastest,
-    rest_ends,
-    rest_gaps,
-)
-
-Samples = NDArray[np.float64]
+from stickslip_ros.monitoring import _motion_kernel as motion_kernel
+from stickslip_ros.monitoring.motion import MotionRecord
+from stickslip_ros.monitoring.rest_ends import braking_knots, fastest, rest_ends, rest_gaps
+from stickslip_ros.monitoring.samples import Batch
 
 _LEAST_SLIP_BANDS = 3.0
-_RECENT_KNOTS = 64
-_GAPS_AT_REST = 3.0
 _LEAST_DWELL = 0.105  # of the span of the knots that it is extrapolated from
 _CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025
@@ -85,54 +78,50 @@ class RestDetector:
         self._velocity_state = np.zeros(kernel.STATE_SIZE)
         self._velocity_smallest = np.full(3, np.inf)
         self._velocity_noises = np.full(kernel.BLOCKS_KEPT, np.nan)
+        self._early = np.zeros((kernel.BLOCK, 5))
         self._knots = np.zeros((kernel.RING, kernel.KNOT_COLUMNS))
-        self._waiting: list[tuple[Samples, ...]] = []
-        self._waiting_count = 0
         self._rest_end = 0
 
-    def feed(
-        self, times: Samples, positions: Samples, velocities: Samples, travels: Samples, efforts: Samples
-    ) -> list[Rest]:
-        """Take samples and return the rests completed by them.
+    def feed(self, samples: Batch, motion: MotionRecord | None = None) -> Iterator[Rest]:
+        """Take samples and yield each rest when it is complete; what is known by then may be changed in between.
 
         Parameters
         ----------
-        times : [s], strictly rising and finite; positions : [rad], finite.
-        velocities : measured [rad/s], NaN if unknown; a joint that was never seen slow did not rest.
-        travels : way that the reference has gone so far [rad], NaN if unknown.
-        efforts : [N·m], NaN if unknown.
-            All of shape (n,).
+        samples : in strict order of time, with finite positions; a joint whose measured velocity was never seen
+            slow did not rest.
+        motion : remembers the samples and judges every slice of time.
         """
-        if self._waiting_count < kernel.BLOCK:
-            self._waiting.append((times, positions, velocities, travels, efforts))
-            self._waiting_count += len(times)
-            if self._waiting_count < kernel.BLOCK:
-                return []
-            times, positions, velocities, travels, efforts = (
-                np.concatenate(part) for part in zip(*self._waiting, strict=True)
-            )
-            self._waiting = []
-            # The first block is measured before it is used, or its first samples would have no band.
-            kernel.measure_block(positions[: kernel.BLOCK].copy(), self._state, self._smallest, self._noises)
-        rests = []
+        motion = motion or MotionRecord()
+        duration = float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0
+        motion.make_room(min(len(samples), int(duration / motion_kernel.SLICE_LENGTH) + 2) + 1)
         index = 0
-        while index < len(times):
-            index, complete = kernel.scan(
-                index, times, positions, velocities, travels, efforts,
-                self._block, self._state, self._smallest, self._noises,
+        while index < len(samples):
+            index, complete = motion_kernel.follow(
+                index, samples.time, samples.position, samples.velocity, samples.effort,
+                samples.reference_position, samples.reference_velocity,
+                motion.window, motion.state, motion.past, motion.steps, motion.slices,
+                self._early, self._block, self._state, self._smallest, self._noises,
                 self._velocity_block, self._velocity_state, self._velocity_smallest, self._velocity_noises, self._knots,
             )  # fmt: skip
-            if complete:
+            while complete:
                 rest = self._judge()
-                if rest is not None:
-                    rests.append(rest)
                 kernel.close_spell(self._state, self._knots)
-        return rests
+                if rest is not None:
+                    yield rest
+                # The first block, which had to wait, may hold more than one spell.
+                complete = motion_kernel.replay(self._early, self._state, self._knots)
 
-    @property
-    def ready(self) -> bool:
-        """Whether enough samples came to know resolution and noise."""
-        return self._waiting_count >= kernel.BLOCK
+    def close_slice(self, motion: MotionRecord) -> None:
+        """End the slice of time that is open, where no more samples come."""
+        motion.make_room(1)
+        motion_kernel.close_slice(
+            motion.window, motion.state, motion.past, motion.steps, motion.slices, self._state, self._knots
+        )
+
+    def judge(self, motion: MotionRecord) -> tuple[int, float, float]:
+        """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
+        code, first, second = motion_kernel.judge(motion.state, motion.past, self._state, self._knots)
+        return int(code), float(first), float(second)
 
     @property
     def band(self) -> float:
@@ -150,31 +139,10 @@ class RestDetector:
         return float(self._state[kernel.NOISE])
 
     @property
-    def knots(self) -> int:
-        """How many bands the joint has moved through."""
-        return int(self._state[kernel.HEAD])
-
-    @property
     def last_knot_time(self) -> float:
         """When the joint was last seen to move by a band [s]; -inf if never."""
         head = int(self._state[kernel.HEAD])
         return float(self._knots[(head - 1) % kernel.RING, kernel.TIME]) if head else -np.inf
-
-    @property
-    def direction(self) -> int:
-        """Direction of the last motion seen: ±1, or 0."""
-        return int(self._state[kernel.SIGN])
-
-    def open_rest(self) -> float | None:
-        """Since when the joint has been at rest [s], if by now that can be told from slow motion; else None."""
-        head = int(self._state[kernel.HEAD])
-        if head < 2:
-            return self.last_knot_time if head else None
-        recent = self._between(max(0, head - _RECENT_KNOTS), head - 1)
-        flat = float(self._state[kernel.LAST_TIME]) - self.last_knot_time
-        usual = max(float(np.median(np.diff(recent[:, kernel.TIME]))), float(self._state[kernel.UPDATE]))
-        stands = flat > _GAPS_AT_REST * usual and self.band < kernel.SLOW * fastest(recent[1:]) * flat
-        return self.last_knot_time if stands else None
 
     def unfinished_rest(self) -> Rest | None:
         """The rest that lasts at the last sample, as if it ended there; None if the joint moves."""
@@ -216,25 +184,6 @@ class RestDetector:
             reference_travel=float(core[kernel.REFERENCE_FLAT_END] - core[kernel.REFERENCE]),
             effort=float(core[kernel.EFFORT_FLAT_END]),
         )
-
-    def slowest_share(self, since: float) -> float:
-        """Slowest motion since a time over the mean there, 0 to 1; 1 if there is too little to tell."""
-        head = int(self._state[kernel.HEAD])
-        knots = self._between(max(0, head - kernel.RING), head - 1) if head else self._knots[:0]
-        knots = knots[knots[:, kernel.TIME] >= since]
-        if len(knots) < 2 * WINDOW_KNOTS:
-            return 1.0
-        # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed.
-        ways = np.abs(knots[ENOUGH_KNOTS:, kernel.POSITION] - knots[:-ENOUGH_KNOTS, kernel.POSITION])
-        speeds = ways / (knots[ENOUGH_KNOTS:, kernel.TIME] - knots[:-ENOUGH_KNOTS, kernel.TIME])
-        mean = abs(knots[-1, kernel.POSITION] - knots[0, kernel.POSITION]) / (
-            knots[-1, kernel.TIME] - knots[0, kernel.TIME]
-        )
-        # Slowing down at the end is no dip before the motion has picked up again.
-        recovered = np.flatnonzero(speeds >= 0.5 * mean)
-        if mean == 0 or len(recovered) == 0:
-            return 1.0
-        return float(min(np.min(speeds[: recovered[-1] + 1]) / mean, 1.0))
 
     def _between(self, first: int, last: int) -> NDArray[np.float64]:
         knots: NDArray[np.float64] = self._knots[np.arange(first, last + 1) % kernel.RING]

@@ -79,6 +79,15 @@ class SlidingFriction:
         return math.sqrt(max(float(slopes @ self.covariance @ slopes), 0.0))
 
 
+def sliding_points(batch: Batch, resolution: float) -> FloatArray | None:
+    """Velocities [rad/s], mean efforts [N·m] and accelerations [rad/s²] of stretches of sliding, of shape (3, n).
+
+    None if there are too few, or the effort is unknown.
+    """
+    stretches = _stretches(batch, resolution)
+    return None if stretches is None else np.array(stretches[:3])
+
+
 def sliding_friction(batch: Batch, *, resolution: float = 0.0, inertia: float | None = None) -> SlidingFriction | None:
     """Fit the curve; None if there is too little sliding with known effort.
 

@@ -279,6 +279,10 @@ class SlipProblem:
         """The slips' unknowns as the detection sees them, with one level [N·m] for all."""
         return np.stack([self.rests, self.breakaways, np.full(self.count, math.log(level))], axis=1)
 
+    def thinned(self, most: int) -> SlipProblem:
+        """The problem with at most so many observations of each slip."""
+        return SlipProblem([window.thinned(most) for window in self.windows])
+
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
         return SlipProblem([self.windows[number] for number in which])

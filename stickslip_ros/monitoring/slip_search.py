@@ -34,6 +34,7 @@ from stickslip_ros.monitoring.slip_problem import (
 from stickslip_ros.monitoring.slip_start import ShapeGuess, shape_guesses
 
 _ALIKE = 4
+_OBSERVATIONS_OF_A_SHAPE = 60  # of each slip, while nothing is known but roughly
 _STARTS = 6
 _SPREAD, _GENERALISED = 12, 4  # slips from everywhere; shapes tried on them
 _APART = 0.8  # of a logarithm: guesses closer than this are one
@@ -44,6 +45,8 @@ _USUAL_RISE_TIME = 0.3  # [s], from which the scan departs only for a reason
 # Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
 _TIGHTENING = ((0.01, 0.2, 0.2), (0.003, 0.05, 0.05), (0.003, 0.01, 0.003), (0.0, 0.002, 3e-4))
 TIGHT_LEVEL = 1e-4
+_FIRST_OF_AGAIN = 1  # of the tightening, where the shape is known
+_MOST_USABLE = 0.8  # share of slips that a fit must explain to be believed without a search
 _LEAST_BALANCE = 1e-4  # of the level
 _FINAL = 3
 _SHAPES_TRIED = 2
@@ -83,27 +86,41 @@ class Solution:
         return float(np.mean(self.fit.residuals[self.fit.residuals != 0.0] ** 2))
 
 
-def search(problem: SlipProblem, known: Mapping[int, tuple[float, float]] | None = None) -> Solution | None:
+def search(
+    problem: SlipProblem,
+    known: Mapping[int, tuple[float, float]] | None = None,
+    start: FloatArray | None = None,
+) -> Solution | None:
     """Find the friction behind the slips; None if nothing fits at all.
 
     Parameters
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
+    start : logarithms that fitted slips of this joint before, of shape (6,): if they lead to a good fit, nothing is
+        searched.
     """
     known = {RISE_TIME: (math.log(_USUAL_RISE_TIME), _RISE_TIME_SPREAD), **(known or {})}
+    if start is not None:
+        again = _fit_again(problem, start, known)
+        if again is not None:
+            problem.take_up(again.usable, again.stray)
+            problem.weigh(again.fit.velocities, again.tolerance)
+            return again
+        problem = SlipProblem(problem.windows, problem.before)
     alike = _most_alike(problem)
-    some = problem.only(alike)
+    rough = problem.thinned(_OBSERVATIONS_OF_A_SHAPE)
+    some = rough.only(alike)
     shapes = []
     for guess in _distinct([guess for slip in (0, min(1, len(alike) - 1)) for guess in shape_guesses(some, slip)]):
         try:
-            shapes.append(_fit_shape(problem.only(alike), guess))
+            shapes.append(_fit_shape(rough.only(alike), guess))
         except LinAlgError:
             continue
-    shapes = _generalised(problem, shapes)
+    shapes = _generalised(rough, shapes)
     best: Solution | None = None
     for shape in shapes[:_SHAPES_TRIED]:
         try:
-            solution = _fit_all(problem, shape, known)
+            solution = _fit_all(problem, shape.parameters, _usual_level(shape), known)
         except LinAlgError:
             continue
         if best is None or solution.mean_square < best.mean_square:
@@ -200,7 +217,7 @@ def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
     fits = []
     for shape in sorted(shapes, key=lambda fit: fit.cost):
         some = problem.only(spread.tolist())
-        level = math.exp(float(np.median(shape.unknowns[:, LEVEL])))
+        level = _usual_level(shape)
         parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(some.speeds))])
         parameters[STRIBECK] = math.log(level)
         try:
@@ -212,10 +229,27 @@ def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
     return sorted(fits, key=lambda fit: fit.cost)
 
 
-def _fit_all(problem: SlipProblem, shape: SlipFit, known: Mapping[int, tuple[float, float]]) -> Solution:
+def _fit_again(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+    """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
+    try:
+        solution = _fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
+    except LinAlgError:
+        return None
+    good = solution.mean_square < _GOOD and solution.usable.mean() > _MOST_USABLE
+    return solution if good else None
+
+
+def _fit_all(
+    problem: SlipProblem,
+    shape: FloatArray,
+    level: float,
+    known: Mapping[int, tuple[float, float]],
+    tightening: tuple[tuple[float, float, float], ...] = _TIGHTENING,
+) -> Solution:
+    """Fit everything, from the logarithms of a shape and the level [N·m] that goes with it."""
     distance = float(np.median(problem.distances))
-    lower, upper = bounds(problem, math.exp(shape.parameters[INERTIA]))
-    fit, parameters = _breakaways(problem, shape)
+    lower, upper = bounds(problem, math.exp(shape[INERTIA]))
+    fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
     deviation = np.concatenate([np.full(PARAMETERS, _WIDE), problem.speed_errors])
     for index, (center, spread) in known.items():
@@ -223,7 +257,7 @@ def _fit_all(problem: SlipProblem, shape: SlipFit, known: Mapping[int, tuple[flo
     prior = Prior.of(mean, deviation, lower, upper)
     parameters = np.clip(parameters, lower, upper)
     level = math.exp(parameters[STRIBECK])
-    for position, balance, link in _TIGHTENING:
+    for position, balance, link in tightening:
         problem.weigh(fit.velocities, position * distance)
         tolerances = Tolerances(balance=balance * level, level=link)
         fit = fit_slips(
@@ -245,13 +279,13 @@ def _fit_all(problem: SlipProblem, shape: SlipFit, known: Mapping[int, tuple[flo
     )
 
 
-def _breakaways(problem: SlipProblem, shape: SlipFit) -> tuple[SlipFit, FloatArray]:
+def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
     """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
     problem.begin_anew()
-    parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(problem.speeds))])
+    parameters = np.concatenate([shape[:PARAMETERS], np.zeros(len(problem.speeds))])
     problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
     held = Prior.of(parameters, np.full(len(parameters), _HELD), parameters - 1.0, parameters + 1.0)
-    unknowns = problem.detected(math.exp(float(np.median(shape.unknowns[:, LEVEL]))))
+    unknowns = problem.detected(level)
     fit = fit_slips(problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12)
     parameters[STRIBECK], parameters[RISE_TIME] = np.log(_scan_rise_time(problem, fit))
     return fit, parameters
@@ -276,7 +310,7 @@ def _fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution
     """Fit slips that the model explains only in part: what is left over is measured and taken as error."""
     distance = float(np.median(problem.distances))
     try:
-        fit, parameters = _breakaways(problem, shape)
+        fit, parameters = _breakaways(problem, shape.parameters, _usual_level(shape))
         parameters = np.clip(parameters, prior.lower, prior.upper)
         level = math.exp(parameters[STRIBECK])
         tolerance, balance, link = 0.01 * distance, 0.2 * level, 0.2
@@ -302,6 +336,10 @@ def _fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution
         link_error=link,
         tolerance=tolerance,
     )
+
+
+def _usual_level(shape: SlipFit) -> float:
+    return math.exp(float(np.median(shape.unknowns[:, LEVEL])))
 
 
 def _scatter(values: FloatArray) -> float:

@@ -9,7 +9,7 @@ of the edge between two counts. All other samples repeat what these said.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -78,6 +78,24 @@ class SlipWindow:
     def slip_distance(self) -> float:
         """As observed, signed [rad]."""
         return float(self.values[-1] - self.rest_position)
+
+    def thinned(self, most: int) -> SlipWindow:
+        """The same slip with at most so many observations, evenly chosen, and no nodes for the others."""
+        if len(self.observed) <= most:
+            return self
+        chosen = np.unique(np.round(np.linspace(0, len(self.observed) - 1, most)).astype(int))
+        kept = np.ones(len(self.times), dtype=bool)
+        kept[np.delete(self.observed, chosen)] = False
+        kept[[0, -1]] = True
+        return replace(
+            self,
+            times=self.times[kept],
+            references=self.references[kept],
+            forces=self.forces[kept],
+            observed=(np.cumsum(kept) - 1)[self.observed[chosen]],
+            values=self.values[chosen],
+            gaps=self.gaps[chosen],
+        )
 
 
 def slip_window(

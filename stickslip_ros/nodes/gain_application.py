@@ -167,8 +167,8 @@ class GainApplication:
 
     def _check_bounds(self, gains: Gains) -> None:
         for name, value, (least, largest), unit in (
-            ("stiffness", float(gains.stiffness), self._watched.settings.limits.stiffness_range, "N·m/rad"),
-            ("damping", float(gains.damping), self._watched.settings.limits.damping_range, "N·m·s/rad"),
+            ("stiffness", float(gains.stiffness), self._watched.settings.options.limits.stiffness_range, "N·m/rad"),
+            ("damping", float(gains.damping), self._watched.settings.options.limits.damping_range, "N·m·s/rad"),
         ):
             slack = _EQUAL * max(abs(least), abs(value))
             if not least - slack <= value <= largest + slack:
@@ -224,7 +224,7 @@ class GainApplication:
             vitals_of(recent, self._band),
             softer=softer,
             resolution=self._monitor.resolution,
-            effort_limit=self._watched.settings.limits.effort,
+            effort_limit=self._watched.settings.options.limits.effort,
         )
 
     def _wait_for_motion(self) -> Script:

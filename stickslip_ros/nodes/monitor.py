@@ -24,7 +24,11 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros.compiled import load_compiled_parts
+from stickslip_ros.diagnosis import cycle_diagnostic, joint_diagnostic
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.joint_settings import RECOMMENDED
+from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.message_content import MessageError, joint_rows, reference_rows, seconds
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -32,21 +36,12 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes import joint_parameters, monitor_parameters
 from stickslip_ros.nodes.advice_worker import AdviceWorker
 from stickslip_ros.nodes.apply_service import ApplyService, NotYetError, RefusedError
-from stickslip_ros.nodes.conversion import (
-    MARGIN_FIELDS,
-    MessageError,
-    friction_message,
-    joint_rows,
-    margin_row,
-    seconds,
-    table,
-)
-from stickslip_ros.nodes.diagnostics import cycle_diagnostic, joint_diagnostic
+from stickslip_ros.nodes.conversion import diagnostic_status, friction_message, table
 from stickslip_ros.nodes.drain import DrainedSubscription
 from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
 from stickslip_ros.nodes.gain_application import GainApplication
 from stickslip_ros.nodes.gain_intake import GainIntake
-from stickslip_ros.nodes.references import reference_message_type, reference_rows
+from stickslip_ros.nodes.references import reference_message_type
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.study_worker import StudyWorker
 from stickslip_ros.nodes.watched_joint import WatchedJoint
@@ -102,9 +97,7 @@ class Monitor(Node):
         with self._own_change():
             joint_parameters.declare(self, name)
         settings = joint_parameters.read(self, name)
-        monitor = JointMonitor(
-            settings.joint, settings.gains, monitor_parameters.options(self, settings), self._advice.adviser(name)
-        )
+        monitor = JointMonitor(settings.joint, settings.gains, settings.options, self._advice.adviser(name))
         self._joints[name] = WatchedJoint(name, monitor, settings)
 
     @contextmanager
@@ -128,7 +121,7 @@ class Monitor(Node):
         try:
             monitor_parameters.check(self, changes)
             for joint in self._joints:
-                monitor_parameters.options(self, joint_parameters.read(self, joint, changes), changes)
+                joint_parameters.read(self, joint, changes)
         except StickSlipError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -141,7 +134,7 @@ class Monitor(Node):
             before = joint.settings
             joint.settings = joint_parameters.read(self, joint.name)
             joint.monitor.joint = joint.settings.joint
-            joint.monitor.options = monitor_parameters.options(self, joint.settings)
+            joint.monitor.options = joint.settings.options
             if any(name.startswith(f"gains.{joint.name}.") for name in names):
                 self._set_gains(joint, joint.settings.gains)
             elif joint.settings.gain_scale != before.gain_scale and joint.monitor.gains is not None:
@@ -183,7 +176,7 @@ class Monitor(Node):
         for name, joint in self._joints.items():
             batch = joint.pairing.take()
             if batch is not None:
-                found += [cycle_diagnostic(name, cycle) for cycle in joint.monitor.process(batch)]
+                found += [diagnostic_status(cycle_diagnostic(name, cycle)) for cycle in joint.monitor.process(batch)]
         self._publish_cycles(found)
         self._apply.tick(monotonic())
 
@@ -259,19 +252,18 @@ class Monitor(Node):
             assessment = assessments[name] = joint.monitor.assessment()
             stale = now - joint.heard if now - joint.heard > _STALE_AFTER else None
             exact, trial = self._exact_verdicts(joint, assessment, now)
-            array.status.append(
-                joint_diagnostic(
-                    name,
-                    assessment,
-                    exact,
-                    trial,
-                    warn_margin=warn_margin,
-                    silent_for=stale,
-                    applied=self._apply.outcomes.get(name, ""),
-                )
+            diagnosis = joint_diagnostic(
+                name,
+                assessment,
+                exact,
+                trial,
+                warn_margin=warn_margin,
+                silent_for=stale,
+                applied=self._apply.outcomes.get(name, ""),
             )
+            array.status.append(diagnostic_status(diagnosis))
             if stale is not None:
-                ended += [cycle_diagnostic(name, cycle) for cycle in joint.monitor.finish()]
+                ended += [diagnostic_status(cycle_diagnostic(name, cycle)) for cycle in joint.monitor.finish()]
             rows += margin_row(assessment, exact, trial)
             advised[name] = joint.advised(assessment)
         self._diagnostics.publish(array)
@@ -290,7 +282,9 @@ class Monitor(Node):
         def verdict(name: str, believed: Joint | None, gains: Gains | None) -> ExactVerdict:
             if believed is None or gains is None or not assessment.velocity_source:
                 return UNKNOWN
-            return self._exact.verdict(name, believed, gains, joint.settings.conditions, assessment.velocity, now)
+            return self._exact.verdict(
+                name, believed, gains, joint.settings.options.conditions, assessment.velocity, now
+            )
 
         trial = None if assessment.per_inertia else assessment.trial
         return (
@@ -313,7 +307,7 @@ class Monitor(Node):
         changed = []
         for name, gains in advised.items():
             numbers = (math.nan, math.nan) if gains is None else (float(gains.stiffness), float(gains.damping))
-            for key, value in zip(joint_parameters.RECOMMENDED, numbers, strict=True):
+            for key, value in zip(RECOMMENDED, numbers, strict=True):
                 parameter = joint_parameters.recommended_name(name, key)
                 old = float(self.get_parameter(parameter).value)
                 if old != value and not (math.isnan(old) and math.isnan(value)):

@@ -12,10 +12,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.joint_settings import COMMON
 from stickslip_ros.model._validation import require_positive
-from stickslip_ros.monitoring.advice import Kind
-from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.nodes.joint_parameters import JointSettings, choice
+from stickslip_ros.nodes.joint_parameters import declare_specs
 
 Changes = Mapping[str, Parameter]
 
@@ -41,22 +40,9 @@ def declare(node: Node) -> None:
         read_only=True,
     )
     parameter("publish_rate", 10.0, "how often diagnostics and margins are published [Hz]", read_only=True)
-    parameter("warn_margin", 0.1, "damping reserve rho/rho_c - 1 below which smooth motion is at risk [1]")
-    parameter("wanted_margin", 0.2, "damping reserve rho/rho_c - 1 that advice must reach [1]")
-    parameter("confidence", 0.9, "probability with which advice must reach it, the friction learnt being uncertain [1]")
-    parameter("condition", "paper", "which condition advice must satisfy: paper (Eq. (43)) or exact")
-    parameter("steady_sliding", False, "whether advice must also keep the sliding joint from swinging about its speed")
-    parameter("variant", "least_change", "which advice is recommended: least_change, damping_only, stiffness_only")
-    parameter(
-        "samples_per_period",
-        20.0,
-        "how often the controller must act in a period of the crossover frequency that advice may ask for [1]",
-    )
     parameter("allow_apply", False, "whether ~/apply_recommendation may write gains to the controller")
     parameter("apply_rate", 0.3, "relative change of gains a second while they are applied [1/s]")
-    parameter("learn", True, "whether friction is learnt from the motion")
-    parameter("memory", 100.0, "slips after which what they taught has faded to a third [1]")
-    parameter("least_motion", 1.0, "how long motion must last before it is called smooth [s]")
+    declare_specs(node, COMMON)
 
 
 def _value(node: Node, name: str, changes: Changes | None) -> Any:
@@ -73,26 +59,6 @@ def check(node: Node, changes: Changes | None = None) -> None:
     """
     require_positive("apply_rate", float(_value(node, "apply_rate", changes)))
     controllers(node, changes)
-
-
-def options(node: Node, settings: JointSettings, changes: Changes | None = None) -> MonitorOptions:
-    """How a joint of these settings is judged, as it would be after the changes.
-
-    Raises
-    ------
-    InvalidParameterError
-        If a value cannot be.
-    """
-    return MonitorOptions(
-        warn_margin=float(_value(node, "warn_margin", changes)),
-        least_motion=float(_value(node, "least_motion", changes)),
-        learn=bool(_value(node, "learn", changes)),
-        memory=float(_value(node, "memory", changes)),
-        limits=settings.limits,
-        variant=choice(Kind, "variant", _value(node, "variant", changes)),
-        conditions=settings.conditions,
-        trial=settings.trial,
-    )
 
 
 def controllers(node: Node, changes: Changes | None = None) -> list[str]:

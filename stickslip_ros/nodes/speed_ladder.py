@@ -19,12 +19,12 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.message_content import MessageError, joint_rows, seconds
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.nodes.conversion import MessageError, joint_rows, seconds
 from stickslip_ros.nodes.drain import DrainedSubscription
 from stickslip_ros.nodes.gain_source import ControllerGains
-from stickslip_ros.nodes.reference_pairing import ReferencePairing
 
 _QUEUE = 10_000
 _SPIN = 0.02

@@ -19,13 +19,13 @@ class StudyWorker:
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
-        self._running: dict[str, Future[Learnt | None]] = {}
+        self._running: dict[str, tuple[Future[Learnt | None], ProcessPoolExecutor]] = {}
         self.failures = 0
 
     def attend(self, name: str, learner: FrictionLearner) -> None:
         """Take over what was found of a joint, and begin what is due."""
-        running = self._running.get(name)
-        if running is not None:
+        if name in self._running:
+            running, pool = self._running[name]
             if not running.done():
                 return
             del self._running[name]
@@ -34,19 +34,25 @@ class StudyWorker:
             except BrokenProcessPool:
                 # The process was killed, by a shortage of memory perhaps; the next study begins another.
                 self.failures += 1
-                self.close()
-        windows = learner.wanted_study()
-        if windows:
+                learner.adopt(None)
+                if pool is self._pool:
+                    self._end()
+        question = learner.wanted_study()
+        if question is not None:
             if self._pool is None:
                 # Not forked: a copy of this process with its ROS threads would not work.
                 context = multiprocessing.get_context("spawn")
                 self._pool = ProcessPoolExecutor(
                     max_workers=1, mp_context=context, initializer=os.nice, initargs=(_NICE,)
                 )
-            self._running[name] = self._pool.submit(study, windows, learner.configured)
+            self._running[name] = (self._pool.submit(study, question), self._pool)
 
     def close(self) -> None:
         """End the process, whatever it does."""
+        self._end()
+        self._running.clear()
+
+    def _end(self) -> None:
         if self._pool is None:
             return
         processes = list((self._pool._processes or {}).values())
@@ -54,4 +60,3 @@ class StudyWorker:
         for process in processes:
             process.kill()
         self._pool = None
-        self._running.clear()

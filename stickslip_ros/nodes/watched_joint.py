@@ -8,12 +8,12 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from stickslip_ros.joint_settings import JointSettings
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.status import Status
-from stickslip_ros.nodes.joint_parameters import JointSettings
-from stickslip_ros.nodes.reference_pairing import ReferencePairing
 
 _GAINS_KEPT = 16
 _WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
@@ -66,7 +66,7 @@ class WatchedJoint:
             return f"{self.name}: " + ("its gains are not known" if assessment.per_inertia else reason)
         if not has_controller:
             return f"{self.name} has no controller whose parameters could be written (parameter 'controller')"
-        limits = self.settings.limits
+        limits = self.settings.options.limits
         if math.isinf(limits.stiffness_range[1]) or math.isinf(limits.damping_range[1]):
             return f"{self.name} has no bounds: set limits.{self.name}.p_max and limits.{self.name}.d_max first"
         return ""

@@ -17,7 +17,7 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice_limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
-from stickslip_ros.monitoring.friction_learner import FrictionLearner, study
+from stickslip_ros.monitoring.friction_learner import FrictionLearner, StudyQuestion, study
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
@@ -150,22 +150,25 @@ def test_memory_is_bounded(puma: Joint) -> None:
             learner.take(later(window, 100.0 * repeat))
     chosen = learner.wanted_study()
     assert chosen is not None
-    assert len(chosen) <= 64
+    assert len(chosen.windows) <= 64
 
 
 def test_old_slips_fade(puma: Joint) -> None:
     """Issue 4, item 3: a joint that warms up is followed: with a short memory sooner than with a long one."""
     windows, _ = cut_slips(moving(puma, 36.0), GAINS)
-    known = study(windows, None)
+    known = study(StudyQuestion(windows=windows))
     assert known is not None
     # Less Coulomb friction from now on, by a little: the reference is that much less ahead.
     warm = [replace(window, references=window.references - 0.02 / 630.0) for window in windows]
     found = []
     for memory in (10.0, 1000.0):
         learner = FrictionLearner(memory=memory)
-        learner.adopt(known)
-        for window in warm:
+        studies = iter([known])
+        for window in [*windows, *(later(one, 100.0) for one in warm)]:
             learner.take(window)
+            if learner.wanted_study():
+                # Studies after the first one find nothing.
+                learner.adopt(next(studies, None))
         assert learner.estimate is not None
         found.append(learner.estimate.coulomb.value)
     assert found[0] < found[1] < 8.43 + 0.005
@@ -221,6 +224,6 @@ def test_any_friction_can_be_configured_as_prior() -> None:
             stribeck_velocity=float(drawn.joint.friction.stribeck_velocity),
         ),
     )
-    known = study(windows[:20], bare)
+    known = study(StudyQuestion(windows=windows[:20], configured=bare))
     assert known is not None
     assert known.estimate["inertia"].value == pytest.approx(float(drawn.joint.inertia), rel=0.03)

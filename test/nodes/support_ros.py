@@ -22,7 +22,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from stickslip_ros.nodes.conversion import MARGIN_FIELDS, stamp
+from stickslip_ros.margin_table import MARGIN_FIELDS
+from stickslip_ros.nodes.conversion import stamp
 
 
 class Probe:

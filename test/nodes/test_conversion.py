@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from stickslip_ros.diagnosis import Level, joint_diagnostic
+from stickslip_ros.message_content import MessageError, gains_from_message, joint_rows, reference_rows, seconds
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.nodes.conversion import MessageError, gains_from_message, joint_rows, seconds, stamp, table
-from stickslip_ros.nodes.diagnostics import joint_diagnostic
+from stickslip_ros.nodes.conversion import stamp, table
 from stickslip_ros.nodes.exact_worker import UNKNOWN
-from stickslip_ros.nodes.reference_pairing import ReferencePairing
-from stickslip_ros.nodes.references import reference_rows
 
 NAMES = st.lists(st.text("abcdefgh_123", min_size=1, max_size=8), min_size=1, max_size=6, unique=True)
 
@@ -152,5 +152,5 @@ def test_a_joint_that_sticks_in_spite_of_its_margin(puma: Joint) -> None:
     assert state.recommendation is not None
     assert state.recommendation.keep
     status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None)
-    assert status.level == b"\x02"
+    assert status.level is Level.ERROR
     assert status.message == "stick_slip, though its margin is there: the friction is not what is believed"

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What is known of a joint as diagnostics: a summary for a person, key and value for programs."""
+"""What is known of a joint as a diagnosis: a summary for a person, key and value for programs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-
+from stickslip_ros.joint_settings import FRICTION_UNITS
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice_limits import Condition
@@ -16,10 +18,45 @@ from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.sensitivity import in_words
 from stickslip_ros.monitoring.status import Status
-from stickslip_ros.nodes.joint_parameters import FRICTION_UNITS
 
 ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
 PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}
+
+
+class Level(IntEnum):
+    """Of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """A diagnostic status, whoever publishes or records it.
+
+    Attributes
+    ----------
+    message : a summary for a person. values : keys with their units, and texts; numbers bare and in full, so that
+        plotting tools take them.
+    """
+
+    level: Level
+    name: str
+    hardware_id: str
+    message: str
+    values: tuple[tuple[str, str], ...]
+
+
+def _diagnosis(level: Level, joint: str, message: str, values: Sequence[tuple[str, object]]) -> Diagnosis:
+    return Diagnosis(
+        level=level,
+        name=f"stickslip_monitor: {joint}",
+        hardware_id=joint,
+        message=message,
+        values=tuple((key, _value_text(value)) for key, value in values),
+    )
 
 
 def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
@@ -62,7 +99,7 @@ def joint_diagnostic(
     warn_margin: float,
     silent_for: float | None,
     applied: str = "",
-) -> DiagnosticStatus:
+) -> Diagnosis:
     """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
 
     Parameters
@@ -70,8 +107,7 @@ def joint_diagnostic(
     exact, trial : verdicts on the present gains and on those on trial. silent_for : [s], None if it is heard.
     applied : the last outcome of `~/apply_recommendation`, "" if there was none.
     """
-    status = DiagnosticStatus(name=f"stickslip_monitor: {name}", hardware_id=name)
-    status.level, status.message = _summary(assessment, exact, warn_margin, silent_for)
+    level, message = _summary(assessment, exact, warn_margin, silent_for)
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
         ("status", assessment.finding.status.value),
@@ -130,8 +166,7 @@ def joint_diagnostic(
         ("sample rate [Hz]", assessment.sample_rate),
         ("samples left out", "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())),
     ]
-    status.values = [KeyValue(key=key, value=_value_text(value)) for key, value in values]
-    return status
+    return _diagnosis(level, name, message, values)
 
 
 def _advised_exactly(assessment: Assessment) -> bool:
@@ -215,33 +250,33 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str
 
 def _summary(
     assessment: Assessment, exact: ExactVerdict, warn_margin: float, silent_for: float | None
-) -> tuple[bytes, str]:
+) -> tuple[Level, str]:
     finding, margin = assessment.finding, assessment.margin
     text = finding.status.value + (f": {finding.reason}" if finding.reason else "")
     if silent_for is not None:
-        return DiagnosticStatus.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
+        return Level.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
         advised = assessment.recommended
         if assessment.notice.endswith("learning anew"):
             text += f"; {assessment.notice}"
         if assessment.recommendation is not None and assessment.recommendation.keep:
-            return DiagnosticStatus.ERROR, f"{text}, though its margin is there: the friction is not what is believed"
-        return DiagnosticStatus.ERROR, f"{text}; {advised.reason}" if advised is not None else text
+            return Level.ERROR, f"{text}, though its margin is there: the friction is not what is believed"
+        return Level.ERROR, f"{text}; {advised.reason}" if advised is not None else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):
-        return DiagnosticStatus.WARN, text
+        return Level.WARN, text
     if assessment.estimate is not None and assessment.estimate.mismatch:
-        return DiagnosticStatus.WARN, f"{text}; {assessment.estimate.mismatch}"
+        return Level.WARN, f"{text}; {assessment.estimate.mismatch}"
     if margin is None:
-        return DiagnosticStatus.WARN, f"{text}; no margin: {assessment.margin_reason}"
+        return Level.WARN, f"{text}; no margin: {assessment.margin_reason}"
     if _advised_exactly(assessment):
         if exact.smooth is False:
-            return DiagnosticStatus.WARN, f"{text}; integrated, the joint would stick"
+            return Level.WARN, f"{text}; integrated, the joint would stick"
     elif margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
-        return DiagnosticStatus.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
-    return DiagnosticStatus.OK, text
+        return Level.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
+    return Level.OK, text
 
 
-def cycle_diagnostic(name: str, cycle: Cycle) -> DiagnosticStatus:
+def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
     values = [
         ("breakaway [s]", cycle.breakaway),
@@ -252,15 +287,9 @@ def cycle_diagnostic(name: str, cycle: Cycle) -> DiagnosticStatus:
         ("position [rad]", cycle.position),
         ("breakaway_effort [N*m]", cycle.effort),
     ]
-    return DiagnosticStatus(
-        level=DiagnosticStatus.WARN,
-        name=f"stickslip_monitor: {name}",
-        hardware_id=name,
-        message=f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest",
-        values=[KeyValue(key=key, value=_value_text(value)) for key, value in values],
-    )
+    message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
+    return _diagnosis(Level.WARN, name, message, values)
 
 
 def _value_text(value: object) -> str:
-    """Numbers bare and in full, so that plotting tools take them."""
     return repr(float(value)) if isinstance(value, float) else str(value)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""An analysis as the JSON object and the CSV table that `stickslip analyze` writes."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.as_json import margin_json, number, recommendation_json
+from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
+from stickslip_ros.bags.topics import Topics
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate
+from stickslip_ros.monitoring.status import Status
+
+CYCLE_COLUMNS = {
+    "breakaway_s": "breakaway",
+    "arrest_s": "arrest",
+    "dwell_s": "dwell",
+    "slip_distance_rad": "slip_distance",
+    "position_rad": "position",
+    "breakaway_friction_nm": "breakaway_friction",
+}
+
+
+def bag_json(analysis: BagAnalysis) -> dict[str, Any]:
+    """One bag."""
+    return {
+        "path": analysis.path,
+        "recorded": number(analysis.recorded),
+        "topics": _topics(analysis.topics),
+        "joints": {name: joint_json(joint) for name, joint in analysis.joints.items()},
+        "warnings": list(analysis.warnings),
+    }
+
+
+def _topics(topics: Topics) -> dict[str, Any]:
+    return {
+        "joint_states": topics.states.topic,
+        "references": [channel.topic for channel in topics.references],
+        "gains": [channel.topic for channel in (*topics.gains, *topics.events)],
+    }
+
+
+def joint_json(joint: JointAnalysis) -> dict[str, Any]:
+    """One joint; null for what is unknown."""
+    state = joint.assessment
+    margin = None
+    if state.joint is not None and state.margin_gains is not None and state.margin is not None:
+        margin = margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
+        margin |= {
+            "std": number(state.margin_std),
+            "stick_slip_probability": number(state.stick_slip_probability),
+            "rests_on": state.rests_on,
+            "per_inertia": state.per_inertia,
+        }
+    gains = state.gains
+    return {
+        "samples": joint.samples,
+        "start": number(joint.start),
+        "duration": number(joint.duration),
+        "sample_rate": number(state.sample_rate),
+        "resolution": number(state.resolution),
+        "noise": number(state.noise),
+        "status": joint.status.value,
+        "reason": joint.reason,
+        "time_in": {status.value: number(joint.time_in(status)) for status in Status},
+        "velocity": number(joint.velocity),
+        "segments": [
+            {"start": one.start, "end": one.end, "status": one.status.value, "velocity": number(one.velocity)}
+            for one in joint.segments
+        ],
+        "cycles": [cycle_json(cycle) for cycle in joint.cycles],
+        "friction": _friction(state.estimate),
+        "gains": None
+        if gains is None
+        else {
+            "stiffness": float(gains.stiffness),
+            "damping": float(gains.damping),
+            "integral": float(gains.integral),
+        },
+        "margin": margin,
+        "margin_reason": state.margin_reason,
+        "recommendation": None
+        if state.advice is None
+        else recommendation_json(state.advice.recommendation, state.advice.sensitivities),
+    }
+
+
+def cycle_json(cycle: Cycle) -> dict[str, Any]:
+    """One cycle."""
+    return {
+        "breakaway": cycle.breakaway,
+        "arrest": cycle.arrest,
+        "slip_distance": cycle.slip_distance,
+        "dwell": cycle.dwell,
+        "position": cycle.position,
+        "breakaway_friction": number(cycle.effort),
+        "hunting": cycle.hunting,
+    }
+
+
+def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:
+    if estimate is None:
+        return None
+    found: dict[str, Any] = {
+        name: {
+            "value": number(estimate[name].value),
+            "std": number(estimate[name].std),
+            "identified": estimate[name].identified,
+        }
+        for name in NAMES
+    }
+    found |= {
+        "per_inertia": estimate.normalised,
+        "slips": estimate.slips,
+        "summary": estimate.summary(),
+        "mismatch": estimate.mismatch,
+    }
+    return found
+
+
+def write_cycles(path: Path, bags: Iterable[Mapping[str, Any]]) -> None:
+    """Write every cycle of bags (as :func:`bag_json` has them) as a row of a CSV table; what is unknown is empty.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["bag", "joint", *CYCLE_COLUMNS, "hunting"])
+        for bag in bags:
+            for name, joint in bag.get("joints", {}).items():
+                for cycle in joint["cycles"]:
+                    values = (cycle[field] for field in CYCLE_COLUMNS.values())
+                    row = ["" if value is None else repr(value) for value in values]
+                    writer.writerow([bag["path"], name, *row, str(cycle["hunting"]).lower()])

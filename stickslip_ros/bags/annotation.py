@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What was found in a recording as a bag of its own, on the recording's time line: to be opened beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.bags.analysis import FollowedJoint
+from stickslip_ros.bags.writing import BagWriter
+from stickslip_ros.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
+from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection import Cycle
+
+DIAGNOSTICS, CYCLES, MARGINS = "/diagnostics", "/stickslip_monitor/cycles", "/stickslip_monitor/margins"
+_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+_UNKNOWN = ExactVerdict(smooth=None)
+_SAME_SPEED = 0.02
+
+
+class Annotation:
+    """Writes what a node would have published, at every piece of the recording; use as a context, and as a watcher.
+
+    Parameters
+    ----------
+    path : of the bag to write. warn_margin : as of the monitor.
+    """
+
+    def __init__(self, path: Path, warn_margin: float) -> None:
+        self._writer = BagWriter(path, {DIAGNOSTICS: _ARRAY, CYCLES: _ARRAY, MARGINS: "std_msgs/msg/Float64MultiArray"})
+        self._warn_margin = warn_margin
+        self._verdicts: dict[str, tuple[tuple[Any, ...], float, ExactVerdict]] = {}
+
+    def __enter__(self) -> Annotation:
+        self._writer.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.__exit__(kind, error, trace)
+
+    def __call__(self, joints: dict[str, FollowedJoint], found: dict[str, list[Cycle]], clock: float) -> None:
+        """Write the cycles found and the state of every joint after a piece."""
+        offset = clock if math.isfinite(clock) else 0.0
+        cycles = sorted(
+            ((cycle, name) for name, some in found.items() for cycle in some), key=lambda one: one[0].arrest
+        )
+        for cycle, name in cycles:
+            self._write(CYCLES, self._array(cycle.arrest, [cycle_diagnostic(name, cycle)]), cycle.arrest + offset)
+        states = {name: joint.monitor.assessment() for name, joint in joints.items()}
+        time = max((state.time for state in states.values() if math.isfinite(state.time)), default=math.nan)
+        if not math.isfinite(time):
+            return
+        diagnoses: list[Diagnosis] = []
+        rows: list[list[float]] = []
+        for name, state in states.items():
+            exact = self._exact(name, state, joints[name])
+            diagnoses.append(
+                joint_diagnostic(name, state, exact, _UNKNOWN, warn_margin=self._warn_margin, silent_for=None)
+            )
+            rows.append(margin_row(state, exact, _UNKNOWN))
+        self._write(DIAGNOSTICS, self._array(time, diagnoses), time + offset)
+        self._write(
+            MARGINS, self._writer.table(",".join(states), ",".join(MARGIN_FIELDS), np.array(rows)), time + offset
+        )
+
+    def _exact(self, name: str, state: Assessment, joint: FollowedJoint) -> ExactVerdict:
+        """The verdict by integration, worked out again where the question is another."""
+        if state.joint is None or state.margin_gains is None or not math.isfinite(state.velocity):
+            return _UNKNOWN
+        known, speed, verdict = self._verdicts.get(name, ((), math.nan, _UNKNOWN))
+        basis = (state.joint, state.margin_gains)
+        if basis != known or not abs(state.velocity - speed) <= _SAME_SPEED * abs(speed):
+            conditions = joint.settings.options.conditions
+            verdict = exact_verdict(state.joint, state.margin_gains, state.velocity, conditions)
+            self._verdicts[name] = (basis, state.velocity, verdict)
+        return verdict
+
+    def _array(self, time: float, diagnoses: list[Diagnosis]) -> Any:
+        make: Callable[..., Any] = self._writer.message
+        statuses = [
+            make(
+                "diagnostic_msgs/msg/DiagnosticStatus",
+                level=int(one.level),
+                name=one.name,
+                message=one.message,
+                hardware_id=one.hardware_id,
+                values=[make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in one.values],
+            )
+            for one in diagnoses
+        ]
+        return make(_ARRAY, header=self._writer.header(time), status=statuses)
+
+    def _write(self, topic: str, message: Any, time: float) -> None:
+        self._writer.write([self._writer.serialized(round(time * 1e9), topic, message)])

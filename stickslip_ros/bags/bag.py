@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A bag: one file, or a rosbag2 directory of several, of whatever storage and compression."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO, Any
+
+import yaml
+
+from stickslip_ros.bags.blocks import Block, Channel, Storage
+from stickslip_ros.bags.mcap_storage import MAGIC, McapStorage
+from stickslip_ros.bags.sqlite_storage import SqliteStorage
+from stickslip_ros.recordings import RecordingError
+
+_SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
+_SQLITE = b"SQLite format 3\0"
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_METADATA = "metadata.yaml"
+
+
+class Bag:
+    """Messages of a bag, block by block; use as a context.
+
+    ``warnings`` grows while it is read: what is missing or damaged.
+
+    Parameters
+    ----------
+    path : of a file or a directory.
+
+    Raises
+    ------
+    RecordingError
+        If nothing of it can be read; the message says why.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.warnings: list[str] = []
+        self._stack = ExitStack()
+        self._per_message = False
+        try:
+            self._storages = self._open()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def __enter__(self) -> Bag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    @property
+    def size(self) -> int:
+        """Of its files [bytes]."""
+        return sum(file.stat().st_size for file, _, _ in self._storages)
+
+    def channels(self) -> dict[Channel, int]:
+        """The channels, and how many messages each has."""
+        counts: dict[Channel, int] = {}
+        for _, _, channels in self._storages:
+            for channel, count in channels.items():
+                counts[channel] = counts.get(channel, 0) + count
+        return counts
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None] = lambda _: None) -> Iterator[Block]:
+        """The messages of the wanted channels, perhaps with others among them; ``progress`` is told of bytes."""
+        for _, storage, _ in self._storages:
+            for block in storage.blocks(wanted, progress):
+                yield self._decompressed(block) if self._per_message else block
+
+    def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
+        if not self.path.exists():
+            raise RecordingError(f"bag {self.path}: there is no such file or directory")
+        files = self._files() if self.path.is_dir() else [self.path]
+        opened, reasons = [], []
+        for file in files:
+            try:
+                storage = self._storage(file)
+                opened.append((file, storage, storage.channels()))
+            except (OSError, ValueError, EOFError, ImportError) as error:
+                reason = f"it needs the package {error.name}" if isinstance(error, ImportError) else str(error)
+                reasons.append(f"{file.name}: {' '.join(reason.split())}" if self.path.is_dir() else reason)
+        if not opened:
+            raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or 'no .mcap or .db3 file is in it'}")
+        self.warnings += reasons
+        return opened
+
+    def _files(self) -> list[Path]:
+        """The files of a directory in their order, as its metadata say or else by their names."""
+        there = [file for file in self.path.iterdir() if file.name.endswith(_SUFFIXES)]
+        by_name = sorted(there, key=lambda file: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", file.name)])
+        metadata = self._metadata()
+        if metadata is None:
+            return by_name
+        # Paths in metadata are file names, or begin with the directory's name in old bags.
+        names = [Path(str(name)).name for name in metadata["relative_file_paths"]]
+        if metadata.get("compression_mode", "").upper() == "MESSAGE":
+            self._per_message = True
+        missing = [name for name in names if not (self.path / name).exists()]
+        for name in missing:
+            self.warnings.append(f"{name}: missing; the bag's metadata name it")
+        return [self.path / name for name in names if name not in missing]
+
+    def _metadata(self) -> Any:
+        path = self.path / _METADATA
+        if not path.exists():
+            return None
+        try:
+            metadata = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+            if not isinstance(metadata["relative_file_paths"], list):
+                raise TypeError("relative_file_paths is no list")
+            if not isinstance(metadata.get("compression_mode", ""), str):
+                raise TypeError("compression_mode is no text")
+        except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+            self.warnings.append(f"{_METADATA}: damaged ({' '.join(str(error).split())}); files taken by their names")
+            return None
+        return metadata
+
+    def _storage(self, file: Path) -> Storage:
+        with file.open("rb") as stream:
+            begin = stream.read(16)
+        if not begin:
+            raise ValueError("the file is empty")
+        if begin.startswith(_ZSTD):
+            # Only the name tells what is inside.
+            if ".db3" in file.suffixes:
+                return SqliteStorage(self._unpacked(file), self.warnings.append, file.name)
+            return McapStorage(file, self.warnings.append, _open_zstd)
+        if begin == _SQLITE:
+            return SqliteStorage(self._named_db3(file), self.warnings.append, file.name)
+        if begin.startswith(MAGIC[:6]):
+            return McapStorage(file, self.warnings.append)
+        raise ValueError("neither an MCAP file nor a rosbag2 database")
+
+    def _unpacked(self, file: Path) -> Path:
+        """A database as a file: it cannot be read as a stream."""
+        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="stickslip_")))
+        target = folder / "bag.db3"
+        with _open_zstd(file) as stream, target.open("wb") as out:
+            shutil.copyfileobj(stream, out)
+        return target
+
+    def _named_db3(self, file: Path) -> Path:
+        """The file under a name by which the library takes it for a database."""
+        if file.suffix == ".db3":
+            return file
+        link = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="stickslip_"))) / "bag.db3"
+        link.symlink_to(file.resolve())
+        return link
+
+    def _decompressed(self, block: Block) -> Block:
+        import zstandard
+
+        decompressor = zstandard.ZstdDecompressor()
+        messages, broken = [], 0
+        for number in range(len(block)):
+            try:
+                data = decompressor.decompress(block.message(number), max_output_size=1 << 26)
+            except zstandard.ZstdError:
+                broken += 1
+                continue
+            messages.append((int(block.channel[number]), int(block.log_time[number]), data))
+        if broken:
+            self.warnings.append(f"{broken} messages could not be decompressed")
+        return Block.of_messages(messages, block.channels) if messages else block.none()
+
+
+class _ZstdStream(io.RawIOBase):
+    """A compressed file as a stream; damage is an OSError."""
+
+    def __init__(self, path: Path) -> None:
+        import zstandard
+
+        super().__init__()
+        self._damage = zstandard.ZstdError
+        self._reader = zstandard.ZstdDecompressor().stream_reader(path.open("rb"), read_across_frames=True)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        try:
+            return int(self._reader.readinto(buffer))
+        except self._damage as error:
+            raise OSError(f"its compression is damaged: {error}") from error
+
+    def close(self) -> None:
+        if not self.closed:
+            self._reader.close()  # type: ignore[no-untyped-call]
+        super().close()
+
+
+def _open_zstd(path: Path) -> IO[bytes]:
+    return io.BufferedReader(_ZstdStream(path), 1 << 20)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What every storage gives: serialized messages in blocks, each message a place in one buffer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Warn = Callable[[str], None]
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """Where messages of one type come from.
+
+    Attributes
+    ----------
+    topic, type : as ROS names them, e.g. "/joint_states", "sensor_msgs/msg/JointState".
+    encoding : of the messages, "cdr".
+    schema_encoding, schema : definition of the type, "ros2msg" or "ros2idl"; "" if the recorder did not know it.
+    """
+
+    topic: str
+    type: str
+    encoding: str = "cdr"
+    schema_encoding: str = ""
+    schema: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """Messages in the order of their recording.
+
+    Attributes
+    ----------
+    buffer : of shape (bytes,); message n is ``buffer[offset[n] : offset[n] + length[n]]``.
+    channel : for each message, its number in ``channels``.
+    log_time : when it was recorded [ns].
+    """
+
+    buffer: Bytes
+    channels: dict[int, Channel]
+    channel: Integers
+    offset: Integers
+    length: Integers
+    log_time: Integers
+
+    def __len__(self) -> int:
+        return len(self.offset)
+
+    def message(self, number: int) -> bytes:
+        """One serialized message."""
+        begin = int(self.offset[number])
+        return self.buffer[begin : begin + int(self.length[number])].tobytes()
+
+    def none(self) -> Block:
+        """A block of no messages."""
+        return Block(
+            buffer=self.buffer,
+            channels=self.channels,
+            channel=self.channel[:0],
+            offset=self.offset[:0],
+            length=self.length[:0],
+            log_time=self.log_time[:0],
+        )
+
+    @staticmethod
+    def of_messages(messages: Iterable[tuple[int, int, bytes]], channels: dict[int, Channel]) -> Block:
+        """A block of (channel number, log time [ns], message)."""
+        numbers, times, data = zip(*messages, strict=True)
+        lengths = np.array([len(one) for one in data], dtype=np.int64)
+        return Block(
+            buffer=np.frombuffer(b"".join(data), dtype=np.uint8),
+            channels=channels,
+            channel=np.array(numbers, dtype=np.int64),
+            offset=np.concatenate([[0], np.cumsum(lengths)[:-1]]),
+            length=lengths,
+            log_time=np.array(times, dtype=np.int64),
+        )
+
+
+class Storage(Protocol):
+    """One file of a bag."""
+
+    def channels(self) -> dict[Channel, int]:
+        """The channels, and how many messages each has; -1 where that is not known."""
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        """The messages of the wanted channels, perhaps with others among them.
+
+        ``progress`` is told how many bytes of the file have been dealt with since it was told last.
+        """

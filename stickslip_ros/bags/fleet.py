@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Many bags at once: on one machine or on a cluster, with the same answers.
+
+Each bag is a task of its own, whose answer is the JSON object that `stickslip analyze` prints of it. A bag that cannot
+be read has an error as its answer; answers are kept in a folder, so that an interrupted run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import stickslip_ros
+from stickslip_ros.bags.analysis import AnalysisOptions, analyze
+from stickslip_ros.bags.analysis_json import bag_json
+from stickslip_ros.errors import StickSlipError
+
+_SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+_ATTEMPTS = 2  # of a bag whose process dies
+_KILLED = "its process was killed twice: is there too little memory?"
+
+Answer = dict[str, Any]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class BagTask:
+    """One bag to analyse, here or elsewhere."""
+
+    path: Path
+    options: AnalysisOptions
+
+
+def answer(task: BagTask) -> Answer:
+    """A bag's JSON object, or one with an error; raises nothing that a bag can cause."""
+    try:
+        return bag_json(analyze(task.path, task.options))
+    except (StickSlipError, OSError) as error:
+        return {"path": str(task.path), "error": str(error)}
+
+
+def find_bags(paths: Sequence[Path]) -> list[Path]:
+    """The bags that paths name; a folder that is no bag itself stands for the bags anywhere in it."""
+    found: list[Path] = []
+    for path in paths:
+        found += _bags_in(path) if path.is_dir() and not _is_bag(path) else [path]
+    return list(dict.fromkeys(found))
+
+
+def _is_bag(folder: Path) -> bool:
+    """Whether a folder is a rosbag2 directory: it has metadata, or its files are named as those of one are."""
+    if (folder / "metadata.yaml").exists():
+        return True
+    files = [file.name for file in folder.iterdir() if file.name.endswith(_SUFFIXES)]
+    return bool(files) and all(name.startswith(f"{folder.resolve().name}_") for name in files)
+
+
+def _bags_in(folder: Path) -> list[Path]:
+    found: list[Path] = []
+    for path in sorted(folder.iterdir()):
+        if path.is_dir():
+            found += [path] if _is_bag(path) else _bags_in(path)
+        elif path.name.endswith(_SUFFIXES):
+            found.append(path)
+    return found
+
+
+class Answers:
+    """Answers kept in a folder, each under what it depends on: the bag's files, the options, this version."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+
+    def _file(self, task: BagTask) -> Path | None:
+        if self._folder is None:
+            return None
+        try:
+            files = sorted(task.path.iterdir()) if task.path.is_dir() else [task.path]
+            states = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+        except OSError:
+            return None
+        basis = (
+            stickslip_ros.__version__,
+            str(task.path),
+            states,
+            repr(task.options),
+            task.options.parameters.fingerprint(),
+        )
+        return self._folder / f"{task.path.stem}-{hashlib.sha256(repr(basis).encode()).hexdigest()[:16]}.json"
+
+    def get(self, task: BagTask) -> Answer | None:
+        """The answer to a task, if it is there and whole."""
+        file = self._file(task)
+        try:
+            found = json.loads(file.read_text(encoding="utf-8")) if file is not None else None
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) else None
+
+    def keep(self, task: BagTask, found: Answer) -> None:
+        """Keep an answer; errors are not kept, for their reason may go."""
+        file = self._file(task)
+        if file is None or "error" in found:
+            return
+        partial = file.with_suffix(".part")
+        partial.write_text(json.dumps(found, ensure_ascii=False), encoding="utf-8")
+        os.replace(partial, file)
+
+
+def analyze_fleet(
+    paths: Sequence[Path],
+    options: AnalysisOptions,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    results: Path | None = None,
+    progress: Progress = lambda _, __: None,
+) -> list[Answer]:
+    """The answers to all bags, in their order.
+
+    Parameters
+    ----------
+    jobs : processes on this machine. scheduler : address of a Dask scheduler, whose workers see the same files.
+    results : folder in which answers are kept, and looked for first. progress : told how many are done of how many.
+
+    Raises
+    ------
+    StickSlipError
+        If the scheduler cannot be reached, or Dask is missing.
+    """
+    kept = Answers(results)
+    tasks = [BagTask(path, options) for path in paths]
+    found: dict[int, Answer] = {}
+    for number, task in enumerate(tasks):
+        known = kept.get(task)
+        if known is not None:
+            found[number] = known
+    progress(len(found), len(tasks))
+    missing = [number for number in range(len(tasks)) if number not in found]
+    if scheduler is not None:
+        coming = _by_dask(tasks, missing, scheduler)
+    elif jobs > 1:
+        coming = _by_processes(tasks, missing, jobs)
+    else:
+        coming = ((number, answer(tasks[number])) for number in missing)
+    for number, one in coming:
+        # As from a file, whatever way it came.
+        found[number] = json.loads(json.dumps(one))
+        kept.keep(tasks[number], found[number])
+        progress(len(found), len(tasks))
+    return [found[number] for number in range(len(tasks))]
+
+
+def _by_processes(tasks: Sequence[BagTask], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, Answer]]:
+    """Answers as they come from processes; one that dies takes no other bag with it."""
+    waiting = list(numbers)
+    attempts = dict.fromkeys(numbers, 0)
+    context = multiprocessing.get_context("spawn")
+    while waiting:
+        done: set[int] = set()
+        with ProcessPoolExecutor(min(jobs, len(waiting)), mp_context=context) as pool:
+            running: dict[Future[Answer], int] = {}
+            queue = iter(list(waiting))
+            try:
+                while True:
+                    # No more than there are processes, so that it is known which bags were being read.
+                    while len(running) < jobs and (number := next(queue, None)) is not None:
+                        running[pool.submit(answer, tasks[number])] = number
+                    if not running:
+                        break
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        yield running[future], future.result()
+                        done.add(running.pop(future))
+            except BrokenProcessPool:
+                for number in running.values():
+                    attempts[number] += 1
+        waiting = [number for number in waiting if number not in done]
+        for number in [number for number in waiting if attempts[number] >= _ATTEMPTS]:
+            yield number, {"path": str(tasks[number].path), "error": f"bag {tasks[number].path}: {_KILLED}"}
+            waiting.remove(number)
+
+
+def _by_dask(tasks: Sequence[BagTask], numbers: Sequence[int], scheduler: str) -> Iterator[tuple[int, Answer]]:
+    """Answers as they come from the workers of a cluster, which gives the bags of a dead worker to others."""
+    try:
+        from distributed import Client, KilledWorker, as_completed
+    except ImportError as error:
+        raise StickSlipError(f"--scheduler needs Dask ({error.name}): pip install 'stickslip_ros[dask]'") from error
+    try:
+        client = Client(scheduler, timeout="10s")
+    except (OSError, ValueError) as error:
+        raise StickSlipError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    with client:
+        futures = {client.submit(answer, tasks[number], pure=False, key=f"bag-{number}"): number for number in numbers}
+        for future in as_completed(list(futures)):
+            number = futures[future]
+            try:
+                yield number, future.result()
+            except KilledWorker:
+                yield number, {"path": str(tasks[number].path), "error": f"bag {tasks[number].path}: {_KILLED}"}

@@ -1,0 +1,366 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""MCAP files, whole or damaged, as blocks of messages.
+
+With a sound index at its end a file is read chunk by chunk, and chunks without a wanted channel are passed over.
+Without one (a recorder that was killed, a file without chunks, a compressed stream) it is read from the start as far
+as it makes sense. What is lost is said.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel as ChannelRecord
+from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
+
+from stickslip_ros.bags import _message_kernel as kernel
+from stickslip_ros.bags.blocks import Block, Bytes, Channel, Integers, Warn
+
+MAGIC = b"\x89MCAP0\r\n"
+_FOOTER = 9 + 20
+_TABLE_ROWS = 1 << 16
+_WINDOW = 1 << 20
+_LARGEST_RECORD = 1 << 30
+_LARGEST_CHUNK = 1 << 28
+# What a damaged record makes its parser raise.
+_DAMAGE = (McapError, ValueError, struct.error, EOFError, OverflowError, MemoryError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Summary:
+    channels: dict[int, Channel]
+    counts: dict[int, int]
+    chunks: list[ChunkIndex]
+    messages: int
+
+
+class McapStorage:
+    """One MCAP file.
+
+    Parameters
+    ----------
+    path : of the file, for opening it and for its name in warnings.
+    warn : told what is lost.
+    open_stream : opens it from the start as an uncompressed stream, where that is not the file itself.
+    """
+
+    def __init__(self, path: Path, warn: Warn, open_stream: Callable[[Path], IO[bytes]] | None = None) -> None:
+        self._path, self._warn = path, warn
+        self._open_stream = open_stream
+        self._summary: _Summary | None = None
+        self._channels: dict[int, Channel] = {}
+        self._schemas: dict[int, Schema] = {}
+        self._unknown = 0
+
+    def channels(self) -> dict[Channel, int]:
+        """See :class:`~stickslip_ros.bags.blocks.Storage`.
+
+        Raises
+        ------
+        ValueError
+            If this is no MCAP file.
+        """
+        with self._open() as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise ValueError("not an MCAP file: it does not begin with its magic bytes")
+        if self._open_stream is None:
+            self._summary = self._read_summary()
+        if self._summary is not None:
+            found = self._summary.channels
+            return {channel: self._summary.counts.get(number, 0) for number, channel in found.items()}
+        counts: dict[Channel, int] = {}
+        said: list[str] = []
+        warn, self._warn = self._warn, said.append
+        try:
+            for block in self._from_start(lambda _: None):
+                for number, count in zip(*np.unique(block.channel, return_counts=True), strict=True):
+                    channel = block.channels.get(int(number))
+                    if channel is not None:
+                        counts[channel] = counts.get(channel, 0) + int(count)
+        finally:
+            # What is wrong is said when it is read in earnest.
+            self._warn = warn
+        return {**dict.fromkeys(self._channels.values(), 0), **counts}
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        """See :class:`~stickslip_ros.bags.blocks.Storage`."""
+        self._unknown = 0
+        if self._summary is not None and self._summary.chunks:
+            yield from self._by_index(self._summary, wanted, progress)
+        else:
+            yield from self._from_start(progress)
+        if self._unknown:
+            self._warn(f"{self._path.name}: {self._unknown} messages belong to no channel that is described")
+
+    def _open(self) -> IO[bytes]:
+        return self._open_stream(self._path) if self._open_stream else self._path.open("rb")
+
+    # The index at the end.
+
+    def _read_summary(self) -> _Summary | None:
+        """The summary section, if it is there and sound."""
+        size = self._path.stat().st_size
+        tail = _FOOTER + len(MAGIC)
+        with self._path.open("rb") as file:
+            if size < len(MAGIC) + tail:
+                return None
+            file.seek(size - tail)
+            end = file.read(tail)
+            if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
+                self._warn(f"{self._path.name}: not closed or cut off: it has no index; read as far as it goes")
+                return None
+            footer = Footer.read(ReadDataStream(io.BytesIO(end[9:])))
+            begin = footer.summary_start
+            if begin == 0:
+                return None
+            if not len(MAGIC) <= begin <= size - tail:
+                self._say_unsound()
+                return None
+            file.seek(begin)
+            content = file.read(size - tail - begin)
+            # Without a checksum the index may say anything; the data speak for themselves.
+            if footer.summary_crc == 0:
+                return None
+            if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != footer.summary_crc:
+                self._say_unsound()
+                return None
+            try:
+                summary = self._parse_summary(content)
+            except _DAMAGE:
+                self._say_unsound()
+                return None
+            for chunk in summary.chunks:
+                file.seek(chunk.chunk_start_offset)
+                if file.read(1) != bytes([Opcode.CHUNK]):
+                    self._say_unsound()
+                return None
+            inside = sum(len(chunk.message_index_offsets) > 0 for chunk in summary.chunks)
+            # Messages outside of chunks, or chunks that do not say what is in them, are found by reading everything.
+            return summary if inside == len(summary.chunks) > 0 else None
+
+    def _say_unsound(self) -> None:
+        self._warn(f"{self._path.name}: its index is damaged; read from the start as far as it goes")
+
+    def _parse_summary(self, content: bytes) -> _Summary:
+        buffer = np.frombuffer(content, dtype=np.uint8)
+        chunks, statistics = [], None
+        for table in _tables(buffer):
+            for opcode, offset, length, _, _ in table.tolist():
+                if opcode == Opcode.CHUNK_INDEX:
+                    chunks.append(ChunkIndex.read(_stream(buffer, offset, length)))
+                elif opcode == Opcode.STATISTICS:
+                    statistics = Statistics.read(_stream(buffer, offset, length))
+                else:
+                    self._note(opcode, buffer, offset, length)
+        return _Summary(
+            channels=dict(self._channels),
+            counts=dict(statistics.channel_message_counts) if statistics else {},
+            chunks=sorted(chunks, key=lambda chunk: int(chunk.chunk_start_offset)),
+            messages=statistics.message_count if statistics else 0,
+        )
+
+    def _by_index(self, summary: _Summary, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        numbers = {number for number, channel in summary.channels.items() if channel in wanted}
+        lost = expected = found = 0
+        with self._path.open("rb") as file:
+            at = 0
+            for index in summary.chunks:
+                progress(index.chunk_start_offset + index.chunk_length - at)
+                at = index.chunk_start_offset + index.chunk_length
+                if numbers.isdisjoint(index.message_index_offsets):
+                    continue
+                file.seek(index.chunk_start_offset)
+                record = file.read(index.chunk_length)
+                if len(record) < 9 or len(record) - 9 != struct.unpack_from("<Q", record, 1)[0]:
+                    self._warn(self._lost(index.chunk_start_offset, "its length is damaged"))
+                    lost += 1
+                    continue
+                for block in self._chunk(record[9:], index.chunk_start_offset):
+                    found += int(np.isin(block.channel, list(numbers)).sum())
+                    yield block
+            expected = sum(summary.counts.get(number, 0) for number in numbers)
+        progress(self._path.stat().st_size - at)
+        if found < expected and summary.counts:
+            self._warn(f"{self._path.name}: {expected - found} of {expected} messages could not be read")
+
+    def _lost(self, offset: int, why: str) -> str:
+        return f"{self._path.name}: the chunk at byte {offset} is lost: {why}"
+
+    # From the start.
+
+    def _from_start(self, progress: Callable[[int], None]) -> Iterator[Block]:
+        try:
+            with self._open() as stream:
+                yield from self._windows(stream, progress)
+        except (OSError, EOFError) as error:
+            self._warn(f"{self._path.name}: reading stopped: {' '.join(str(error).split())}")
+
+    def _windows(self, stream: IO[bytes], progress: Callable[[int], None]) -> Iterator[Block]:
+        """Walk through the file in windows that hold whole records."""
+        stream.read(len(MAGIC))
+        position, rest, needed = len(MAGIC), b"", _WINDOW
+        checksum = zlib.crc32(MAGIC)
+        while True:
+            read = stream.read(max(needed - len(rest), _WINDOW))
+            progress(len(read))
+            window = rest + read
+            buffer = np.frombuffer(window, dtype=np.uint8)
+            tables, at, needed, sound = _walk(buffer)
+            for table in tables:
+                end = table[np.isin(table[:, kernel.OPCODE], (Opcode.DATA_END, Opcode.FOOTER))]
+                if len(end):
+                    stop = int(end[0, kernel.OFFSET]) - 9
+                    yield from self._records(buffer, table[table[:, kernel.OFFSET] < stop], position)
+                    self._check_data(buffer, end[0], zlib.crc32(window[:stop], checksum))
+                    return
+                yield from self._records(buffer, table, position)
+            checksum = zlib.crc32(window[:at], checksum)
+            position += at
+            rest = window[at:]
+            if not sound:
+                self._warn(f"{self._path.name}: damaged at byte {position}; what comes after it is lost")
+                return
+            if not read:
+                if rest:
+                    self._warn(f"{self._path.name}: cut off at byte {position + len(rest)}, in the midst of a record")
+                else:
+                    self._warn(f"{self._path.name}: cut off at byte {position}; what came after it is lost")
+                return
+
+    def _check_data(self, buffer: Bytes, end: Integers, checksum: int) -> None:
+        if end[kernel.OPCODE] == Opcode.DATA_END and end[kernel.LENGTH] >= 4:
+            expected = DataEnd.read(_stream(buffer, int(end[kernel.OFFSET]), 4)).data_section_crc
+            if expected not in (0, checksum):
+                self._warn(f"{self._path.name}: its checksum is wrong: some data are damaged, and results with them")
+
+    def _records(self, buffer: Bytes, table: Integers, position: int) -> Iterator[Block]:
+        """Blocks of records that follow each other; chunks are opened."""
+        opcodes = table[:, kernel.OPCODE]
+        others = np.flatnonzero(opcodes != Opcode.MESSAGE)
+        begin = 0
+        for number in [*others.tolist(), len(table)]:
+            if number > begin:
+                yield self._block(buffer, table[begin:number])
+            begin = number + 1
+            if number < len(table):
+                opcode, offset, length, _, _ = table[number].tolist()
+                if opcode == Opcode.CHUNK:
+                    yield from self._chunk(buffer[offset : offset + length].tobytes(), position + offset - 9)
+                else:
+                    try:
+                        self._note(opcode, buffer, offset, length)
+                    except _DAMAGE as error:
+                        self._warn(f"{self._path.name}: a record at byte {position + offset} is damaged: {error}")
+
+    # Both ways.
+
+    def _chunk(self, content: bytes, offset: int) -> Iterator[Block]:
+        try:
+            chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
+            records = _decompressed(chunk)
+        except ImportError:
+            raise
+        except Exception as error:
+            # Whatever the three libraries raise for bytes that make no sense.
+            self._warn(self._lost(offset, " ".join(str(error).split()) or type(error).__name__))
+            return
+        buffer = np.frombuffer(records, dtype=np.uint8)
+        tables, at, _, sound = _walk(buffer)
+        for table in tables:
+            yield from self._records(buffer, table[table[:, kernel.OPCODE] != Opcode.CHUNK], offset)
+        if not sound or at != len(buffer):
+            self._warn(f"{self._path.name}: the chunk at byte {offset} is damaged; the end of it is lost")
+
+    def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
+        """Remember schemas and channels."""
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(_stream(buffer, offset, length))
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            record = ChannelRecord.read(_stream(buffer, offset, length))
+            schema_of = self._schemas.get(record.schema_id)
+            self._channels[record.id] = Channel(
+                topic=record.topic,
+                type=schema_of.name if schema_of else "",
+                encoding=record.message_encoding,
+                schema_encoding=schema_of.encoding if schema_of else "",
+                schema=schema_of.data.decode("utf-8", errors="replace") if schema_of else "",
+            )
+
+    def _block(self, buffer: Bytes, table: Integers) -> Block:
+        known = np.isin(table[:, kernel.CHANNEL], list(self._channels))
+        if not known.all():
+            self._unknown += int((~known).sum())
+            table = table[known]
+        return Block(
+            buffer=buffer,
+            channels=dict(self._channels),
+            channel=table[:, kernel.CHANNEL],
+            offset=np.ascontiguousarray(table[:, kernel.OFFSET]),
+            length=np.ascontiguousarray(table[:, kernel.LENGTH]),
+            log_time=table[:, kernel.LOG_TIME],
+        )
+
+
+def _stream(buffer: Bytes, offset: int, length: int) -> Any:
+    return ReadDataStream(io.BytesIO(buffer[offset : offset + length].tobytes()))
+
+
+def _walk(buffer: Bytes) -> tuple[list[Integers], int, int, bool]:
+    """Tables of the whole records in a buffer; where they end, what the next one needs, whether all is sound."""
+    tables, at = [], 0
+    while True:
+        table = np.empty((_TABLE_ROWS, kernel.COLUMNS), dtype=np.int64)
+        count, at, needed, sound = kernel.walk(buffer, at, _LARGEST_RECORD, table)
+        if count:
+            tables.append(table[:count])
+        if count < _TABLE_ROWS or not sound:
+            return tables, int(at), int(needed), bool(sound)
+
+
+def _tables(buffer: Bytes) -> list[Integers]:
+    tables, at, _, sound = _walk(buffer)
+    if not sound or at != len(buffer):
+        raise ValueError("damaged records")
+    return tables
+
+
+def _decompressed(chunk: Chunk) -> bytes:
+    """The records of a chunk.
+
+    Raises
+    ------
+    ValueError
+        If they are not what their length and checksum say.
+    """
+    size = chunk.uncompressed_size
+    if size > _LARGEST_CHUNK:
+        raise ValueError(f"its size is said to be {size} bytes")
+    if chunk.compression == "":
+        records: bytes = chunk.data
+    elif chunk.compression == "zstd":
+        import zstandard
+
+        records = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+    elif chunk.compression == "lz4":
+        import lz4.frame
+
+        records = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    else:
+        raise ValueError(f"its compression {chunk.compression[:32]!r} is none of zstd, lz4")
+    if len(records) != size:
+        raise ValueError(f"it holds {len(records)} bytes instead of {size}")
+    if chunk.uncompressed_crc and zlib.crc32(records) != chunk.uncompressed_crc:
+        raise ValueError("its checksum is wrong")
+    return records

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""One analysed recording as one HTML file that needs nothing else: no network, no server."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import stickslip_ros
+from stickslip_ros.bags import words
+from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.monitoring.status import Status
+
+_MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
+_MOST_SECTIONS = 12
+_FEW_JOINTS = 2
+_CYCLES_LISTED = 25
+_YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
+_UNITS = {
+    "inertia": ("kg·m²", "1"),
+    "coulomb": ("N·m", "rad/s²"),
+    "viscous": ("N·m·s/rad", "1/s"),
+    "stribeck": ("N·m", "rad/s²"),
+    "stribeck_velocity": ("rad/s", "rad/s"),
+    "lag": ("s", "s"),
+    "rise_time": ("s", "s"),
+}
+_MEANINGS = {
+    "inertia": "inertia",
+    "coulomb": "Coulomb friction",
+    "viscous": "viscous friction",
+    "stribeck": "Stribeck friction after a long rest",
+    "stribeck_velocity": "Stribeck velocity",
+    "lag": "lag of friction (frictional memory)",
+    "rise_time": "rise time of static friction",
+}
+
+
+def write_report(path: Path, analysis: BagAnalysis) -> None:
+    """Write the report of an analysis with traces.
+
+    Raises
+    ------
+    StickSlipError
+        If the package bokeh is missing.
+    OSError
+        If it cannot be written.
+    """
+    write_page(path, f"Stick slip in {Path(analysis.path).name}", *_body(analysis))
+
+
+def write_page(path: Path, title: str, body: str, figures: Sequence[Any]) -> None:
+    """Write a page; ``body`` holds a {plot} for each figure, in order. Nothing is there before it is whole."""
+    try:
+        from bokeh.embed import components
+        from bokeh.resources import Resources
+    except ImportError as error:
+        raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
+    script, divs = components(tuple(figures)) if figures else ("", ())
+    for div in divs:
+        body = body.replace("{plot}", div, 1)
+    library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if figures else ""
+    folder = resources.files("stickslip_ros.bags").joinpath("page")
+    style, own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
+    scripts = f"<script>{library}</script>\n{script}\n<script>{own}</script>" if figures else ""
+    page = f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta name="generator" content="stickslip_ros {stickslip_ros.__version__}">
+<link rel="icon" href="data:,">
+<title>{escape(title)}</title>
+<style>{style}</style>
+</head>
+<body>
+{body}
+<footer class="faint">Made by stickslip_ros {stickslip_ros.__version__}, after B. Armstrong-Hélouvry, “Stick Slip and
+Control in Low-Speed Motion”, IEEE Transactions on Automatic Control 38(10), 1993. Times are of the messages’ own
+stamps.</footer>
+{scripts}
+</body>
+</html>
+"""
+    partial = path.with_name(f".{path.name}.part")
+    partial.write_text(page, encoding="utf-8")
+    os.replace(partial, path)
+
+
+def _body(analysis: BagAnalysis) -> tuple[str, list[Any]]:
+    joints = list(analysis.joints.values())
+    shown = [joint for joint in joints if joint.status in _MATTERS]
+    if len(joints) <= _FEW_JOINTS:
+        shown = [joint for joint in joints if math.isfinite(joint.velocity)]
+    shown = sorted(shown, key=lambda joint: (_MATTERS + tuple(Status)).index(joint.status))[:_MOST_SECTIONS]
+    figures: list[Any] = []
+    sections = "".join(_section(joint, figures) for joint in shown)
+    return f"{_header(analysis)}\n{_overview(joints, shown)}\n{sections}", figures
+
+
+def _header(analysis: BagAnalysis) -> str:
+    sticking = [joint.name for joint in analysis.joints.values() if joint.status is Status.STICK_SLIP]
+    verdict = (
+        f"<strong class='stick_slip'>{len(sticking)} of {len(analysis.joints)} joints stick and slip</strong>: "
+        f"{escape(', '.join(sticking))}."
+        if sticking
+        else f"<strong class='smooth'>None of {len(analysis.joints)} joints sticks and slips.</strong>"
+    )
+    start = min((joint.start for joint in analysis.joints.values()), default=math.nan)
+    end = max((joint.end for joint in analysis.joints.values()), default=math.nan)
+    when = datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ") if start > _YEAR_2001 else ""
+    topics = analysis.topics
+    read = [f"states from {topics.states.topic}"]
+    read += [f"references from {channel.topic}" for channel in topics.references]
+    read += [f"gains from {channel.topic}" for channel in topics.gains]
+    warnings = "".join(f"<li>{escape(warning)}</li>" for warning in analysis.warnings)
+    noted = f"<div class='warnings'><strong>What is missing</strong><ul>{warnings}</ul></div>" if warnings else ""
+    return (
+        f"<h1>Stick slip in {escape(Path(analysis.path).name)}</h1>"
+        f"<p class='faint'>{when}{end - start:.4g} s; {escape('; '.join(read))}.</p><p>{verdict}</p>{noted}"
+    )
+
+
+def _overview(joints: Sequence[JointAnalysis], shown: Sequence[JointAnalysis]) -> str:
+    rows = []
+    for joint in joints:
+        name = escape(joint.name)
+        link = f"<a href='#{_anchor(joint)}'>{name}</a>" if joint in shown else name
+        slips = sorted(abs(cycle.slip_distance) for cycle in joint.cycles)
+        rows.append(
+            f"<tr><td>{link}</td><td class='text'><span class='chip {joint.status.value}'>{_status(joint)}</span></td>"
+            f"<td>{joint.time_in(Status.STICK_SLIP):.3g}</td><td>{joint.duration:.4g}</td><td>{len(joint.cycles)}</td>"
+            f"<td>{_number(joint.velocity)}</td><td>{_number(slips[len(slips) // 2] if slips else math.nan)}</td>"
+            f"<td>{_reserve(joint)}</td></tr>"
+        )
+    return (
+        "<div class='scroll'><table><caption class='faint'>Every joint of the recording</caption><thead><tr>"
+        "<th>joint</th><th class='text'>status</th><th>sticks [s]</th><th>of [s]</th><th>cycles</th>"
+        "<th>speed [rad/s]</th><th>usual slip [rad]</th><th>reserve by Eq. (43)</th></tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+        "<p class='faint'>Reserve: damping in excess of what Eq. (43) asks for; below zero stick slip is predicted.</p>"
+    )
+
+
+def _section(joint: JointAnalysis, figures: list[Any]) -> str:
+    from stickslip_ros.bags import report_plots
+
+    plots = [plot for make in report_plots.PLOTS if (plot := make(joint)) is not None]
+    figures += [plot.figure for plot in plots]
+    drawn = [
+        f"<figure><h3>{escape(plot.title)}</h3><div class='plot' role='img' aria-label='{escape(plot.caption)}'>"
+        f"{{plot}}</div><figcaption>{escape(plot.caption)}</figcaption></figure>"
+        for plot in plots
+    ]
+    # The first plot has the page's width; the others stand in pairs where there is room.
+    return (
+        f"<section id='{_anchor(joint)}'><h2>{escape(joint.name)}: "
+        f"<span class='chip {joint.status.value}'>{_status(joint)}</span></h2>"
+        f"<p class='todo'>{escape(words.finding(joint))}<br><strong>{escape(words.advice(joint))}</strong></p>"
+        f"{drawn[0] if drawn else ''}<div class='pair'>{''.join(drawn[1:])}</div>"
+        f"{_parameters(joint)}{_cycles(joint)}</section>"
+    )
+
+
+def _parameters(joint: JointAnalysis) -> str:
+    state = joint.assessment
+    rows = []
+    estimate = state.estimate
+    for name in NAMES:
+        unit = _UNITS[name][int(state.per_inertia)]
+        source, value, error = "configured", math.nan, math.nan
+        if estimate is not None and estimate.normalised and name in ("inertia", "coulomb"):
+            continue
+        if estimate is not None and estimate.usable:
+            found = estimate[name]
+            value, error = found.value, found.std
+            source = "the motion shows it" if found.identified else "the motion shows little of it"
+        elif state.joint is not None:
+            value = float(state.joint.inertia if name == "inertia" else getattr(state.joint.friction, name))
+        if math.isfinite(value):
+            spread = f"± {error:.2g}" if math.isfinite(error) else ""
+            rows.append(
+                f"<tr><td>{_MEANINGS[name]}</td><td>{value:.4g}</td><td class='text'>{spread}</td>"
+                f"<td class='text'>{unit}</td><td class='text'>{source}</td></tr>"
+            )
+    gains = state.gains
+    if gains is not None:
+        for label, number, unit in (
+            ("stiffness k_p", gains.stiffness, "N·m/rad"),
+            ("damping k_v", gains.damping, "N·m·s/rad"),
+        ):
+            rows.append(
+                f"<tr><td>{label}</td><td>{float(number):.4g}</td><td></td><td class='text'>{unit}</td>"
+                "<td class='text'>of the controller</td></tr>"
+            )
+    if not rows:
+        return f"<p class='faint'>No friction parameters: {escape(state.margin_reason)}.</p>"
+    basis = words.rests_on(joint)
+    return (
+        "<h3>Parameters</h3><div class='scroll'><table><thead><tr><th>parameter</th><th>value</th>"
+        "<th class='text'>error</th><th class='text'>unit</th><th class='text'>known from</th></tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div><p class='faint'>Margin and advice rest on: {escape(basis)}."
+        f"{_exactly(joint)}</p>"
+    )
+
+
+def _exactly(joint: JointAnalysis) -> str:
+    if joint.exact.smooth is None:
+        return ""
+    return f" Integrated, Eqs (4)-(6) say: {'smooth' if joint.exact.smooth else 'stick slip'}."
+
+
+def _cycles(joint: JointAnalysis) -> str:
+    if not joint.cycles:
+        return ""
+    rows = "".join(
+        f"<tr><td>{cycle.breakaway - joint.start:.3f}</td><td>{cycle.dwell:.3f}</td><td>{cycle.slip_duration:.3f}</td>"
+        f"<td>{cycle.slip_distance:.5g}</td><td>{_number(cycle.effort)}</td></tr>"
+        for cycle in joint.cycles[:_CYCLES_LISTED]
+    )
+    more = len(joint.cycles) - _CYCLES_LISTED
+    rest = f"<p class='faint'>and {more} more (stickslip analyze --csv lists all).</p>" if more > 0 else ""
+    return (
+        f"<details><summary>The cycles in numbers</summary><div class='scroll'><table><thead><tr>"
+        "<th>breakaway [s]</th><th>dwell [s]</th><th>slip [s]</th><th>distance [rad]</th><th>effort [N·m]</th></tr>"
+        f"</thead><tbody>{rows}</tbody></table></div>{rest}</details>"
+    )
+
+
+def _anchor(joint: JointAnalysis) -> str:
+    return "joint-" + "".join(letter if letter.isalnum() else f"-{ord(letter):x}-" for letter in joint.name)
+
+
+def _status(joint: JointAnalysis) -> str:
+    return joint.status.value.replace("_", " ")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "–"
+
+
+def _reserve(joint: JointAnalysis) -> str:
+    margin = joint.assessment.margin
+    if margin is None or not margin.applicable or not float(margin.critical_damping_ratio) > 0:
+        return "–"
+    return f"{100.0 * (float(margin.damping_ratio) / float(margin.critical_damping_ratio) - 1.0):+.0f} %"

@@ -1,0 +1,340 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The report's plots: what they show as arrays, and as figures that can be zoomed.
+
+Bokeh draws them: its script is a quarter of plotly's, so that a page of one file stays small, and unlike a picture
+its axes follow the zoom.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from bokeh.models import BoxAnnotation, ColumnDataSource, HoverTool, LogTicker, Range1d, Span
+from bokeh.plotting import figure
+from contourpy import contour_generator
+
+from stickslip_ros.bags.analysis import JointAnalysis
+from stickslip_ros.model.extinction_map import extinction_map, map_axes
+from stickslip_ros.model.friction import Friction, steady_friction
+from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.status import Status
+
+RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
+_MARKED = 3000  # cycles at most
+_MAP_POINTS = 900
+_BAND = (5.0, 95.0)  # per cent
+_CURVE = 300
+_SMOOTHED = 5  # samples on either side, where a velocity has to be derived
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure with what it shows in words, for those who do not see it."""
+
+    figure: Any
+    title: str
+    caption: str
+
+
+def _figure(x: str, y: str, *, height: int = 320, log: bool = False, **more: Any) -> Any:
+    kinds = {"x_axis_type": "log", "y_axis_type": "log"} if log else {}
+    plot = figure(
+        height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y, min_width=240,
+        tools="pan,box_zoom,wheel_zoom,reset,save", active_drag="box_zoom", active_scroll=None, **kinds, **more,
+    )  # fmt: skip
+    plot.toolbar.logo = None
+    plot.toolbar.autohide = False
+    return plot
+
+
+def _finish(plot: Any) -> None:
+    """Put the legend below, where it hides nothing."""
+    if plot.legend:
+        plot.legend.click_policy = "hide"
+        plot.legend.label_text_font_size = "9pt"
+        plot.legend.border_line_alpha = 0.0
+        plot.legend.ncols, plot.legend.location = 2, "left"
+        plot.legend.padding, plot.legend.spacing, plot.legend.margin = 0, 0, 4
+        plot.add_layout(plot.legend[0], "below")
+
+
+def _small(values: FloatArray) -> Any:
+    """Half the size in the page; enough for a screen."""
+    return np.asarray(values, dtype=np.float32)
+
+
+def position_plot(joint: JointAnalysis) -> Plot | None:
+    """The whole recording: position in outline, reference, stretches of stick slip, breakaways."""
+    if joint.traces is None:
+        return None
+    time, low, high = joint.traces.position.points()
+    if not len(time):
+        return None
+    plot = _figure("time [s]", "position [rad]")
+    time = time - joint.start
+    for segment in joint.segments:
+        colour = {Status.STICK_SLIP: RED, Status.AT_RISK: AMBER}.get(segment.status)
+        if colour and segment.end > segment.start:
+            box = BoxAnnotation(
+                left=segment.start - joint.start, right=segment.end - joint.start,
+                fill_color=colour, fill_alpha=0.09, line_color=None,
+            )  # fmt: skip
+            plot.add_layout(box)
+    desired_time, desired_low, desired_high = joint.traces.reference.points()
+    if len(desired_time):
+        desired = 0.5 * (desired_low + desired_high)
+        plot.line(
+            _small(desired_time - joint.start), _small(desired), color=ORANGE, line_width=1.5, legend_label="reference"
+        )
+    plot.varea(_small(time), _small(low), _small(high), color=BLUE, alpha=0.4)
+    plot.line(_small(time), _small(0.5 * (low + high)), color=BLUE, line_width=1.5, legend_label="position")
+    if joint.cycles:
+        chosen = joint.cycles[:: max(1, math.ceil(len(joint.cycles) / _MARKED))]
+        source = ColumnDataSource(
+            {
+                "time": _small(np.array([one.breakaway for one in chosen]) - joint.start),
+                "position": _small(np.array([one.position for one in chosen])),
+                "slip": _small(np.array([one.slip_distance for one in chosen])),
+                "dwell": _small(np.array([one.dwell for one in chosen])),
+            }
+        )
+        marks = plot.scatter(
+            "time", "position", source=source, size=6, color=RED, marker="triangle", legend_label="breakaway"
+        )
+        tips = [("breakaway", "@time{0.000} s"), ("slip", "@slip{0.0000} rad"), ("dwell", "@dwell{0.000} s")]
+        plot.add_tools(HoverTool(renderers=[marks], tooltips=tips))
+    _finish(plot)
+    sticking = joint.time_in(Status.STICK_SLIP)
+    return Plot(
+        plot,
+        "Position and reference",
+        f"Position of {joint.name} over {joint.duration:.4g} s; {len(joint.cycles)} breakaways marked by triangles, "
+        f"{sticking:.3g} s of stick slip shaded red. Drag a box to zoom, the round arrow shows everything again.",
+    )
+
+
+def close_up_plot(joint: JointAnalysis) -> Plot | None:
+    """A few cycles, every sample."""
+    close_up = joint.traces.close_up() if joint.traces else None
+    if close_up is None:
+        return None
+    samples, cycle = close_up.samples, close_up.cycle
+    time = samples.time - joint.start
+    plot = _figure("time [s]", "position [rad]")
+    for begin, end in ((cycle.breakaway - cycle.dwell, cycle.breakaway),):
+        plot.add_layout(
+            BoxAnnotation(
+                left=begin - joint.start, right=end - joint.start, fill_color=RED, fill_alpha=0.12, line_color=None
+            )
+        )
+    if np.isfinite(samples.reference_position).any():
+        plot.line(time, _small(samples.reference_position), color=ORANGE, line_width=1.5, legend_label="reference")
+    plot.line(time, _small(samples.position), color=BLUE, line_width=2, legend_label="position")
+    _finish(plot)
+    return Plot(
+        plot,
+        "A usual cycle, as recorded",
+        f"At rest for {cycle.dwell:.3g} s (shaded), then a slip of {cycle.slip_distance:.3g} rad in "
+        f"{cycle.slip_duration:.3g} s, from {cycle.breakaway - joint.start:.4g} s on.",
+    )
+
+
+def phase_plot(joint: JointAnalysis) -> Plot | None:
+    """One cycle in the phase plane of the moving frame, with the unperturbed circle (Figs 5-7)."""
+    close_up = joint.traces.close_up() if joint.traces else None
+    state = joint.assessment
+    if close_up is None or state.joint is None or state.margin_gains is None:
+        return None
+    stiffness = float(state.margin_gains.stiffness)
+    if not stiffness > 0.0:
+        return None
+    frequency = math.sqrt(stiffness / float(state.joint.inertia))
+    cycle = close_up.cycle
+    samples = close_up.samples
+    inside = (samples.time >= cycle.breakaway - cycle.dwell) & (samples.time <= cycle.arrest + 0.2 * cycle.dwell)
+    part = samples.where(inside)
+    if len(part) < 8:
+        return None
+    velocity = _velocity(part)
+    direction = 1.0 if cycle.slip_distance > 0 else -1.0
+    speed = _speed_of(part, cycle.mean_speed)
+    error = direction * (part.position - _reference(part, direction * speed))
+    begin, end = (float(np.interp(time, part.time, error)) for time in (cycle.breakaway, cycle.arrest))
+    across = frequency * (error - 0.5 * (begin + end))
+    plot = _figure("ω·(position − reference), about its middle [rad/s]", "velocity [rad/s]", match_aspect=True)
+    angle = np.linspace(0.0, 2.0 * math.pi, 200)
+    plot.line(
+        _small(speed * np.sin(angle)), _small(speed * (1.0 - np.cos(angle))),
+        color=GREEN, line_dash="dashed", line_width=2, legend_label="unperturbed",
+    )  # fmt: skip
+    plot.line(_small(across), _small(direction * velocity), color=BLUE, line_width=2, legend_label="this cycle")
+    plot.scatter(
+        [frequency * (begin - 0.5 * (begin + end)), frequency * (end - 0.5 * (begin + end))], [0.0, 0.0],
+        size=8, color=RED, legend_label="breakaway, arrest",
+    )  # fmt: skip
+    _finish(plot)
+    return Plot(
+        plot,
+        "One cycle in the phase plane",
+        "The slip as a loop about the moving equilibrium, beside the circle that it would be without friction's fall "
+        f"(ω = {frequency:.3g} 1/s). It stays outside of the circle where stick slip goes on, and is drawn towards it "
+        "where it dies out.",
+    )
+
+
+def _velocity(part: Batch) -> FloatArray:
+    if np.isfinite(part.velocity).all():
+        return part.velocity
+    ahead = np.minimum(np.arange(len(part)) + _SMOOTHED, len(part) - 1)
+    behind = np.maximum(np.arange(len(part)) - _SMOOTHED, 0)
+    return np.asarray((part.position[ahead] - part.position[behind]) / (part.time[ahead] - part.time[behind]))
+
+
+def _speed_of(part: Batch, otherwise: float) -> float:
+    """Of the reference, or of the cycle as a whole [rad/s]."""
+    reference = part.reference_position
+    if np.isfinite(reference).all():
+        return abs(float(reference[-1] - reference[0]) / float(part.time[-1] - part.time[0])) or otherwise
+    return otherwise
+
+
+def _reference(part: Batch, velocity: float) -> FloatArray:
+    if np.isfinite(part.reference_position).all():
+        return part.reference_position
+    return np.asarray(velocity * (part.time - part.time[0]))
+
+
+def friction_plot(joint: JointAnalysis) -> Plot | None:
+    """Friction against speed: efforts measured in sliding, the fitted curve and its band."""
+    state = joint.assessment
+    inertia = float(state.joint.inertia) if state.joint is not None and not state.per_inertia else 0.0
+    nothing = (np.zeros(0), np.zeros(0))
+    points = joint.traces.friction_points(state.resolution, inertia) if joint.traces else nothing
+    estimate = state.estimate
+    curve = state.joint.friction if state.joint is not None else None
+    if not len(points[0]) and curve is None:
+        return None
+    unit = "rad/s²" if state.per_inertia else "N·m"
+    label = "Stribeck and viscous friction per inertia" if state.per_inertia else "friction"
+    plot = _figure("speed [rad/s]", f"{label} [{unit}]")
+    said = []
+    fastest = 3.0 * joint.velocity if math.isfinite(joint.velocity) else 0.0
+    if curve is not None:
+        fastest = max(fastest, 6.0 * float(curve.stribeck_velocity))
+    if len(points[0]) and not state.per_inertia:
+        speed, force = np.abs(points[0]), points[1] * np.sign(points[0])
+        plot.scatter(_small(speed), _small(force), size=3, color=BLUE, alpha=0.35, legend_label="measured in sliding")
+        fastest = max(fastest, 1.05 * float(speed.max()))
+        less = ", less what accelerated the joint" if inertia > 0.0 else ""
+        said.append(f"the effort in {len(speed)} stretches of sliding{less}")
+    if curve is not None:
+        speeds = np.linspace(0.0, fastest, _CURVE)
+        if estimate is not None and estimate.usable:
+            low, high = _band(joint, speeds)
+            plot.varea(_small(speeds), _small(low), _small(high), color=ORANGE, alpha=0.3, legend_label="5 % to 95 %")
+            said.append("the curve fitted to the slips with the band that 90 % of its errors span")
+        else:
+            said.append("the curve configured")
+        plot.line(_small(speeds), _small(_steady(curve, speeds)), color=ORANGE, line_width=2, legend_label="curve used")
+    if math.isfinite(joint.velocity):
+        plot.add_layout(
+            Span(location=joint.velocity, dimension="height", line_color=RED, line_dash="dotted", line_width=1.5)
+        )
+    _finish(plot)
+    return Plot(
+        plot,
+        "Friction against speed",
+        f"{'; '.join(said)[:1].upper()}{'; '.join(said)[1:]}. The dotted line is at {joint.velocity:.3g} rad/s. "
+        "Friction that falls with speed is what feeds stick slip.",
+    )
+
+
+def _steady(friction: Friction, speeds: FloatArray) -> FloatArray:
+    above = np.maximum(speeds, 1e-12 * max(float(speeds[-1]), 1e-300))
+    return np.asarray(steady_friction(friction, above), dtype=float)
+
+
+def _band(joint: JointAnalysis, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    estimate = joint.assessment.estimate
+    assert estimate is not None
+    draws, _ = estimate.draws()
+    friction = draws.friction
+    above = np.maximum(speeds, 1e-12 * float(speeds[-1]))[:, None]
+    ratio = above / np.asarray(friction.stribeck_velocity)
+    middle = joint.assessment.joint
+    coulomb = float(middle.friction.coulomb) if middle is not None else 0.0
+    values = coulomb + np.asarray(friction.stribeck) / (1.0 + ratio**2) + np.asarray(friction.viscous) * above
+    low, high = np.percentile(values, _BAND, axis=1)
+    return low, high
+
+
+def map_plot(joint: JointAnalysis) -> Plot | None:
+    """Where in the plane of speed and stiffness the joint sticks, where it is, where the advice puts it."""
+    state = joint.assessment
+    believed, gains = state.joint, state.margin_gains
+    if believed is None or gains is None or not math.isfinite(joint.velocity) or not gains.stiffness > 0:
+        return None
+    speed, stiffness = joint.velocity, float(gains.stiffness)
+    advised = state.recommended
+    wanted = advised is not None and advised.found and not (state.recommendation and state.recommendation.keep)
+    target = advised.stiffness if advised is not None and wanted else math.nan
+    if wanted and advised is not None and state.per_inertia:
+        target = stiffness * advised.stiffness_factor
+    velocities, stiffnesses = map_axes(
+        believed, velocity=speed, stiffness=max(stiffness, target) if wanted else stiffness, points=_MAP_POINTS
+    )
+    found = extinction_map(believed, velocities, stiffnesses)
+    total = float(gains.damping) + float(believed.friction.viscous)
+    unit = "1/s², per inertia" if state.per_inertia else "N·m/rad"
+    plot = _figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
+    plot.x_range = Range1d(float(velocities[0]), float(velocities[-1]))
+    plot.y_range = Range1d(float(stiffnesses[0]), float(stiffnesses[-1]))
+    for axis in plot.axis:
+        axis.ticker = LogTicker(mantissas=[1, 2, 5])
+    for name, field, colour, dash in (
+        ("boundary of Eq. (43)", found.paper_damping - total, BLUE, "solid"),
+        ("exact boundary", found.exact_damping - total, GREEN, "dashed"),
+    ):
+        lines = _boundary(velocities, stiffnesses, field)
+        if lines:
+            xs, ys = zip(*lines, strict=True)
+            plot.multi_line(
+                [_small(x) for x in xs], [_small(y) for y in ys],
+                color=colour, line_dash=dash, line_width=2, legend_label=name,
+            )  # fmt: skip
+    words = []
+    if wanted and advised is not None:
+        other = total * advised.damping_factor if math.isfinite(advised.damping_factor) else math.nan
+        if math.isfinite(other) and abs(other - total) > 1e-3 * total:
+            lines = _boundary(velocities, stiffnesses, found.exact_damping - other)
+            if lines:
+                xs, ys = zip(*lines, strict=True)
+                plot.multi_line(
+                    [_small(x) for x in xs], [_small(y) for y in ys],
+                    color=GREEN, line_dash="dotted", line_width=2, legend_label="exact, as advised",
+                )  # fmt: skip
+        plot.scatter([speed], [target], size=12, color=GREEN, marker="star", legend_label="advised")
+        words.append(f"the star is where the advice puts it, at {target:.4g}")
+    plot.scatter([speed], [stiffness], size=11, color=RED, marker="circle", legend_label="now")
+    _finish(plot)
+    return Plot(
+        plot,
+        "Where it sticks",
+        f"Beneath the lines the joint sticks and slips at its present damping; the dot is the joint now, at "
+        f"{speed:.3g} rad/s and {stiffness:.4g}{'; ' + words[0] if words else ''}.",
+    )
+
+
+def _boundary(x: FloatArray, y: FloatArray, field: FloatArray) -> Sequence[tuple[FloatArray, FloatArray]]:
+    """Lines on which a field over logarithmic axes is zero."""
+    masked = np.ma.masked_invalid(field)
+    lines: Any = contour_generator(np.log(x), np.log(y), masked).lines(0.0)
+    return [(np.exp(line[:, 0]), np.exp(line[:, 1])) for line in lines]
+
+
+PLOTS = (position_plot, close_up_plot, phase_plot, friction_plot, map_plot)

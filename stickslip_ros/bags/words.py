@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""An analysis in words: what a joint does, and what to do about it."""
+
+from __future__ import annotations
+
+import math
+
+from stickslip_ros.bags.analysis import JointAnalysis
+from stickslip_ros.monitoring.status import Status
+
+
+def finding(joint: JointAnalysis) -> str:
+    """What the joint does, in one sentence."""
+    speed = f" at {joint.velocity:.3g} rad/s" if math.isfinite(joint.velocity) else ""
+    if joint.status is Status.STICK_SLIP:
+        period = sum(cycle.period for cycle in joint.cycles)
+        rest = sum(cycle.dwell for cycle in joint.cycles)
+        slip = sorted(abs(cycle.slip_distance) for cycle in joint.cycles)[len(joint.cycles) // 2]
+        hunts = any(cycle.hunting for cycle in joint.cycles[-3:])
+        what = "hunts about its reference" if hunts else "sticks and slips"
+        share = f", at rest for {100.0 * rest / period:.0f} % of it" if period > 0 else ""
+        return (
+            f"{joint.name} {what}{speed}: {len(joint.cycles)} cycles in {joint.time_in(joint.status):.3g} s{share}, "
+            f"slips of {slip:.3g} rad."
+        )
+    words = {
+        Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but its reserve is thin",
+        Status.SMOOTH: f"{joint.name} moves smoothly{speed}",
+        Status.AT_REST: f"{joint.name} is at rest",
+        Status.NOT_JUDGED: f"{joint.name} moves too little, or turns too often, to be judged",
+        Status.UNKNOWN: f"{joint.name} cannot be judged",
+    }
+    text = words[joint.status]
+    return f"{text}: {joint.reason}." if joint.reason else f"{text}."
+
+
+def advice(joint: JointAnalysis) -> str:
+    """What to do, in one sentence."""
+    state = joint.assessment
+    advised = state.recommended
+    if advised is None:
+        if joint.status not in (Status.STICK_SLIP, Status.AT_RISK):
+            return "Nothing has to be done."
+        return f"No gains can be advised: {state.margin_reason or 'nothing is known of its friction'}."
+    recommendation = state.recommendation
+    if recommendation is not None and recommendation.keep:
+        if joint.status is Status.STICK_SLIP:
+            return "Its gains have the wanted margin by the friction believed, which therefore is not the true one."
+        return "Its gains have the wanted margin: keep them."
+    slowest = state.lowest_smooth_velocity
+    faster = (
+        f", or move no slower than {slowest:.3g} rad/s" if math.isfinite(slowest) and slowest > joint.velocity else ""
+    )
+    if not advised.found:
+        return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}{faster}."
+    if state.per_inertia or state.gains is None:
+        return (
+            f"Multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
+            f"together by {advised.damping_factor:.3g} (the gains themselves are not known){faster}."
+        )
+    changes = []
+    for name, now, then, unit in (
+        ("stiffness", float(state.gains.stiffness), advised.stiffness, "N·m/rad"),
+        ("damping", float(state.gains.damping), advised.damping, "N·m·s/rad"),
+    ):
+        if abs(then - now) > 1e-3 * max(abs(now), abs(then)):
+            changes.append(f"{name} from {now:.4g} to {then:.4g} {unit}")
+    if not changes:
+        return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
+    return f"Change {' and '.join(changes)}{faster}."
+
+
+def rests_on(joint: JointAnalysis) -> str:
+    """Where the friction comes from that margin and advice use."""
+    state = joint.assessment
+    return state.rests_on or state.margin_reason

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Bags as rosbag2 writes them: an MCAP file, or a directory of one with its metadata.yaml."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import yaml
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from stickslip_ros.bags.joint_states import FIELDS, places_of_values
+from stickslip_ros.bags.joint_states import TYPE as JOINT_STATE
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.recordings import RecordingError
+
+FloatArray = NDArray[np.float64]
+COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
+_CHUNK_SIZE = 1 << 20
+_METADATA = "metadata.yaml"
+
+Serialized = tuple[int, str, bytes]  # time of recording [ns], topic, message
+
+
+class BagWriter:
+    """Writes a bag; use as a context. Nothing is there under its name before it is whole.
+
+    Parameters
+    ----------
+    path : ends in .mcap for one file; else a directory, as rosbag2 makes it.
+    topics : type of each.
+    compression : one of "zstd", "lz4", "none".
+
+    Raises
+    ------
+    RecordingError
+        If a directory of that name is there already.
+    InvalidParameterError
+        If there is no such compression.
+    """
+
+    def __init__(self, path: Path, topics: Mapping[str, str], compression: str = "zstd") -> None:
+        from rosbags.typesys import Stores, get_typestore
+
+        if compression not in COMPRESSIONS:
+            raise InvalidParameterError("compression", f"one of {', '.join(COMPRESSIONS)}", compression)
+        self._directory = path if path.suffix != ".mcap" else None
+        if self._directory is not None:
+            if self._directory.exists():
+                raise RecordingError(f"bag {path}: is there already; choose another name, or one that ends in .mcap")
+            self._directory.mkdir(parents=True)
+            path = self._directory / f"{path.name}_0.mcap"
+        self._path, self._partial = path, path.with_name(f".{path.name}.part")
+        self._topics = dict(topics)
+        self._compression = compression
+        self._store: Any = get_typestore(Stores.ROS2_JAZZY)
+        self._counts: Counter[str] = Counter()
+        self._first, self._last = 1 << 63, 0
+        self._file = self._partial.open("wb")
+        self._writer = Writer(
+            self._file, chunk_size=_CHUNK_SIZE, compression=COMPRESSIONS[compression], enable_data_crcs=True
+        )
+        self._writer.start(profile="ros2", library="stickslip_ros")
+        self._channels = {topic: self._channel(topic, kind) for topic, kind in self._topics.items()}
+
+    def _channel(self, topic: str, kind: str) -> int:
+        text = self._store.generate_msgdef(kind, ros_version=2)[0]
+        schema = self._writer.register_schema(name=kind, encoding="ros2msg", data=text.encode())
+        return int(self._writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema))
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
+        if kind is not None:
+            self._file.close()
+            self._partial.unlink(missing_ok=True)
+            if self._directory is not None:
+                self._directory.rmdir()
+            return
+        metadata = self._metadata()
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)})
+        self._writer.finish()
+        self._file.close()
+        os.replace(self._partial, self._path)
+        if self._directory is not None:
+            text = yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False)
+            (self._directory / _METADATA).write_text(text, encoding="utf-8")
+
+    def write(self, messages: Iterable[Serialized]) -> None:
+        """Write serialized messages in the order of their recording."""
+        for time, topic, data in messages:
+            self._writer.add_message(self._channels[topic], log_time=time, data=data, publish_time=time)
+            self._counts[topic] += 1
+            self._first, self._last = min(self._first, time), max(self._last, time)
+
+    def message(self, kind: str, **fields: Any) -> Any:
+        """An object of a type, e.g. ``message("std_msgs/msg/String", data="")``."""
+        return self._store.types[kind](**fields)
+
+    def header(self, time: float) -> Any:
+        """A header with a stamp [s]."""
+        nanoseconds = round(time * 1e9)
+        stamp = self.message(
+            "builtin_interfaces/msg/Time", sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000
+        )
+        return self.message("std_msgs/msg/Header", stamp=stamp, frame_id="")
+
+    def table(self, rows: str, columns: str, values: FloatArray) -> Any:
+        """A Float64MultiArray of labelled rows and columns, values of shape (rows, columns)."""
+        kind = "std_msgs/msg/MultiArray"
+        dimensions = [
+            self.message(f"{kind}Dimension", label=rows, size=values.shape[0], stride=values.size),
+            self.message(f"{kind}Dimension", label=columns, size=values.shape[1], stride=values.shape[1]),
+        ]
+        layout = self.message(f"{kind}Layout", dim=dimensions, data_offset=0)
+        return self.message("std_msgs/msg/Float64MultiArray", layout=layout, data=values.ravel())
+
+    def serialized(self, time: int, topic: str, message: Any) -> Serialized:
+        """A message as it is written, recorded at a time [ns]."""
+        return time, topic, bytes(self._store.serialize_cdr(message, self._topics[topic]))
+
+    def joint_states(
+        self, topic: str, names: tuple[str, ...], times: FloatArray, values: FloatArray
+    ) -> Iterator[Serialized]:
+        """JointStates recorded at their stamps.
+
+        Parameters
+        ----------
+        times : stamps [s], of shape (n,). values : position, velocity and effort, of shape (n, 3, joints); a field that
+            is NaN throughout is left out, as publishers do.
+        """
+        present = [bool(np.isfinite(values[:, index]).any()) for index in range(len(FIELDS))]
+        blank = {name: np.zeros(len(names) if there else 0) for name, there in zip(FIELDS, present, strict=True)}
+        template = self.message(JOINT_STATE, header=self.header(0.0), name=list(names), **blank)
+        data = bytes(self._store.serialize_cdr(template, JOINT_STATE))
+        nanoseconds = np.round(times * 1e9).astype(np.int64)
+        rows = np.tile(np.frombuffer(data, dtype=np.uint8), (len(times), 1))
+        rows[:, 4:8] = (nanoseconds // 1_000_000_000).astype("<i4")[:, None].view(np.uint8)
+        rows[:, 8:12] = (nanoseconds % 1_000_000_000).astype("<u4")[:, None].view(np.uint8)
+        for index, place in zip(np.flatnonzero(present), places_of_values(data), strict=True):
+            column = np.ascontiguousarray(values[:, index], dtype="<f8")
+            rows[:, place : place + column.shape[1] * 8] = column.view(np.uint8)
+        for time, row in zip(nanoseconds.tolist(), rows, strict=True):
+            yield time, topic, row.tobytes()
+
+    def _metadata(self) -> dict[str, Any]:
+        begin = self._first if self._counts else 0
+        duration = max(self._last - begin, 0)
+        topics = [
+            {
+                "topic_metadata": {
+                    "name": topic,
+                    "type": kind,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": "",
+                },
+                "message_count": self._counts[topic],
+            }
+            for topic, kind in self._topics.items()
+        ]
+        return {
+            "version": 5,
+            "storage_identifier": "mcap",
+            "duration": {"nanoseconds": duration},
+            "starting_time": {"nanoseconds_since_epoch": begin},
+            "message_count": sum(self._counts.values()),
+            "topics_with_message_count": topics,
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [self._path.name],
+            "files": [
+                {
+                    "path": self._path.name,
+                    "starting_time": {"nanoseconds_since_epoch": begin},
+                    "duration": {"nanoseconds": duration},
+                    "message_count": sum(self._counts.values()),
+                }
+            ],
+        }

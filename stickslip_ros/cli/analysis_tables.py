@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What `stickslip analyze` prints: one bag's joints, or a fleet's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from stickslip_ros.bags import words
+from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
+from stickslip_ros.bags.fleet import Answer
+from stickslip_ros.bags.fleet_table import Row, rows_of
+from stickslip_ros.monitoring.status import Status
+
+_COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
+_WIDTH = 120
+_TALKED_OF = (Status.STICK_SLIP, Status.AT_RISK, Status.UNKNOWN)
+
+
+def print_analysis(analysis: BagAnalysis) -> None:
+    """One bag: a row for each joint, then in words what matters."""
+    console = _console()
+    console.print(f"[bold]{analysis.path}[/]", soft_wrap=True)
+    table = Table(box=None, padding=(0, 1))
+    for heading in ("joint\n", "status\n"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("sticks\n[s]", "of\n[s]", "cycles\n", "speed\n[rad/s]", "slip\n[rad]", "reserve\n", "exactly\n"):
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for joint in analysis.joints.values():
+        table.add_row(*_row(joint))
+    console.print(table)
+    console.print("[dim]reserve: of damping, by Eq. (43); exactly: by integration of (4)-(6)[/]", soft_wrap=True)
+    for joint in analysis.joints.values():
+        if joint.status in _TALKED_OF:
+            console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)
+            if words.rests_on(joint):
+                console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
+    for warning in analysis.warnings:
+        console.print("[yellow]warning:[/] ", end="")
+        console.print(warning, markup=False, soft_wrap=True)
+
+
+def _row(joint: JointAnalysis) -> list[str]:
+    state = joint.assessment
+    slips = sorted(abs(cycle.slip_distance) for cycle in joint.cycles)
+    margin, reserve = state.margin, math.nan
+    if margin is not None and margin.applicable and float(margin.critical_damping_ratio) > 0:
+        reserve = float(margin.damping_ratio) / float(margin.critical_damping_ratio) - 1.0
+    exactly = {True: "[green]smooth[/]", False: "[red]sticks[/]", None: "-"}[joint.exact.smooth]
+    return [
+        joint.name,
+        _status(joint.status.value),
+        f"{joint.time_in(Status.STICK_SLIP):.3g}",
+        f"{joint.duration:.4g}",
+        str(len(joint.cycles)),
+        _number(joint.velocity),
+        _number(slips[len(slips) // 2] if slips else math.nan),
+        f"{100.0 * reserve:+.0f} %" if math.isfinite(reserve) else "-",
+        exactly,
+    ]
+
+
+def print_fleet(answers: Sequence[Answer]) -> None:
+    """Many bags: a row for each joint of each robot."""
+    console = _console()
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows_of(answers):
+        if row["joint"] is not None:
+            groups.setdefault((row["robot"], row["joint"]), []).append(row)
+    table = Table(box=None, padding=(0, 1))
+    for heading in ("robot\n", "joint\n", "latest\nstatus"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("bags\n", "sticking\n", "sticks\n[s]", "of\n[s]", "cycles\n", "friction\n[N·m]"):
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for (robot, joint), rows in sorted(groups.items()):
+        rows = sorted(rows, key=lambda row: row["recorded"] or 0.0)
+        known = [row["coulomb"] for row in rows if row["coulomb"] is not None and row["coulomb_identified"]]
+        table.add_row(
+            robot,
+            joint,
+            _status(rows[-1]["status"]),
+            str(len(rows)),
+            str(sum(row["status"] == "stick_slip" for row in rows)),
+            f"{sum(row['sticking_time'] for row in rows):.3g}",
+            f"{sum(row['duration'] or 0.0 for row in rows):.4g}",
+            str(sum(row["cycles"] for row in rows)),
+            "-" if not known else _number(known[0]) if len(known) == 1 else f"{known[0]:.3g} to {known[-1]:.3g}",
+        )
+    console.print(table)
+    console.print("[dim]friction: Coulomb friction identified in the first and in the latest bag[/]", soft_wrap=True)
+    for found in answers:
+        for warning in found.get("warnings", []):
+            console.print("[yellow]warning:[/] ", end="")
+            console.print(f"{found['path']}: {warning}", markup=False, soft_wrap=True)
+
+
+def _console() -> Console:
+    """As wide as the terminal; where there is none, as wide as the tables."""
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=_WIDTH)
+
+
+def _status(word: str) -> str:
+    return f"[{_COLOURS.get(word, 'dim')}]{word}[/]"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"

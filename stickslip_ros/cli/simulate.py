@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip simulate`: a recording of simulated joints, as rosbag2 would have written it.
+
+Joint n moves at n times the speed, so that of several joints the first stick and the last do not.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
+from stickslip_ros.bags.writing import COMPRESSIONS
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.friction import Gains
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser("simulate", help="write a bag of simulated joints", description=__doc__)
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="BAG", help="one file if it ends in .mcap, else a directory"
+    )
+    parser.add_argument("--joint", metavar="NAME", default="puma560_joint1", help="known joint or joint file")
+    parser.add_argument("--names", metavar="A,B", default="joint1", help="of the joints (default: %(default)s)")
+    parser.add_argument("--velocity", metavar="V[,V]", help="one after the other [rad/s] (default: the known joint's)")
+    parser.add_argument("--stiffness", type=float, metavar="KP", help="[N·m/rad] (default: the known joint's)")
+    parser.add_argument("--damping", type=float, metavar="KV", help="[N·m·s/rad] (default: the known joint's)")
+    parser.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m]")
+    parser.add_argument("--duration", type=float, metavar="S", default=60.0, help="[s] (default: %(default)s)")
+    parser.add_argument("--rate", type=float, metavar="F", default=1000.0, help="[Hz] (default: %(default)s)")
+    parser.add_argument(
+        "--resolution", type=float, metavar="X", help="of the encoder [rad] (default: the known joint's)"
+    )
+    parser.add_argument("--position-noise", type=float, metavar="X", default=0.0, help="standard deviation [rad]")
+    parser.add_argument("--velocity-noise", type=float, metavar="X", default=0.0, help="standard deviation [rad/s]")
+    parser.add_argument("--jitter", type=float, metavar="S", default=0.0, help="standard deviation of stamps [s]")
+    parser.add_argument("--seed", type=int, default=1, help="of the noise")
+    parser.add_argument("--start", type=float, metavar="S", default=1.0, help="first stamp [s]")
+    parser.add_argument("--no-gains", action="store_true", help="do not record the gains")
+    parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate and write."""
+    known = load_joint(options.joint)
+    velocities = _velocities(options.velocity) if options.velocity else (known.velocity,)
+    names = [name.strip() for name in options.names.split(",")]
+    if len(set(names)) != len(names) or not all(names):
+        raise InvalidParameterError("--names", "different names, separated by commas", options.names)
+    gains = Gains(
+        stiffness=known.gains.stiffness if options.stiffness is None else options.stiffness,
+        damping=known.gains.damping if options.damping is None else options.damping,
+    )
+    joints = {
+        name: SimulatedJoint(
+            joint=known.joint,
+            gains=gains,
+            velocities=tuple((number + 1) * velocity for velocity in velocities),
+            encoder_resolution=known.encoder_resolution if options.resolution is None else options.resolution,
+            position_noise=options.position_noise,
+            velocity_noise=options.velocity_noise,
+            load=options.load,
+        )
+        for number, name in enumerate(names)
+    }
+    with Console(stderr=True).status("simulating"):
+        write_simulation(
+            options.out,
+            joints,
+            duration=options.duration,
+            rate=options.rate,
+            start=options.start,
+            seed=options.seed,
+            jitter=options.jitter,
+            with_gains=not options.no_gains,
+            compression=options.compression,
+        )
+    Console(stderr=True, highlight=False, soft_wrap=True).print(
+        f"{options.out}: {options.duration:g} s of {', '.join(names)}; now: stickslip analyze {options.out}"
+    )
+    return 0
+
+
+def _velocities(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise InvalidParameterError("--velocity", "numbers separated by commas", text) from error

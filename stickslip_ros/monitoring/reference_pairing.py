@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Samples of a joint wait here until the reference at their time is known.
+
+Joint states and references come on two topics, in any order of arrival. Pairing by stamp, not by
+arrival, makes the result the same live and recorded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip_ros.monitoring.samples import Batch, FloatArray
+
+_LONGEST_WAIT = 0.2  # [s] of the data's own time: how far samples may run ahead of the reference
+_STALE = 1.0  # [s] from when on an old reference says nothing any more
+_LATE = 1.0  # [s] a stamp may be late by that much before it means that time began anew
+
+
+class ReferencePairing:
+    """Joins the samples and the references of one joint."""
+
+    def __init__(self) -> None:
+        self._samples = np.zeros((0, 4))
+        self._new_samples: list[FloatArray] = []
+        self._references = np.zeros((0, 3))
+        self._new_references: list[FloatArray] = []
+
+    def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
+        """One row of samples."""
+        self.add_samples(np.array([[time, position, velocity, effort]]))
+
+    def add_reference(self, time: float, position: float, velocity: float) -> None:
+        """One row of references."""
+        self.add_references(np.array([[time, position, velocity]]))
+
+    def add_samples(self, rows: FloatArray) -> None:
+        """Rows of time, position, velocity and effort, NaN for what is missing; of shape (n, 4)."""
+        self._new_samples.append(rows)
+
+    def add_references(self, rows: FloatArray) -> None:
+        """Rows of time, position and velocity of the reference, NaN for what is missing; of shape (n, 3)."""
+        self._new_references.append(rows)
+
+    def take(self, *, all_of_them: bool = False) -> Batch | None:
+        """The samples whose reference is known, or will not come any more; None if there are none."""
+        self._collect()
+        if not len(self._samples):
+            return None
+        times = self._samples[:, 0]
+        ready = len(times)
+        if len(self._references) and not all_of_them:
+            last, newest = self._references[-1, 0], times[-1]
+            if last < newest < last + _LONGEST_WAIT:
+                waits = np.flatnonzero(times > last)
+                ready = int(waits[0]) if len(waits) else ready
+        if ready == 0:
+            return None
+        rows, self._samples = self._samples[:ready], self._samples[ready:]
+        position, velocity = self._at(rows[:, 0])
+        return Batch(
+            time=rows[:, 0],
+            position=rows[:, 1],
+            velocity=rows[:, 2],
+            effort=rows[:, 3],
+            reference_position=position,
+            reference_velocity=velocity,
+        )
+
+    def _collect(self) -> None:
+        if self._new_samples:
+            self._samples = np.concatenate([self._samples, *self._new_samples])
+            self._new_samples.clear()
+        if not self._new_references:
+            return
+        new = np.concatenate(self._new_references)
+        self._new_references.clear()
+        new = new[np.isfinite(new[:, 0])]
+        joined = np.concatenate([self._references, new])
+        steps = np.diff(joined[:, 0])
+        if (steps <= 0.0).any():
+            # Where time began anew, what was ahead is void; what is a little late finds its place.
+            anew = np.flatnonzero(steps < -_LATE)
+            joined = joined[int(anew[-1]) + 1 if len(anew) else 0 :]
+            joined = joined[np.argsort(joined[:, 0], kind="stable")]
+            joined = joined[np.append(np.diff(joined[:, 0]) > 0.0, True)]
+        self._references = joined
+
+    def _at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Reference position and velocity at these times.
+
+        Between two references that follow each other closely they are interpolated, else the earlier one holds until it
+        is too old: which does not depend on whether the later one is known yet.
+        """
+        if not len(self._references):
+            unknown = np.full(len(times), np.nan)
+            return unknown, unknown.copy()
+        known = self._references[:, 0]
+        before = np.searchsorted(known, times, side="right") - 1
+        at = np.maximum(before, 0)
+        after = np.minimum(at + 1, len(known) - 1)
+        gap = known[after] - known[at]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where((gap > 0.0) & (gap <= _LONGEST_WAIT), (times - known[at]) / gap, 0.0)[:, None]
+            values = self._references[at, 1:]
+            # Where the share is zero the later one, which may be unknown, does not count.
+            values = np.where(share == 0.0, values, values + share * (self._references[after, 1:] - values))
+        values[(before < 0) | (times - known[at] > _STALE) | ~np.isfinite(times)] = np.nan
+        finite = times[np.isfinite(times)]
+        if len(finite):
+            used = int(np.searchsorted(known, np.max(finite), side="right")) - 1
+            self._references = self._references[max(used, 0) :]
+        return np.ascontiguousarray(values[:, 0]), np.ascontiguousarray(values[:, 1])

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Damaged, empty and foreign files: an error in one line, or a partial result that says what is missing."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mcap.writer import CompressionType
+from support_bags import JOINT_STATE, WITHOUT_LEARNING, definition, joint_state, messages_of, simulated_bag, write_mcap
+
+from stickslip_ros.bags.analysis import AnalysisOptions, analyze
+from stickslip_ros.bags.analysis_json import bag_json
+from stickslip_ros.bags.joint_samples import read_joint
+from stickslip_ros.cli.main import main
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.parameter_file import Parameters
+
+KINDS = {"/pd_gains": "std_msgs/msg/Float64MultiArray"}
+WAYS: dict[str, dict[str, Any]] = {
+    "zstd": {"compression": CompressionType.ZSTD, "chunk_size": 20_000},
+    "lz4": {"compression": CompressionType.LZ4, "chunk_size": 20_000},
+    "unchunked": {"use_chunking": False, "enable_data_crcs": True},
+}
+
+
+# Neither learning nor advice, which take longer than the reading.
+_OPTIONS = AnalysisOptions(parameters=Parameters({"learn": False}))
+
+
+@pytest.fixture(scope="module", params=list(WAYS))
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sound bag of two joints that stick, with checksums."""
+    folder = tmp_path_factory.mktemp(request.param)
+    source = simulated_bag(folder / "source.mcap", names=("a", "b"))
+    rows = [(topic, KINDS.get(topic, JOINT_STATE), 1e-9 * time, data) for topic, time, data in messages_of(source)]
+    return write_mcap(folder / "bag.mcap", rows, **WAYS[request.param])
+
+
+def outcome(path: Path) -> tuple[str, list[str], str]:
+    """What an analysis comes to: joints as JSON, warnings, error."""
+    try:
+        found = bag_json(analyze(path, _OPTIONS))
+    except StickSlipError as error:
+        return "", [], str(error)
+    return json.dumps(found["joints"]), found["warnings"], ""
+
+
+def check(path: Path, intact: str) -> str:
+    """Whether the outcome is honest: an error in one line, a warning, or the whole answer; returns which."""
+    joints, warnings, error = outcome(path)
+    assert "\n" not in error
+    assert len(error) < 1000
+    assert error or warnings or joints == intact, "a wrong answer without a word"
+    return "error" if error else "partial" if joints != intact else "whole"
+
+
+def test_truncated_anywhere(whole: Path, tmp_path: Path) -> None:
+    """Issue 6: truncated at 50 random bytes: an error in one line, or what was before the cut, with a warning."""
+    intact, warnings, _ = outcome(whole)
+    assert not warnings
+    content, generator = whole.read_bytes(), np.random.default_rng(1)
+    path = tmp_path / "cut.mcap"
+    found = []
+    for length in sorted(generator.integers(0, len(content), 50).tolist()):
+        path.write_bytes(content[:length])
+        found.append(check(path, intact))
+        if length > 0.5 * len(content):
+            # Half of the file is enough for the better part of an answer.
+            assert found[-1] in ("partial", "whole")
+            assert len(read_joint(path, "a")) > 0.3 * len(read_joint(whole, "a"))
+    assert "partial" in found
+
+
+def test_bits_flipped_anywhere(whole: Path, tmp_path: Path) -> None:
+    """Issue 6: a bit flipped at 200 random places: never a traceback, never a wrong answer without a word."""
+    intact, _, _ = outcome(whole)
+    content, generator = whole.read_bytes(), np.random.default_rng(2)
+    path = tmp_path / "flipped.mcap"
+    found = []
+    for place, bit in zip(generator.integers(0, len(content), 200), generator.integers(0, 8, 200), strict=True):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << int(bit)
+        path.write_bytes(damaged)
+        found.append(check(path, intact))
+    assert found.count("error") < 0.1 * len(found)
+
+
+def test_a_damaged_index_costs_nothing(whole: Path, tmp_path: Path) -> None:
+    """Issue 6: with an index damaged at the end, everything before it is analysed."""
+    intact, _, _ = outcome(whole)
+    content = whole.read_bytes()
+    start = int.from_bytes(content[-8 - 20 : -8 - 12], "little")
+    damaged = bytearray(content)
+    for place in range(start + 9, len(content) - 40, 7):
+        damaged[place] ^= 0xFF
+    path = tmp_path / "index.mcap"
+    path.write_bytes(damaged)
+    joints, warnings, error = outcome(path)
+    assert not error
+    assert joints == intact
+    assert any("index" in warning for warning in warnings)
+
+
+def test_a_bag_that_was_not_closed(whole: Path, tmp_path: Path) -> None:
+    """Issue 6: a recorder that was killed leaves no index; what it wrote is analysed."""
+    content = whole.read_bytes()
+    start = int.from_bytes(content[-8 - 20 : -8 - 12], "little")
+    path = tmp_path / "killed.mcap"
+    path.write_bytes(content[: start - 13])
+    joints, warnings, _ = outcome(path)
+    assert joints == outcome(whole)[0]
+    assert any("not closed" in warning for warning in warnings)
+
+
+def refused(path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """The line that `stickslip analyze` says of a file that cannot be analysed."""
+    assert main(["analyze", str(path), "--json"]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("stickslip: ")
+    assert str(path) in lines[0]
+    return lines[0]
+
+
+def test_files_that_are_no_bags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6: empty, not a bag, missing, without messages or joints: an error in one line that names the file."""
+    path = tmp_path / "bag.mcap"
+    assert "no such file" in refused(path, capsys)
+    path.write_bytes(b"")
+    assert "is empty" in refused(path, capsys)
+    path.write_bytes(os.urandom(5000))
+    assert "neither an MCAP file nor" in refused(path, capsys)
+    write_mcap(path, [])
+    assert "no topic of sensor_msgs/msg/JointState" in refused(path, capsys)
+    write_mcap(path, [("/chatter", "std_msgs/msg/String", 1.0, b"\0\1\0\0\1\0\0\0\0")])
+    assert "/chatter (std_msgs/msg/String)" in refused(path, capsys)
+    write_mcap(path, [("/joint_states", JOINT_STATE, 1.0, joint_state(1.0, []))] * 3)
+    assert "no joint in it" in refused(path, capsys)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "metadata.yaml").write_text("nonsense: [", encoding="utf-8")
+    assert "no .mcap or .db3 file is in it" in refused(folder, capsys)
+
+
+def test_wrong_schemas_and_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6: a type of another definition is refused; messages that are not of the type are counted."""
+    path = tmp_path / "bag.mcap"
+    rows: list[tuple[str, str, float, Any]] = [
+        ("/joint_states", JOINT_STATE, 1.0 + 0.01 * index, joint_state(1.0 + 0.01 * index, ["a"], position=[0.1]))
+        for index in range(100)
+    ]
+    other = definition("sensor_msgs/msg/Imu")
+    write_mcap(path, rows, schemas={JOINT_STATE: ("ros2msg", other)})
+    assert "has the fields header, orientation" in refused(path, capsys)
+    write_mcap(path, rows, schemas={JOINT_STATE: ("ros2msg", "no definition at all ///")})
+    assert "its definition of sensor_msgs/msg/JointState" in refused(path, capsys)
+    write_mcap(path, [(*row[:3], b"\0\1\0\0" + bytes([index])) for index, row in enumerate(rows)])
+    assert "100 messages left out" in refused(path, capsys)
+    twice = joint_state(1.5, ["a", "a"], position=[0.1, 0.2])
+    uneven = joint_state(1.6, ["a", "b"], position=[0.1])
+    write_mcap(path, [*rows, (*rows[0][:3], twice), (*rows[0][:3], uneven)])
+    found = analyze(path, WITHOUT_LEARNING)
+    assert found.joints["a"].samples == 100
+    assert any("occurs twice" in warning for warning in found.warnings)
+    assert any("1 values for 2 names" in warning for warning in found.warnings)
+
+
+def test_missing_split_file(tmp_path: Path) -> None:
+    """Issue 6: a split file that is missing is named, and the others are analysed."""
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    source = simulated_bag(tmp_path / "source.mcap")
+    rows = [(topic, KINDS.get(topic, JOINT_STATE), 1e-9 * time, data) for topic, time, data in messages_of(source)]
+    write_mcap(folder / "bag_1.mcap", [row for row in rows if row[2] > 6.0])
+    information = {"relative_file_paths": ["bag_0.mcap", "bag_1.mcap"], "storage_identifier": "mcap"}
+    (folder / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": information}))
+    found = analyze(folder, WITHOUT_LEARNING)
+    assert any("bag_0.mcap: missing" in warning for warning in found.warnings)
+    assert found.joints["joint1"].start > 6.0
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root can read everything")
+def test_unreadable_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6: a file without permission to read it is an error in one line."""
+    path = simulated_bag(tmp_path / "bag.mcap", duration=2.0)
+    path.chmod(0)
+    assert "ermission" in refused(path, capsys)
