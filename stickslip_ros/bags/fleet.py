@@ -198,7 +198,7 @@ def _by_dask(tasks: Sequence[BagTask], numbers: Sequence[int], scheduler: str) -
     except ImportError as error:
         raise StickSlipError(f"--scheduler needs Dask ({error.name}): pip install 'stickslip_ros[dask]'") from error
     try:
-        client = Client(scheduler, timeout="10s")
+        client = Client(scheduler, timeout="5s")
     except (OSError, ValueError) as error:
         raise StickSlipError(f"no Dask scheduler answers at {scheduler}: {error}") from error
     with client:

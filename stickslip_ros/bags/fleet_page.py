@@ -13,7 +13,7 @@ import numpy as np
 
 from stickslip_ros.bags.fleet import Answer
 from stickslip_ros.bags.fleet_table import Row, rows_of
-from stickslip_ros.bags.report import write_page
+from stickslip_ros.bags.report import PLOT, write_page
 
 _WORST_FIRST = ("stick_slip", "at_risk", "smooth", "not_judged", "at_rest", "unknown")
 _TRENDS = {
@@ -182,7 +182,7 @@ def _sticking(rows: Sequence[Row], figures: list[Any]) -> str:
 
 def _drawn(title: str, caption: str) -> str:
     return (
-        f"<figure><h3>{escape(title)}</h3><div class='plot' role='img' aria-label='{escape(caption)}'>{{plot}}</div>"
+        f"<figure><h3>{escape(title)}</h3><div class='plot' role='img' aria-label='{escape(caption)}'>{PLOT}</div>"
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 

@@ -20,6 +20,8 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.estimation import NAMES
 from stickslip_ros.monitoring.status import Status
 
+# Where a figure goes; no name in a page can be mistaken for it, since names are escaped.
+PLOT = "<!--plot-->"
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
@@ -59,7 +61,7 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
 
 
 def write_page(path: Path, title: str, body: str, figures: Sequence[Any]) -> None:
-    """Write a page; ``body`` holds a {plot} for each figure, in order. Nothing is there before it is whole."""
+    """Write a page; ``body`` holds a PLOT for each figure, in order. Nothing is there before it is whole."""
     try:
         from bokeh.embed import components
         from bokeh.resources import Resources
@@ -67,7 +69,7 @@ def write_page(path: Path, title: str, body: str, figures: Sequence[Any]) -> Non
         raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
     script, divs = components(tuple(figures)) if figures else ("", ())
     for div in divs:
-        body = body.replace("{plot}", div, 1)
+        body = body.replace(PLOT, div, 1)
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if figures else ""
     folder = resources.files("stickslip_ros.bags").joinpath("page")
     style, own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
@@ -159,7 +161,7 @@ def _section(joint: JointAnalysis, figures: list[Any]) -> str:
     figures += [plot.figure for plot in plots]
     drawn = [
         f"<figure><h3>{escape(plot.title)}</h3><div class='plot' role='img' aria-label='{escape(plot.caption)}'>"
-        f"{{plot}}</div><figcaption>{escape(plot.caption)}</figcaption></figure>"
+        f"{PLOT}</div><figcaption>{escape(plot.caption)}</figcaption></figure>"
         for plot in plots
     ]
     # The first plot has the page's width; the others stand in pairs where there is room.

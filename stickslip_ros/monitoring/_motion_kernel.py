@@ -58,8 +58,8 @@ STATE_SIZE = 27
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
 PAST_COLUMNS = 6
 # Columns of what is reported of a slice.
-BEGIN, END, CODE, MOVED, VELOCITY = range(5)
-SLICE_COLUMNS = 5
+BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
+SLICE_COLUMNS = 6
 
 # What the motion shows.
 TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, DIPS, MOVES = range(7)
@@ -235,7 +235,8 @@ def close_slice(window, state, past, steps, slices, detector, knots):
         if not np.isfinite(velocity):
             velocity = mean_velocity(window, state, past)
     row = slices[int(state[CLOSED])]
-    row[BEGIN], row[END], row[CODE], row[MOVED], row[VELOCITY] = state[SLICE_BEGIN], now, code, moved, velocity
+    row[BEGIN], row[END], row[CODE], row[VELOCITY] = state[SLICE_BEGIN], now, code, velocity
+    row[FROM], row[TO] = state[LAST_POSITION], state[POSITION]
     state[CLOSED] += 1.0
     state[SLICE] = np.nan
     state[LAST_END], state[LAST_POSITION], state[LAST_REFERENCE] = now, state[POSITION], state[REFERENCE]

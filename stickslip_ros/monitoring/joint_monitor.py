@@ -88,6 +88,7 @@ class JointMonitor:
         self._advice: Advice | None = None
         self.cycle_count = 0
         self.segments: deque[Segment] = deque(maxlen=segments_kept)
+        self._segment_from = math.nan  # where the last segment began [rad]
         self._begin()
 
     @property
@@ -232,12 +233,13 @@ class JointMonitor:
 
     def _extend_segments(self, rows: FloatArray, status: Status) -> None:
         start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
-        way = float(rows[:, kernel.MOVED].sum())
-        if self.segments and self.segments[-1].status is status and start - self.segments[-1].end < _SILENCE:
-            last = self.segments.pop()
-            way += last.velocity * (last.end - last.start)
+        last = self.segments[-1] if self.segments else None
+        if last is not None and last.status is status and 0.0 <= start - last.end < _SILENCE:
             start = last.start
-        velocity = way / (end - start) if end > start else 0.0
+            self.segments.pop()
+        else:
+            self._segment_from = float(rows[0, kernel.FROM])
+        velocity = (float(rows[-1, kernel.TO]) - self._segment_from) / (end - start) if end > start else 0.0
         self.segments.append(Segment(start=start, end=end, status=status, velocity=velocity))
 
     def finding(self) -> Finding:

@@ -49,7 +49,7 @@ class MotionRecord:
         self.state[kernel.CLOSED] = len(waiting)
 
     def closed(self) -> FloatArray:
-        """The slices closed and not yet taken: begin, end, code, way, velocity; they count as taken from now on."""
+        """Take the slices closed since the last time, in the columns of the kernel."""
         rows: FloatArray = self.slices[: int(self.state[kernel.CLOSED])].copy()
         self.state[kernel.CLOSED] = 0.0
         return rows

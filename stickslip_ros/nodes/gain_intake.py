@@ -18,6 +18,7 @@ from stickslip_ros.nodes.gain_source import ControllerGains
 from stickslip_ros.nodes.remote_parameters import RemoteParameters
 
 PD_GAINS = "pd_gains"
+_MOST_EARLY = 256  # joints whose gains are kept; names come from the graph
 
 
 class GainIntake:
@@ -25,7 +26,8 @@ class GainIntake:
 
     Parameters
     ----------
-    node : does the talking. joints : names of those watched.
+    node : does the talking. joints : names of those watched; welcomes : whether others may join them, whose gains are
+        kept until then.
     on_gains : called with a joint's name and its gains. refuse : called with the reason for what is not taken.
     """
 
@@ -33,10 +35,13 @@ class GainIntake:
         self,
         node: Node,
         joints: Callable[[], Iterable[str]],
+        welcomes: Callable[[], bool],
         on_gains: Callable[[str, Gains], None],
         refuse: Callable[[str], None],
     ) -> None:
         self._node, self._joints, self._on_gains, self._refuse = node, joints, on_gains, refuse
+        self._welcomes = welcomes
+        self._early: dict[str, Gains] = {}
         self._controllers: list[ControllerGains] = []
         node.create_subscription(Float64MultiArray, PD_GAINS, self._on_message, 10)
         qos = QoSProfile(depth=1000, reliability=qos_profile_parameter_events.reliability)
@@ -60,6 +65,15 @@ class GainIntake:
     def controller_of(self, joint: str) -> RemoteParameters | None:
         """The controller that has a joint's gains, None if none has."""
         return next((one.parameters for one in self._controllers if one.has(joint)), None)
+
+    def heard_of(self, joint: str) -> Gains | None:
+        """Gains on the topic that came before the joint did."""
+        return self._early.pop(joint, None)
+
+    @property
+    def early(self) -> list[str]:
+        """Joints whose gains were heard, and which have not been heard of themselves."""
+        return sorted(self._early)
 
     @property
     def state(self) -> str:
@@ -92,6 +106,8 @@ class GainIntake:
         for joint, value in gains.items():
             if joint in known:
                 self._on_gains(joint, value)
+            elif self._welcomes() and len(self._early) < _MOST_EARLY:
+                self._early[joint] = value
             else:
                 self._refuse(
                     f"{PD_GAINS}: unknown joint {joint[:64]!r}; known: {', '.join(sorted(known)) or 'none yet'}"

@@ -67,10 +67,12 @@ class Monitor(Node):
         self._studies = StudyWorker()
         load_compiled_parts()
         monitor_parameters.declare(self)
-        self._gains = GainIntake(self, lambda: list(self._joints), self._on_gains, self._refuse)
-        self._gains.follow(monitor_parameters.controllers(self))
         names = [name for name in self.get_parameter("joints").value if name]
         self._all_joints = not names
+        self._gains = GainIntake(
+            self, lambda: list(self._joints), lambda: self._all_joints, self._on_gains, self._refuse
+        )
+        self._gains.follow(monitor_parameters.controllers(self))
         for name in names:
             self._add_joint(name)
         monitor_parameters.check(self)
@@ -234,6 +236,9 @@ class Monitor(Node):
         except StickSlipError as error:
             self._refuse(f"{name}: {error}")
             return None
+        gains = self._gains.heard_of(name)
+        if gains is not None:
+            self._on_gains(name, gains)
         return self._joints[name]
 
     def _publish(self) -> None:
@@ -355,6 +360,7 @@ class Monitor(Node):
         status.values = [
             KeyValue(key="joints [1]", value=str(len(self._joints))),
             KeyValue(key="controller", value=self._gains.state),
+            KeyValue(key="gains of joints not heard of", value=", ".join(self._gains.early)),
             KeyValue(key="apply_recommendation", value=self._apply.state),
             KeyValue(key="studies of friction that failed [1]", value=str(self._studies.failures)),
         ]

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The node `replay`: publishes a recorded table as joint states and references, with the recording's own stamps."""
+"""The node `replay`: publishes a recorded table or bag as joint states, references and gains, with its own stamps."""
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import ParameterDescriptor
@@ -14,18 +17,26 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
+from stickslip_ros.bags.bag import Bag
+from stickslip_ros.bags.joint_states import TYPE as JOINT_STATE
+from stickslip_ros.bags.topics import TopicChoice, find_topics
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.running import run
 from stickslip_ros.recordings import find_recording, load_recording
 
 _TIMER_PERIOD = 0.005
 _MOST_AT_ONCE = 200
+_SETTLED = 0.5  # [s] after it was found: a listener that is known need not know of this node yet
 _STAMP_OFFSET = 1.0  # a recording may begin at 0, which as a stamp means "not set"
+
+# When it was recorded [s], topic, message (or the bytes of one).
+Recorded = tuple[float, str, Any]
 
 
 class Replay(Node):
-    """Waits for a listener, publishes every sample once, and ends some time after the last."""
+    """Waits for a listener, publishes every message once, and ends some time after the last."""
 
     def __init__(self) -> None:
         super().__init__("replay")
@@ -34,51 +45,72 @@ class Replay(Node):
             descriptor = ParameterDescriptor(description=text, read_only=True)
             return self.declare_parameter(name, default, descriptor).value
 
-        path = find_recording(str(parameter("recording", "", "path of a .csv or .npz, or the name of a known one")))
-        self._joint = str(parameter("joint", "joint1", "name of the joint"))
+        name = str(parameter("recording", "", "path of a bag, a .csv or .npz, or the name of a known recording"))
+        joint = str(parameter("joint", "joint1", "name of the joint in a table"))
         self._factor = float(parameter("time_factor", 1.0, "recorded seconds a second [1]"))  # type: ignore[arg-type]
         self._linger = float(parameter("linger", 1.0, "how long to stay after the last sample [s]"))  # type: ignore[arg-type]
-        self._batch = load_recording(path).batch
-        self._next = 0
+        is_bag = Path(name).is_dir() or Path(name).suffix in (".mcap", ".db3", ".zstd")
+        self._messages = _of_bag(Path(name)) if is_bag else _of_table(name, joint)
+        self._next = next(self._messages, None)
+        self._first = self._next[0] if self._next else 0.0
         self._start = math.nan
         self._end = math.nan
-        self._with_reference = bool(
-            np.isfinite(self._batch.reference_position).any() or np.isfinite(self._batch.reference_velocity).any()
-        )
         qos = QoSProfile(depth=5000)
-        self._states = self.create_publisher(JointState, "joint_states", qos)
-        self._references = self.create_publisher(JointState, "joint_references", qos)
+        self._outputs = {
+            "joint_states": self.create_publisher(JointState, "joint_states", qos),
+            "joint_references": self.create_publisher(JointState, "joint_references", qos),
+            "pd_gains": self.create_publisher(Float64MultiArray, "pd_gains", qos),
+        }
         self.create_timer(_TIMER_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _tick(self) -> None:
         now = time.monotonic()
         if math.isnan(self._start):
-            listeners = self._states.get_subscription_count() and self._references.get_subscription_count()
-            if not listeners:
-                return
-            self._start = now
-        batch = self._batch
-        due = int(np.searchsorted(batch.time - batch.time[0], self._factor * (now - self._start), side="right"))
-        for index in range(self._next, min(due, self._next + _MOST_AT_ONCE)):
-            self._publish(index)
-        self._next = max(self._next, min(due, self._next + _MOST_AT_ONCE))
-        if self._next == len(batch):
+            if all(publisher.get_subscription_count() for publisher in self._outputs.values()):
+                self._start = now + _SETTLED
+            return
+        due = self._first + self._factor * (now - self._start)
+        for _ in range(_MOST_AT_ONCE):
+            if self._next is None or self._next[0] > due:
+                break
+            _, topic, message = self._next
+            self._outputs[topic].publish(message)
+            self._next = next(self._messages, None)
+        if self._next is None:
             self._end = now if math.isnan(self._end) else self._end
             if now - self._end >= self._linger:
                 raise KeyboardInterrupt
 
-    def _publish(self, index: int) -> None:
-        batch = self._batch
-        message = JointState(name=[self._joint])
-        message.header.stamp = stamp(_STAMP_OFFSET + float(batch.time[index]))
-        if self._with_reference:
+
+def _of_table(name: str, joint: str) -> Iterator[Recorded]:
+    """A table's samples, each reference before its sample."""
+    batch = load_recording(find_recording(name)).batch
+    with_reference = np.isfinite(batch.reference_position).any() or np.isfinite(batch.reference_velocity).any()
+    for index, when in enumerate(batch.time.tolist()):
+        message = JointState(name=[joint])
+        message.header.stamp = stamp(_STAMP_OFFSET + when)
+        if with_reference:
             message.position = [float(batch.reference_position[index])]
             message.velocity = [float(batch.reference_velocity[index])]
-            self._references.publish(message)
+            yield when, "joint_references", message
         message.position = [float(batch.position[index])]
         message.velocity = [float(batch.velocity[index])]
         message.effort = [float(batch.effort[index])]
-        self._states.publish(message)
+        yield when, "joint_states", message
+
+
+def _of_bag(path: Path) -> Iterator[Recorded]:
+    """A bag's joint states, references (if they are JointStates) and gains, as serialized."""
+    with Bag(path) as bag:
+        topics = find_topics(bag.channels(), TopicChoice())
+        names = {topics.states: "joint_states"}
+        names |= {channel: "joint_references" for channel in topics.references if channel.type == JOINT_STATE}
+        names |= dict.fromkeys(topics.gains, "pd_gains")
+        for block in bag.blocks(set(names)):
+            wanted = {number: names[channel] for number, channel in block.channels.items() if channel in names}
+            for index, number in enumerate(block.channel.tolist()):
+                if number in wanted:
+                    yield 1e-9 * float(block.log_time[index]), wanted[number], block.message(index)
 
 
 def main(args: list[str] | None = None) -> int:

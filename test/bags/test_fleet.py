@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Many bags: here, in processes, on a cluster of real workers; with broken bags, dead workers, interruptions."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+from browser import browser
+from distributed import Client, LocalCluster
+from support_bags import sticking
+
+from stickslip_ros.bags.analysis import AnalysisOptions
+from stickslip_ros.bags.fleet import analyze_fleet, find_bags
+from stickslip_ros.bags.simulated import write_simulation
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameter_file import Parameters
+
+_WEEK = 7 * 86_400.0
+_OPTIONS = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}))
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two robots, three weeks, one bag that is none."""
+    root = tmp_path_factory.mktemp("fleet")
+    for robot in ("robot1", "robot2"):
+        (root / robot).mkdir()
+        for week in range(3):
+            write_simulation(
+                root / robot / f"week{week}.mcap", {"shoulder": sticking(0.007), "wrist": sticking(0.05)},
+                duration=9.0, rate=200.0, start=1.79e9 + week * _WEEK, seed=week,
+            )  # fmt: skip
+    write_simulation(root / "robot2" / "directory", {"shoulder": sticking(0.007)}, duration=5.0, rate=200.0)
+    (root / "robot1" / "broken.mcap").write_bytes(b"no bag at all")
+    return root
+
+
+def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    """Exit status, output and errors of `stickslip analyze`."""
+    status = main(["analyze", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_bags_are_found_in_folders(fleet: Path) -> None:
+    """Issue 6, item 5: a folder stands for the bags in it; a rosbag2 directory is one bag."""
+    found = [str(path.relative_to(fleet)) for path in find_bags([fleet])]
+    assert len(found) == 8
+    assert "robot2/directory" in found
+    assert not any("directory_0" in name for name in found)
+    assert find_bags([fleet / "robot2" / "directory"]) == [fleet / "robot2" / "directory"]
+
+
+def test_processes_give_the_same_bytes(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6, item 5: --jobs N gives what one process gives; one broken bag does not stop the rest."""
+    common = [str(fleet), "--json", "--no-learning", "--model", "puma560_joint1"]
+    status, alone, errors = printed(common, capsys)
+    assert status == 2
+    assert len(errors.strip().splitlines()) == 1
+    assert "broken.mcap" in errors
+    bags = json.loads(alone)["bags"]
+    assert [("error" in bag) for bag in bags].count(True) == 1
+    assert len(bags) == 8
+    _, together, _ = printed([*common, "--jobs", "2"], capsys)
+    assert together == alone
+
+
+def test_tables_and_trends(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6, item 5: a summary table over robots, joints and time; Parquet and CSV; a page with trends."""
+    common = [str(fleet), "--results", str(tmp_path / "results")]
+    parquet, table, page = tmp_path / "fleet.parquet", tmp_path / "fleet.csv", tmp_path / "fleet.html"
+    status, out, _ = printed([*common, "--jobs", "2", "--table", str(parquet), "--html", str(page)], capsys)
+    assert status == 2
+    assert "robot1" in out
+    assert "shoulder" in out
+    rows = pyarrow.parquet.read_table(parquet).to_pylist()
+    assert len(rows) == 6 * 2 + 1 + 1
+    assert {row["robot"] for row in rows} == {"robot1", "robot2"}
+    shoulder = [row for row in rows if row["robot"] == "robot1" and row["joint"] == "shoulder"]
+    assert [row["status"] for row in shoulder] == ["stick_slip"] * 3
+    assert shoulder[1]["recorded"] - shoulder[0]["recorded"] == pytest.approx(_WEEK, abs=1.0)
+    assert all(row["coulomb"] == pytest.approx(8.43, rel=0.1) for row in shoulder if row["coulomb_identified"])
+    assert sum(row["coulomb_identified"] is True for row in shoulder) >= 2
+    # From the answers that were kept: the same table, and nothing is analysed again.
+    begin = time.monotonic()
+    printed([*common, "--table", str(table)], capsys)
+    assert time.monotonic() - begin < 5.0
+    with table.open(newline="", encoding="utf-8") as file:
+        assert len(list(csv.DictReader(file))) == len(rows)
+    with browser() as view:
+        view.open(page)
+        assert "Stick slip in 8 recordings" in view.run("return document.body.textContent")
+        assert view.run("return document.querySelectorAll('.plot').length") >= 4
+        assert view.run("return Bokeh.documents[0].roots().length") >= 4
+        assert view.complaints() == []
+
+
+def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6, item 5: what was analysed before the interruption is kept; a changed bag or option is analysed anew."""
+    results = tmp_path / "results"
+    command = [
+        sys.executable, "-m", "stickslip_ros.cli.main", "analyze", str(fleet), "--results", str(results), "--json",
+    ]  # fmt: skip
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until = time.monotonic() + 60.0
+    while len(list(results.glob("*.json"))) < 2:
+        assert time.monotonic() < until
+        assert run.poll() is None
+        time.sleep(0.02)
+    run.send_signal(signal.SIGINT)
+    assert run.wait(20.0) == 130
+    kept = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
+    assert 2 <= len(kept) < 7
+    _, resumed, _ = printed([str(fleet), "--results", str(results), "--json"], capsys)
+    assert all(path.stat().st_mtime_ns == time_ for path, time_ in kept.items())
+    assert len(list(results.glob("*.json"))) == 7
+    _, fresh, _ = printed([str(fleet), "--json"], capsys)
+    assert resumed == fresh
+    printed([str(fleet), "--results", str(results), "--json", "--end", "5", "--no-learning"], capsys)
+    assert len(list(results.glob("*.json"))) == 14
+
+
+@contextmanager
+def cluster(workers: int = 2) -> Iterator[tuple[str, Any]]:
+    """A real Dask scheduler and worker processes on this machine."""
+    with (
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1",
+            silence_logs=50,
+        ) as local,
+    ):  # fmt: skip
+        yield local.scheduler_address, local
+
+
+def test_a_cluster_gives_the_same_bytes(fleet: Path) -> None:
+    """Issue 6: a Dask cluster of two worker processes gives byte-identical results to one process."""
+    bags = find_bags([fleet])
+    alone = analyze_fleet(bags, _OPTIONS)
+    with cluster() as (address, _):
+        together = analyze_fleet(bags, _OPTIONS, scheduler=address)
+    assert json.dumps(together) == json.dumps(alone)
+
+
+def test_a_killed_worker_loses_nothing(fleet: Path) -> None:
+    """Issue 6: a worker of the cluster that is killed in mid-run loses nothing."""
+    bags = [path for path in find_bags([fleet]) for _ in range(2)]
+    expected = analyze_fleet(bags, AnalysisOptions())
+    with cluster() as (address, _), Client(address) as client:
+        workers = list(client.run(os.getpid).values())
+        killed = []
+
+        def kill_one(done: int, total: int) -> None:
+            if done >= 2 and not killed:
+                os.kill(workers[0], signal.SIGKILL)
+                killed.append(total)
+
+        found = analyze_fleet(bags, AnalysisOptions(), scheduler=address, progress=kill_one)
+    assert killed
+    assert json.dumps(found) == json.dumps(expected)
+
+
+def test_a_killed_process_loses_nothing(fleet: Path) -> None:
+    """Issue 6, item 5: on one machine neither: the bags of a process that was killed are given to another."""
+    import multiprocessing
+
+    bags = find_bags([fleet])
+    expected = analyze_fleet(bags, _OPTIONS)
+    killed = []
+
+    def kill_one(done: int, total: int) -> None:
+        children = multiprocessing.active_children()
+        if done >= 2 and not killed and children:
+            os.kill(children[0].pid, signal.SIGKILL)
+            killed.append(total)
+
+    found = analyze_fleet(bags, _OPTIONS, jobs=2, progress=kill_one)
+    assert killed
+    assert json.dumps(found) == json.dumps(expected)
+
+
+def test_a_scheduler_that_is_not_there(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6, bad input: no scheduler at the address is said in one line."""
+    status, _, errors = printed([str(fleet), "--scheduler", "tcp://127.0.0.1:1"], capsys)
+    assert status == 2
+    assert "no Dask scheduler answers at tcp://127.0.0.1:1" in errors

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A bag played to the node and the same bag analysed: the same cycles, statuses and parameters."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support_ros import Probe, probe
+
+from stickslip_ros.bags.analysis import AnalysisOptions, JointAnalysis, analyze
+from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
+from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.parameter_file import Parameters
+
+_DURATION, _FACTOR = 14.0, 4.0
+_RELIABLE = {
+    f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("joint_states", "joint_references")
+}
+
+
+def random_bag(folder: Path, number: int, *, with_gains: bool) -> Path:
+    """A recording of a joint drawn at random, that sticks or does not."""
+    generator = np.random.default_rng(100 + number)
+
+    def about(value: float, spread: float = 0.4) -> float:
+        return float(value * np.exp(spread * generator.standard_normal()))
+
+    known = load_joint("puma560_joint1").joint.friction
+    friction = Friction(
+        coulomb=about(8.43), viscous=about(4.94), stribeck=about(1.6), stribeck_velocity=about(0.0058),
+        lag=float(known.lag), rise_time=about(0.26),
+    )  # fmt: skip
+    joint = SimulatedJoint(
+        joint=Joint(inertia=about(6.3), friction=friction),
+        gains=Gains(stiffness=about(900.0), damping=float(generator.choice([0.0, 30.0, 150.0]))),
+        velocities=(about(0.012), -about(0.012)) if number % 3 == 0 else (about(0.012),),
+        encoder_resolution=float(generator.choice([0.0, 2.5e-5, 1e-4])),
+        position_noise=float(generator.choice([0.0, 1e-5])),
+        velocity_noise=1e-4,
+    )
+    path = folder / f"bag{number}.mcap"
+    rate = float(generator.choice([200.0, 333.0, 500.0]))
+    write_simulation(
+        path, {f"axis{number}": joint}, duration=_DURATION, rate=rate, seed=number, jitter=0.05 / rate,
+        with_gains=with_gains, start=1000.0,
+    )  # fmt: skip
+    return path
+
+
+def played(one: Probe, path: Path, joint: str) -> list[str]:
+    """Play a bag to the monitor; the joint's status words in order."""
+    words: list[str] = []
+
+    def over() -> bool:
+        word = one.status(joint)
+        if word and (not words or words[-1] != word):
+            words.append(word)
+        return not replay.running
+
+    with NodeProcess("replay", {"recording": path, "time_factor": _FACTOR, "linger": 2.0}) as replay:
+        one.wait(over, 60.0, f"the end of {path.name}")
+        assert replay.wait(5.0) == 0, replay.output()
+    return words
+
+
+def check_cycles(one: Probe, expected: JointAnalysis) -> None:
+    """Whether the node published the cycles that the analysis found, all numbers to the last digit."""
+    heard = [cycle for cycle in one.cycles if cycle["joint"] == expected.name]
+    assert len(heard) == len(expected.cycles)
+    for live, recorded in zip(heard, expected.cycles, strict=True):
+        assert float(live["breakaway [s]"]) == recorded.breakaway
+        assert float(live["arrest [s]"]) == recorded.arrest
+        assert float(live["slip_distance [rad]"]) == recorded.slip_distance
+        assert float(live["dwell [s]"]) == recorded.dwell
+
+
+def test_ten_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 6, item 2: ten random recordings through DDS and from the file: identical cycles and statuses."""
+    options = AnalysisOptions(parameters=Parameters({"learn": False}))
+    sticking = 0
+    with NodeProcess("monitor", {"learn": "false", **_RELIABLE}), probe() as one:
+        one.wait_for_monitor()
+        for number in range(10):
+            path = random_bag(tmp_path, number, with_gains=number % 2 == 0)
+            expected = analyze(path, options).joints[f"axis{number}"]
+            words = played(one, path, expected.name)
+            one.wait(
+                lambda expected=expected: (
+                    float(one.diagnostics[expected.name][2]["cycles [1]"]) >= len(expected.cycles)
+                    and one.diagnostics[expected.name][1].startswith("no data")
+                ),
+                5.0,
+                f"the end of {expected.name}",
+            )
+            check_cycles(one, expected)
+            sticking += len(expected.cycles) > 0
+            assert one.status(expected.name) == expected.assessment.finding.status.value
+            recorded = [segment.status.value for segment in expected.segments]
+            # Live the status is said ten times a second; it misses short ones, and tells no others.
+            rest = iter(key for key, _ in itertools.groupby(recorded))
+            for word in words[:-1]:
+                assert word == "unknown" or word in rest, (words, recorded)
+            live = one.margins[expected.name]
+            gains = expected.assessment.gains
+            assert (gains is None) == np.isnan(live["stiffness"])
+            assert gains is None or live["stiffness"] == float(gains.stiffness)
+    assert 4 <= sticking <= 9
+
+
+def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 6, item 2: what is learnt does not depend on whether studies are made at once or in another process."""
+    path = tmp_path / "bag.mcap"
+    known = load_joint("puma560_joint1")
+    joint = SimulatedJoint(joint=known.joint, gains=known.gains, velocities=(0.009,), encoder_resolution=2.5e-5)
+    write_simulation(path, {"axis": joint}, duration=22.0, rate=500.0, start=1000.0)
+    expected = analyze(path).joints["axis"]
+    estimate = expected.assessment.estimate
+    assert estimate is not None
+    with NodeProcess("monitor", _RELIABLE), probe() as one:
+        one.wait_for_monitor()
+        played(one, path, "axis")
+        one.wait(
+            lambda: one.diagnostics["axis"][2].get("slips learnt from [1]") == str(estimate.slips),
+            60.0,
+            f"what {estimate.slips} slips teach",
+        )
+        check_cycles(one, expected)
+        values = one.diagnostics["axis"][2]
+    units = {key.partition(" [")[0]: key for key in values}
+    for name in NAMES:
+        assert float(values[units[name]]) == pytest.approx(estimate[name].value, rel=1e-9), name
+        assert float(values[units[f"{name} std"]]) == pytest.approx(estimate[name].std, rel=1e-6), name
