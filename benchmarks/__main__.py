@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from benchmarks import advice, estimation, exact, monitoring, paper
+from benchmarks import advice, estimation, exact, monitoring, paper, recordings
 
 if __name__ == "__main__":
     paper.run()
     monitoring.run()
     exact.run()
     advice.run()
+    recordings.run()
     estimation.run()

@@ -63,6 +63,9 @@ def test_the_install_space_is_what_ros2_looks_for(workspace: Path) -> None:
     share = workspace / "share" / "stickslip_ros"
     for name in ("package.xml", "config/monitor.yaml", "config/joints/puma560_joint1.yaml", "launch/demo.launch.py"):
         assert (share / name).exists()
+    site = next(workspace.glob("lib/python*/site-packages"))
+    for name in ("style.css", "page.js"):
+        assert (site / "stickslip_ros" / "bags" / "page" / name).exists()
 
 
 def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: int) -> None:

@@ -23,11 +23,13 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.status import Segment, Status
 from stickslip_ros.parameter_file import Parameters
 from stickslip_ros.recordings import RecordingError
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded
+_AT_ONCE = 8000  # samples of a joint that are followed at once
 _BEYOND = 5.0  # [s] after the end asked for, from which on nothing more is read
 # What a recording as a whole is called, the first of these that it has for a time.
 _WORST_FIRST = (
@@ -139,8 +141,9 @@ Watcher = Callable[["dict[str, FollowedJoint]", "dict[str, list[Cycle]]", float]
 class FollowedJoint:
     """One joint while its recording is read."""
 
-    def __init__(self, name: str, parameters: Parameters, *, with_traces: bool) -> None:
+    def __init__(self, name: str, parameters: Parameters, *, with_traces: bool, at_once: int) -> None:
         self.name = name
+        self._at_once = at_once
         self.settings = parameters.settings_of(name)
         self.monitor = JointMonitor(
             self.settings.joint, self.settings.gains, self.settings.options, studies_at_once=True, segments_kept=None
@@ -151,29 +154,42 @@ class FollowedJoint:
         self._start = math.nan
         self._traces = JointTraces() if with_traces else None
 
-    def take(self, samples: FloatArray | None, references: FloatArray | None, *, last: bool = False) -> list[Cycle]:
-        """Take samples and references; returns the cycles that they complete."""
+    def take(self, samples: FloatArray | None, references: FloatArray | None) -> list[Cycle]:
+        """Take samples and references; returns the cycles found meanwhile."""
         if references is not None:
             self._pairing.add_references(references)
         if samples is not None:
             rows = samples.copy()
             rows[:, 3] *= self.settings.effort_scale
             self._pairing.add_samples(rows)
-        found: list[Cycle] = []
-        batch = self._pairing.take(all_of_them=last)
-        if batch is not None:
-            finite = np.isfinite(batch.time)
-            if math.isnan(self._start) and finite.any():
-                self._start = float(batch.time[finite][0])
-            self._samples += len(batch)
-            found = self.monitor.process(batch)
-            if self._traces is not None:
-                self._traces.add(batch, found, self.monitor)
-        if last:
-            closing = self.monitor.finish()
-            found += closing
-            if self._traces is not None and closing:
-                self._traces.add(None, closing, self.monitor)
+        # Many samples at once cost less; what is found does not depend on it.
+        return self._follow(self._pairing.take()) if self._pairing.waiting >= self._at_once else []
+
+    def change_gains(self, gains: Gains) -> list[Cycle]:
+        """From now on these gains are in force, in the controller's units; returns the cycles found meanwhile."""
+        found = self._follow(self._pairing.take())
+        self.monitor.gains = self.settings.to_si(gains)
+        return found
+
+    def end(self) -> list[Cycle]:
+        """No more samples come; returns the cycles that they complete."""
+        found = self._follow(self._pairing.take(all_of_them=True))
+        closing = self.monitor.finish()
+        if self._traces is not None and closing:
+            self._traces.add(None, closing, self.monitor)
+        self.cycles += closing
+        return found + closing
+
+    def _follow(self, batch: Batch | None) -> list[Cycle]:
+        if batch is None:
+            return []
+        finite = np.isfinite(batch.time)
+        if math.isnan(self._start) and finite.any():
+            self._start = float(batch.time[finite][0])
+        self._samples += len(batch)
+        found = self.monitor.process(batch)
+        if self._traces is not None:
+            self._traces.add(batch, found, self.monitor)
         self.cycles += found
         return found
 
@@ -290,14 +306,14 @@ def _follow(
     gains_of: dict[str, Gains] = {}
     for piece in _short_pieces(reader.pieces(read), options.longest_piece):
         there |= set(piece.samples)
+        found: dict[str, list[Cycle]] = {}
         for name, gains in piece.gains.items():
             gains_of[name] = gains
             if name in joints:
-                joints[name].monitor.gains = joints[name].settings.to_si(gains)
+                found[name] = joints[name].change_gains(gains)
         clock = piece.clock if math.isfinite(piece.clock) else clock
         samples, first, beyond = _within(piece.samples, first, options)
         recorded = first + clock if math.isnan(recorded) else recorded
-        found: dict[str, list[Cycle]] = {}
         for name in dict.fromkeys([*samples, *piece.references]):
             joint = joints.get(name)
             if joint is None:
@@ -305,14 +321,19 @@ def _follow(
                     continue
                 if len(joints) >= _MOST_JOINTS:
                     continue
-                joint = joints[name] = FollowedJoint(name, options.parameters, with_traces=options.with_traces)
+                joint = joints[name] = FollowedJoint(
+                    name,
+                    options.parameters,
+                    with_traces=options.with_traces,
+                    at_once=_AT_ONCE if math.isinf(options.longest_piece) else 1,
+                )
                 if name in gains_of:
-                    joint.monitor.gains = joint.settings.to_si(gains_of[name])
-            found[name] = joint.take(samples.get(name), piece.references.get(name))
+                    joint.change_gains(gains_of[name])
+            found[name] = found.get(name, []) + joint.take(samples.get(name), piece.references.get(name))
         watcher(joints, found, clock)
         if beyond:
             break
-    watcher(joints, {name: joint.take(None, None, last=True) for name, joint in joints.items()}, clock)
+    watcher(joints, {name: joint.end() for name, joint in joints.items()}, clock)
     return joints, there, recorded
 
 

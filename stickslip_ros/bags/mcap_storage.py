@@ -144,10 +144,10 @@ class McapStorage:
                 file.seek(chunk.chunk_start_offset)
                 if file.read(1) != bytes([Opcode.CHUNK]):
                     self._say_unsound()
-                return None
-            inside = sum(len(chunk.message_index_offsets) > 0 for chunk in summary.chunks)
-            # Messages outside of chunks, or chunks that do not say what is in them, are found by reading everything.
-            return summary if inside == len(summary.chunks) > 0 else None
+                    return None
+            # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
+            told = [set(chunk.message_index_offsets) for chunk in summary.chunks]
+            return summary if told and all(some and some <= set(summary.channels) for some in told) else None
 
     def _say_unsound(self) -> None:
         self._warn(f"{self._path.name}: its index is damaged; read from the start as far as it goes")
@@ -172,7 +172,7 @@ class McapStorage:
 
     def _by_index(self, summary: _Summary, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         numbers = {number for number, channel in summary.channels.items() if channel in wanted}
-        lost = expected = found = 0
+        found = 0
         with self._path.open("rb") as file:
             at = 0
             for index in summary.chunks:
@@ -184,7 +184,6 @@ class McapStorage:
                 record = file.read(index.chunk_length)
                 if len(record) < 9 or len(record) - 9 != struct.unpack_from("<Q", record, 1)[0]:
                     self._warn(self._lost(index.chunk_start_offset, "its length is damaged"))
-                    lost += 1
                     continue
                 for block in self._chunk(record[9:], index.chunk_start_offset):
                     found += int(np.isin(block.channel, list(numbers)).sum())

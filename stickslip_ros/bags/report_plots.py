@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from bokeh.models import BoxAnnotation, ColumnDataSource, HoverTool, LogTicker, Range1d, Span
+from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool, Range1d, Span
 from bokeh.plotting import figure
 from contourpy import contour_generator
 
@@ -29,6 +29,7 @@ _MARKED = 3000  # cycles at most
 _MAP_POINTS = 900
 _BAND = (5.0, 95.0)  # per cent
 _CURVE = 300
+_FEW_DECADES = 2.5
 _SMOOTHED = 5  # samples on either side, where a velocity has to be derived
 
 
@@ -294,8 +295,10 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     plot = _figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
     plot.x_range = Range1d(float(velocities[0]), float(velocities[-1]))
     plot.y_range = Range1d(float(stiffnesses[0]), float(stiffnesses[-1]))
-    for axis in plot.axis:
-        axis.ticker = LogTicker(mantissas=[1, 2, 5])
+    for axis, values in ((plot.xaxis[0], velocities), (plot.yaxis[0], stiffnesses)):
+        ticks = _round_numbers(float(values[0]), float(values[-1]))
+        axis.ticker = FixedTicker(ticks=ticks)
+        axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
     for name, field, colour, dash in (
         ("boundary of Eq. (43)", found.paper_damping - total, BLUE, "solid"),
         ("exact boundary", found.exact_damping - total, GREEN, "dashed"),
@@ -328,6 +331,14 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
         f"Beneath the lines the joint sticks and slips at its present damping; the dot is the joint now, at "
         f"{speed:.3g} rad/s and {stiffness:.4g}{'; ' + words[0] if words else ''}.",
     )
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """Numbers to write along a logarithmic axis: powers of ten, and between few of them 2 and 5 of each."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    mantissas = (1, 2, 5) if math.log10(high / low) < _FEW_DECADES else (1,)
+    ticks = [mantissa * 10.0**exponent for exponent in exponents for mantissa in mantissas]
+    return [float(f"{tick:g}") for tick in ticks if low <= tick <= high]
 
 
 def _boundary(x: FloatArray, y: FloatArray, field: FloatArray) -> Sequence[tuple[FloatArray, FloatArray]]:

@@ -18,7 +18,7 @@ from stickslip_ros.monitoring.sliding import sliding_points
 
 _BUCKETS = 2000  # of an outline, up to twice as many while it is made
 _CYCLES_KEPT = 5
-_CYCLES_SHOWN = 3.0  # periods before the end of the one that is drawn
+_CYCLES_SHOWN, _AFTER = 3.0, 1.0  # periods before and after the end of the one that is drawn
 _MOST_SAMPLES = 3000  # of a close-up
 _MOST_POINTS = 4000  # of speed and friction
 _POINTS_FROM = 20.0  # [s] of samples that are looked at at once for them
@@ -102,6 +102,8 @@ class JointTraces:
             self._distances.append(abs(cycle.slip_distance))
             samples = monitor.recent(monitor.last_time - cycle.arrest + _CYCLES_SHOWN * cycle.period)
             if samples is not None:
+                # More than the cycle may have come at once.
+                samples = samples.where(samples.time <= cycle.arrest + _AFTER * cycle.period)
                 self._close_ups.append(CloseUp(cycle, samples.where(slice(None, None, _every(samples)))))
 
     def _note_friction(self, batch: Batch, resolution: float) -> None:

@@ -55,7 +55,7 @@ KNOT_COLUMNS = 8
 STATE_SIZE = 28
 
 SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
-_REVERSALS_KEPT = 27  # of the 30 of a block; the largest are left out as impulses
+_REVERSALS_KEPT = 27  # of the 30 of a block; the three largest are left out as impulses
 _REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
 _BANDS_PER_NOISE = 5.0
 _ROUNDING = 1e-10  # differences below this share of the position are arithmetic, not motion
@@ -65,6 +65,30 @@ _KNOTS_TO_LEAVE = 4
 _KNOTS_TO_WAIT = 128
 _LEAVING_SHARE = 0.2
 _MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
+
+
+@njit(cache=True)
+def _upper_quartile(noise, noises):
+    """The upper quartile of the latest values: the new one, and those kept in the order of time and in their own."""
+    latest, ordered = noises[0], noises[1]
+    count = 0
+    while count < BLOCKS_KEPT and not np.isnan(ordered[count]):
+        count += 1
+    if count == BLOCKS_KEPT:
+        # The oldest one goes.
+        place = np.searchsorted(ordered, latest[-1])
+        for i in range(place, count - 1):
+            ordered[i] = ordered[i + 1]
+        count -= 1
+    for i in range(count, 0, -1):
+        latest[i] = latest[i - 1]
+    latest[0] = noise
+    place = count
+    while place > 0 and ordered[place - 1] > noise:
+        ordered[place] = ordered[place - 1]
+        place -= 1
+    ordered[place] = noise
+    return ordered[(3 * (count + 1)) // 4]
 
 
 @njit(cache=True)
@@ -86,15 +110,20 @@ def measure_block(block, state, smallest, noises):
                 smallest[2], smallest[1] = smallest[1], step
             elif step < smallest[2]:
                 smallest[2] = step
-    reversals = np.empty(block.shape[0] - 2)
+    # Their sum without the three largest.
+    total, first, second, third = 0.0, 0.0, 0.0, 0.0
     for i in range(2, block.shape[0]):
-        reversals[i - 2] = max(0.0, -(block[i] - block[i - 1]) * (block[i - 1] - block[i - 2]))
-    reversals.sort()
-    noise = np.sqrt(np.mean(reversals[:_REVERSALS_KEPT]) / _REVERSAL_OF_UNIT_NOISE)
-    noises[1:] = noises[:-1].copy()
-    noises[0] = noise
-    known = np.sort(noises[~np.isnan(noises)])
-    state[NOISE] = known[(3 * known.shape[0]) // 4]
+        reversal = max(0.0, -(block[i] - block[i - 1]) * (block[i - 1] - block[i - 2]))
+        total += reversal
+        if reversal > first:
+            third, second, first = second, first, reversal
+        elif reversal > second:
+            third, second = second, reversal
+        elif reversal > third:
+            third = reversal
+    kept = max(0.0, total - first - second - third)
+    noise = np.sqrt(kept / _REVERSALS_KEPT / _REVERSAL_OF_UNIT_NOISE)
+    state[NOISE] = _upper_quartile(noise, noises)
     resolution = smallest[2]
     state[RESOLUTION] = resolution if np.isfinite(resolution) else 0.0
     state[BAND] = max(state[RESOLUTION], _BANDS_PER_NOISE * state[NOISE], 4.0 * _ROUNDING * largest, 1e-15)

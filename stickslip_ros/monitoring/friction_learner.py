@@ -32,15 +32,15 @@ from stickslip_ros.monitoring.estimation import (
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_fit import Prior, SlipEvidence, SlipFit, Tolerances, evidence
 from stickslip_ros.monitoring.slip_problem import LEVEL, PARAMETERS, RISE_TIME, STRIBECK, SlipProblem, follows_on
-from stickslip_ros.monitoring.slip_search import Solution
 from stickslip_ros.monitoring.slip_windows import SlipWindow
 
-_KEPT = 64
+_KEPT = 48
 _FIRST_STUDY = 4
 _LATER_STUDIES = 2.5  # times as many slips as there were at the last one
+_LAST_STUDY = 1.2  # likewise, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, from which on a study begins where the last one ended
 _EVERY_SLIP = 48  # slips, from which on those that are like the last one are learnt from only now and then
-_NOW_AND_THEN = 5.0  # [s]
+_NOW_AND_THEN = 10.0  # [s]
 _LIKE = 0.15  # relative difference of two slips that are alike
 _LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
 _STRANGE = 9.0  # mean square of a slip's residuals that the friction known does not explain
@@ -57,7 +57,12 @@ _SMALL = 0.03  # relative change that is not worth naming
 
 @dataclass(frozen=True, kw_only=True)
 class Learnt:
-    """What a study found: the estimate, and what updates start from."""
+    """What a study found: the estimate, and what updates start from.
+
+    Attributes
+    ----------
+    spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
+    """
 
     estimate: FrictionEstimate
     parameters: FloatArray
@@ -71,6 +76,7 @@ class Learnt:
     last_window: SlipWindow
     remains: float
     widening: FloatArray
+    spread: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +101,8 @@ def study(question: StudyQuestion) -> Learnt | None:
         return None
     problem, solution = solved
     fit = solution.fit
+    narrow = _spread(covariance_of(fit.information, solution.prior))
+    spread = _spread(honest_covariance(problem, fit, solution.prior))
     return Learnt(
         estimate=assess(problem, solution, configured=configured is not None),
         parameters=fit.parameters,
@@ -107,15 +115,14 @@ def study(question: StudyQuestion) -> Learnt | None:
         link_error=solution.link_error,
         last_window=windows[-1],
         remains=_remains(fit),
-        widening=_widening(fit, solution, problem),
+        widening=spread / np.maximum(narrow, 1e-300),
+        spread=spread,
     )
 
 
-def _widening(fit: SlipFit, solution: Solution, problem: SlipProblem) -> FloatArray:
-    """Factors by which a study widened the errors, for the updates that follow it."""
-    narrow = np.diag(covariance_of(fit.information, solution.prior))
-    wide = np.diag(honest_covariance(problem, fit, solution.prior))
-    return np.asarray(np.sqrt(np.maximum(wide, 1e-300) / np.maximum(narrow, 1e-300)))
+def _spread(covariance: FloatArray) -> FloatArray:
+    """Standard deviations."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 1e-300)))
 
 
 def _remains(fit: SlipFit) -> float:
@@ -187,11 +194,21 @@ class FrictionLearner:
         self._windows.append(window)
         if self._state is not None and not self._state.estimate.normalised:
             self._update(window)
-        if self._seen >= max(_FIRST_STUDY, _LATER_STUDIES * self._studied):
-            chosen = best_known(list(self._windows))
-            if len(chosen) >= _FIRST_STUDY:
-                self._due = StudyQuestion(windows=chosen, configured=self.configured, start=self._start(chosen))
-                self._studied = self._seen
+        self._ask(_LATER_STUDIES)
+
+    def finish(self) -> None:
+        """No more slips come for now: what came since the last study is worth another."""
+        if self._due is None:
+            self._ask(_LAST_STUDY)
+
+    def _ask(self, more: float) -> None:
+        """Let a study be due if there are so many times more slips than at the last one."""
+        if self._seen < max(_FIRST_STUDY, more * self._studied):
+            return
+        chosen = best_known(list(self._windows))
+        if len(chosen) >= _FIRST_STUDY:
+            self._due = StudyQuestion(windows=chosen, configured=self.configured, start=self._start(chosen))
+            self._studied = self._seen
 
     def _start(self, windows: list[SlipWindow]) -> FloatArray | None:
         """Parameters from which a study of these slips may begin, once enough were studied to be sure of the shape."""
@@ -273,6 +290,9 @@ class FrictionLearner:
         kinetic = state.kinetic + covariance[size:] @ pull
         level = float(np.exp(said.unknowns[-1, LEVEL])) * float(said.found[-1, kernel.REMAINS])
         wide = covariance * np.outer(state.widening, state.widening)
+        # One slip after the other cannot show what slips have in common: no error falls below that of the study.
+        factors = np.maximum(state.spread / _spread(wide), 1.0)
+        wide *= np.outer(factors, factors)
         self._state = replace(
             state,
             estimate=estimate_from(state.estimate, parameters, kinetic, wide),

@@ -165,6 +165,11 @@ class JointMonitor:
         self._note(cycles)
         self._rests.close_slice(self._motion)
         self._take_slices()
+        for cycle in cycles:
+            self._learn_from(cycle)
+        self.learner.finish()
+        if self._studies_at_once:
+            self.learner.study_now()
         return cycles
 
     def _follow(self, batch: Batch) -> list[Cycle]:

@@ -42,6 +42,11 @@ class ReferencePairing:
         """Rows of time, position and velocity of the reference, NaN for what is missing; of shape (n, 3)."""
         self._new_references.append(rows)
 
+    @property
+    def waiting(self) -> int:
+        """How many samples wait."""
+        return len(self._samples) + sum(len(rows) for rows in self._new_samples)
+
     def take(self, *, all_of_them: bool = False) -> Batch | None:
         """The samples whose reference is known, or will not come any more; None if there are none."""
         self._collect()
@@ -96,6 +101,12 @@ class ReferencePairing:
             unknown = np.full(len(times), np.nan)
             return unknown, unknown.copy()
         known = self._references[:, 0]
+        first = int(np.searchsorted(known, times[0]))
+        if np.array_equal(known[first : first + len(times)], times):
+            # Published together, as is usual: every sample has a reference of its own stamp.
+            taken = self._references[first : first + len(times)]
+            self._references = self._references[first + len(times) - 1 :]
+            return np.ascontiguousarray(taken[:, 1]), np.ascontiguousarray(taken[:, 2])
         before = np.searchsorted(known, times, side="right") - 1
         at = np.maximum(before, 0)
         after = np.minimum(at + 1, len(known) - 1)

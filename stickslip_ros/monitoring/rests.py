@@ -73,11 +73,11 @@ class RestDetector:
         self._state = np.zeros(kernel.STATE_SIZE)
         self._state[kernel.PEAK] = np.inf
         self._smallest = np.full(3, np.inf)
-        self._noises = np.full(kernel.BLOCKS_KEPT, np.nan)
+        self._noises = np.full((2, kernel.BLOCKS_KEPT), np.nan)
         self._velocity_block = np.full(kernel.BLOCK, np.nan)
         self._velocity_state = np.zeros(kernel.STATE_SIZE)
         self._velocity_smallest = np.full(3, np.inf)
-        self._velocity_noises = np.full(kernel.BLOCKS_KEPT, np.nan)
+        self._velocity_noises = np.full((2, kernel.BLOCKS_KEPT), np.nan)
         self._early = np.zeros((kernel.BLOCK, 5))
         self._knots = np.zeros((kernel.RING, kernel.KNOT_COLUMNS))
         self._rest_end = 0

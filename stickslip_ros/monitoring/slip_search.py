@@ -54,6 +54,7 @@ _LOOSE_ROUNDS = 5
 _LOOSE_TRIED = 3
 _LEAST_LINK = 1e-3
 _ITERATIONS = 20
+_ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
 _HELD = 1e-6  # standard deviation of a logarithm that is not to change
 _RISE_TIME_SPREAD = 2.0
 _WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
@@ -204,7 +205,7 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
     distance = float(np.median(problem.distances))
     for tolerance in _SHAPE_TOLERANCES:
         problem.weigh(problem.speeds_at_nodes, tolerance * distance)
-        fit = fit_slips(problem, prior, Tolerances(), parameters=parameters, unknowns=unknowns)
+        fit = fit_slips(problem, prior, Tolerances(), parameters=parameters, unknowns=unknowns, enough=_ROUGHLY)
         parameters, unknowns = fit.parameters, fit.unknowns
         problem.speeds_at_nodes = fit.velocities
     return fit
@@ -261,7 +262,13 @@ def _fit_all(
         problem.weigh(fit.velocities, position * distance)
         tolerances = Tolerances(balance=balance * level, level=link)
         fit = fit_slips(
-            problem, prior, tolerances, parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS
+            problem,
+            prior,
+            tolerances,
+            parameters=parameters,
+            unknowns=fit.unknowns,
+            iterations=_ITERATIONS,
+            enough=_ROUGHLY,
         )
         parameters = fit.parameters
         _set_outliers_aside(problem, fit)
@@ -271,7 +278,13 @@ def _fit_all(
         balance = balance_error(problem, fit)
         tolerances = Tolerances(balance=balance, level=TIGHT_LEVEL)
         fit = fit_slips(
-            problem, prior, tolerances, parameters=fit.parameters, unknowns=fit.unknowns, iterations=_ITERATIONS
+            problem,
+            prior,
+            tolerances,
+            parameters=fit.parameters,
+            unknowns=fit.unknowns,
+            iterations=_ITERATIONS,
+            enough=_NEARLY,
         )
         _set_outliers_aside(problem, fit)
     return Solution(
@@ -286,7 +299,9 @@ def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[
     problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
     held = Prior.of(parameters, np.full(len(parameters), _HELD), parameters - 1.0, parameters + 1.0)
     unknowns = problem.detected(level)
-    fit = fit_slips(problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12)
+    fit = fit_slips(
+        problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12, enough=_ROUGHLY
+    )
     parameters[STRIBECK], parameters[RISE_TIME] = np.log(_scan_rise_time(problem, fit))
     return fit, parameters
 

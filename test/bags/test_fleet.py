@@ -121,7 +121,8 @@ def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.
         assert run.poll() is None
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
-    assert run.wait(20.0) == 130
+    # A shell sees 130 either way: Python ends itself by the signal if it came while in some extension modules.
+    assert run.wait(20.0) in (130, -signal.SIGINT)
     kept = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
     assert 2 <= len(kept) < 7
     _, resumed, _ = printed([str(fleet), "--results", str(results), "--json"], capsys)

@@ -227,3 +227,42 @@ def test_any_friction_can_be_configured_as_prior() -> None:
     known = study(StudyQuestion(windows=windows[:20], configured=bare))
     assert known is not None
     assert known.estimate["inertia"].value == pytest.approx(float(drawn.joint.inertia), rel=0.03)
+
+
+def test_what_is_learnt_does_not_depend_on_how_long_studies_take(puma: Joint) -> None:
+    """Issue 6, item 2: slips wait for a study that is under way; late or at once, the outcome is the same."""
+    windows, _ = cut_slips(moving(puma, 24.0), GAINS)
+    at_once, late = FrictionLearner(), FrictionLearner()
+    under_way: list[StudyQuestion] = []
+    for number, window in enumerate(windows):
+        at_once.take(window)
+        at_once.study_now()
+        late.take(window)
+        question = late.wanted_study()
+        under_way += [question] if question is not None else []
+        if under_way and number % 5 == 4:
+            late.adopt(study(under_way.pop()))
+    for learner in (at_once, late):
+        learner.finish()
+    if under_way:
+        late.adopt(study(under_way.pop()))
+    at_once.study_now()
+    late.study_now()
+    assert at_once.estimate is not None
+    assert late.estimate is not None
+    np.testing.assert_array_equal(late.estimate.logarithms, at_once.estimate.logarithms)
+    np.testing.assert_array_equal(late.estimate.covariance, at_once.estimate.covariance)
+    assert late.skipped == 0
+
+
+def test_a_study_begun_before_a_reset_comes_to_nothing(puma: Joint) -> None:
+    """Issue 6, item 2: what another process found of slips that were since forgotten is not taken over."""
+    windows, _ = cut_slips(moving(puma, 12.0), GAINS)
+    learner = FrictionLearner()
+    for window in windows[:6]:
+        learner.take(window)
+    question = learner.wanted_study()
+    assert question is not None
+    learner.reset()
+    learner.adopt(study(question))
+    assert learner.estimate is None

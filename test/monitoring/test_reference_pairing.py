@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Samples and references meet by their stamps, in whatever order and number they come."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stickslip_ros.monitoring.reference_pairing import ReferencePairing
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 7), st.integers(0, 30), st.randoms(use_true_random=False))
+def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: object) -> None:
+    """Issue 2: samples meet the reference of their own stamp, whichever topic is ahead."""
+    pairing = ReferencePairing()
+    times = [0.01 * index for index in range(100)]
+    batches = []
+    reference_at = 0
+    for index, time in enumerate(times):
+        while reference_at < min(index + lead - 15, 100):
+            pairing.add_reference(times[reference_at], 2.0 * times[reference_at], 2.0)
+            reference_at += 1
+        pairing.add_sample(time, time, math.nan, math.nan)
+        if index % chunk == 0:
+            batches.append(pairing.take())
+    for rest in range(reference_at, 100):
+        pairing.add_reference(times[rest], 2.0 * times[rest], 2.0)
+    batches.append(pairing.take())
+    taken = [batch for batch in batches if batch is not None]
+    np.testing.assert_array_equal(np.concatenate([batch.time for batch in taken]), times)
+    position = np.concatenate([batch.reference_position for batch in taken])
+    known = np.isfinite(position)
+    np.testing.assert_allclose(position[known], 2.0 * np.array(times)[known], atol=1e-12)
+    assert known.sum() >= 80
+
+
+def test_a_stale_reference_says_nothing() -> None:
+    """Issue 2: a reference that has ended is not held for ever."""
+    pairing = ReferencePairing()
+    pairing.add_reference(0.0, 1.0, 0.0)
+    pairing.add_sample(0.5, 0.0, math.nan, math.nan)
+    pairing.add_sample(5.0, 0.0, math.nan, math.nan)
+    batch = pairing.take()
+    assert batch is not None
+    assert batch.reference_position[0] == 1.0
+    assert math.isnan(batch.reference_position[1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(0.001, 0.6), min_size=1, max_size=40),
+    st.integers(1, 50),
+    st.randoms(use_true_random=False),
+)
+def test_pairing_at_once_is_pairing_bit_by_bit(gaps: list[float], size: int, random: object) -> None:
+    """Issue 6, item 2: a recording paired in large pieces, and the same as it came: the same references."""
+    known = np.cumsum(gaps)
+    references = np.column_stack([known, np.sin(known), np.cos(known)])
+    times = np.arange(0.0, float(known[-1]) + 0.3, 0.01)
+    samples = np.column_stack([times, times, np.full((len(times), 2), np.nan)])
+    at_once, bit_by_bit = ReferencePairing(), ReferencePairing()
+    at_once.add_references(references)
+    at_once.add_samples(samples)
+    whole = at_once.take(all_of_them=True)
+    assert whole is not None
+    parts, heard = [], 0
+    for begin in range(0, len(times), size):
+        end = min(begin + size, len(times))
+        bit_by_bit.add_samples(samples[begin:end])
+        until = int(np.searchsorted(known, times[end - 1], side="right"))
+        bit_by_bit.add_references(references[heard:until])
+        heard = until
+        parts.append(bit_by_bit.take())
+    parts.append(bit_by_bit.take(all_of_them=True))
+    position = np.concatenate([part.reference_position for part in parts if part is not None])
+    np.testing.assert_array_equal(position, whole.reference_position)
+
+
+def test_references_that_come_late_or_anew() -> None:
+    """Issue 6, item 2: a late reference finds its place; where time begins anew the old ones are void."""
+    pairing = ReferencePairing()
+    pairing.add_references(np.array([[1.0, 1.0, 0.0], [1.2, 3.0, 0.0], [1.1, 2.0, 0.0]]))
+    pairing.add_sample(1.15, 0.0, math.nan, math.nan)
+    batch = pairing.take()
+    assert batch is not None
+    assert batch.reference_position[0] == pytest.approx(2.5)
+    pairing.add_references(np.array([[0.1, 7.0, 0.0], [0.2, 8.0, 0.0]]))
+    pairing.add_sample(0.15, 0.0, math.nan, math.nan)
+    batch = pairing.take()
+    assert batch is not None
+    assert batch.reference_position[0] == pytest.approx(7.5)
