@@ -54,21 +54,18 @@ def walk(buffer, start, largest, table):
 
 
 @njit(cache=True)
-def matching(buffer, offsets, lengths, template, ranges, least, most):
-    """Which messages agree with a template in all ranges of bytes, and have its length."""
+def matching(buffer, offsets, lengths, template, mask, least, most):
+    """Which messages agree with a template in all bytes that a mask of 0 and 255 leaves, and have its length."""
     matches = np.zeros(offsets.shape[0], dtype=np.bool_)
     for n in range(offsets.shape[0]):
         if lengths[n] < least or lengths[n] > most:
             continue
-        base, same = offsets[n], True
-        for r in range(ranges.shape[0]):
-            for k in range(ranges[r, 0], ranges[r, 1]):
-                if buffer[base + k] != template[k]:
-                    same = False
-                    break
-            if not same:
-                break
-        matches[n] = same
+        message = buffer[offsets[n] : offsets[n] + template.shape[0]]
+        # Without a way out of the loop it compares many bytes at once.
+        differs = np.uint8(0)
+        for k in range(template.shape[0]):
+            differs |= (message[k] ^ template[k]) & mask[k]
+        matches[n] = differs == 0
     return matches
 
 

@@ -127,11 +127,6 @@ class BagAnalysis:
     warnings: tuple[str, ...]
     recorded: float = math.nan
 
-    @property
-    def sticks(self) -> bool:
-        """Whether any joint sticks and slips."""
-        return any(joint.status is Status.STICK_SLIP for joint in self.joints.values())
-
 
 Progress = Callable[[int, int], None]
 # Called after every piece with the monitors by joint, the cycles found in it, and log time less stamp.

@@ -51,7 +51,7 @@ class JointRows:
 class _Layout:
     names: tuple[str, ...]
     template: Bytes
-    ranges: Integers
+    mask: Bytes
     places: Integers
     sizes: Integers
     present: tuple[bool, bool, bool]
@@ -89,7 +89,7 @@ class JointStateDecoder:
             return left
         offsets = block.offset[left]
         same = kernel.matching(
-            block.buffer, offsets, block.length[left], layout.template, layout.ranges,
+            block.buffer, offsets, block.length[left], layout.template, layout.mask,
             layout.length, layout.length + _PADDING - 1,
         )  # fmt: skip
         if same.any():
@@ -143,10 +143,13 @@ def _layout_of(message: bytes) -> _Layout:
     if len(message) - cursor.at >= _PADDING:
         raise MessageError(f"{len(message) - cursor.at} bytes are left over")
     check_joint_row(names, dict(zip(FIELDS, counts, strict=True)))
+    mask = np.zeros(cursor.at, dtype=np.uint8)
+    for begin, end in [(0, _ENCAPSULATION), *cursor.read]:
+        mask[begin:end] = 0xFF
     return _Layout(
         names=names,
-        template=np.frombuffer(message, dtype=np.uint8),
-        ranges=np.array([[0, _ENCAPSULATION], *cursor.read], dtype=np.int64),
+        template=np.frombuffer(message, dtype=np.uint8)[: cursor.at],
+        mask=mask,
         places=np.array(places, dtype=np.int64),
         sizes=np.array([_STAMP, *(8 * count for count in counts if count)], dtype=np.int64),
         present=tuple(count > 0 for count in counts),  # type: ignore[arg-type]

@@ -59,7 +59,6 @@ class BagWriter:
             path = self._directory / f"{path.name}_0.mcap"
         self._path, self._partial = path, path.with_name(f".{path.name}.part")
         self._topics = dict(topics)
-        self._compression = compression
         self._store: Any = get_typestore(Stores.ROS2_JAZZY)
         self._counts: Counter[str] = Counter()
         self._first, self._last = 1 << 63, 0

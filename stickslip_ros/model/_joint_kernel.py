@@ -33,14 +33,14 @@ BREAKAWAY, ARREST = 1.0, -1.0
 _MOST_EVENTS = 64  # in one sampling period
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _risen(level: float, stribeck: float, rise_time: float, dwell: float) -> float:
     if rise_time <= 0.0:
         return stribeck
     return level + (stribeck - level) * dwell / (dwell + rise_time)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lagged_velocity(time, state, history):
     """Velocity at ``time`` from the ring; the cursor only moves forward."""
     count = int(state[HISTORY_COUNT])
@@ -63,13 +63,13 @@ def _lagged_velocity(time, state, history):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _instant_shape(velocity, parameters):
     ratio = velocity / parameters[STRIBECK_VELOCITY]
     return 1.0 / (1.0 + ratio * ratio)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _shape(time, velocity, state, history, parameters, delayed):
     """Ψ of Eq. (5)."""
     if delayed:
@@ -79,7 +79,7 @@ def _shape(time, velocity, state, history, parameters, delayed):
     return _instant_shape(velocity, parameters)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _control(position, velocity, integral, reference, reference_velocity, parameters):
     return (
         parameters[STIFFNESS] * (reference - position)
@@ -88,7 +88,7 @@ def _control(position, velocity, integral, reference, reference_velocity, parame
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _acceleration(position, velocity, integral, reference, reference_velocity, shape, state, parameters):
     """Acceleration of Eq. (4), sliding in the direction of the state."""
     direction = state[DIRECTION]
@@ -97,7 +97,7 @@ def _acceleration(position, velocity, integral, reference, reference_velocity, s
     return force / parameters[INERTIA]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _slide(step, reference, reference_velocity, shape_0, shape_1, shape_2, state, parameters, delayed, out):
     """One Runge-Kutta step; writes position, velocity, integral to ``out``. Reference at the step's start."""
     x, v, z = state[POSITION], state[VELOCITY], state[INTEGRAL]
@@ -122,7 +122,7 @@ def _slide(step, reference, reference_velocity, shape_0, shape_1, shape_2, state
     out[2] = z + step / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _remember(time, velocity, acceleration, state, history):
     head = int(state[HISTORY_HEAD])
     slot = head % history.shape[0]
@@ -133,7 +133,7 @@ def _remember(time, velocity, acceleration, state, history):
     state[HISTORY_COUNT] = min(state[HISTORY_COUNT] + 1, history.shape[0])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _excess(dwell, time, start, reference, reference_velocity, state, parameters):
     """Applied force less what static friction can hold, at ``time``; > 0 breaks away. Sign of the force second."""
     elapsed = time - start
@@ -149,7 +149,7 @@ def _excess(dwell, time, start, reference, reference_velocity, state, parameters
     return abs(force) - parameters[COULOMB] - level, 1.0 if force >= 0.0 else -1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _record(events, count, time, kind, state):
     if count < events.shape[0]:
         events[count, 0] = time
@@ -160,7 +160,7 @@ def _record(events, count, time, kind, state):
     return count + 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _stick_until(end, reference, reference_velocity, state, parameters, events, count):
     """Advance a stuck joint to ``end`` or to its breakaway; returns the events' count and the first acceleration."""
     start = state[TIME]
@@ -205,7 +205,7 @@ def _stick_until(end, reference, reference_velocity, state, parameters, events, 
     return count, 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def advance(state, history, parameters, step, period, references, reference_velocities, samples, events):
     """Integrate one joint over as many sampling periods as there are references.
 
@@ -286,7 +286,7 @@ def advance(state, history, parameters, step, period, references, reference_velo
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def advance_sampled(
     state, history, parameters, held, delayed, step, period, references, reference_velocities, samples, events
 ):

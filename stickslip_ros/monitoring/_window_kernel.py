@@ -23,14 +23,14 @@ FOUND_COLUMNS = 4
 _NO_RETURN = 100.0  # levels
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _at(time, node, times, values):
     """A value at ``time`` on the line through a node and the next."""
     share = (time - times[node]) / (times[node + 1] - times[node])
     return values[node] + (values[node + 1] - values[node]) * share
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def simulate_windows(
     parameters, directions, starts, gains, edges, times, references, forces, step, positions, velocities, found
 ):

@@ -138,12 +138,6 @@ class RestDetector:
         """Standard deviation of the position's noise [rad]."""
         return float(self._state[kernel.NOISE])
 
-    @property
-    def last_knot_time(self) -> float:
-        """When the joint was last seen to move by a band [s]; -inf if never."""
-        head = int(self._state[kernel.HEAD])
-        return float(self._knots[(head - 1) % kernel.RING, kernel.TIME]) if head else -np.inf
-
     def unfinished_rest(self) -> Rest | None:
         """The rest that lasts at the last sample, as if it ended there; None if the joint moves."""
         head = int(self._state[kernel.HEAD])

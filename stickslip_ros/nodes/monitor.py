@@ -363,6 +363,10 @@ class Monitor(Node):
             KeyValue(key="gains of joints not heard of", value=", ".join(self._gains.early)),
             KeyValue(key="apply_recommendation", value=self._apply.state),
             KeyValue(key="studies of friction that failed [1]", value=str(self._studies.failures)),
+            KeyValue(
+                key="slips not learnt from, a study being late [1]",
+                value=str(sum(joint.monitor.learner.skipped for joint in self._joints.values())),
+            ),
         ]
         status.values += [
             KeyValue(key=f"refused: {reason}", value=str(count)) for reason, count in self._refused.items()

@@ -19,7 +19,7 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.estimation import NAMES
 from stickslip_ros.parameter_file import Parameters
 
-_DURATION, _FACTOR = 14.0, 4.0
+_DURATION, _FACTOR = 14.0, 5.0
 _RELIABLE = {
     f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("joint_states", "joint_references")
 }
@@ -64,7 +64,7 @@ def played(one: Probe, path: Path, joint: str) -> list[str]:
             words.append(word)
         return not replay.running
 
-    with NodeProcess("replay", {"recording": path, "time_factor": _FACTOR, "linger": 2.0}) as replay:
+    with NodeProcess("replay", {"recording": path, "time_factor": _FACTOR, "linger": 0.3}) as replay:
         one.wait(over, 60.0, f"the end of {path.name}")
         assert replay.wait(5.0) == 0, replay.output()
     return words
