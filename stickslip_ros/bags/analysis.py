@@ -30,6 +30,7 @@ from stickslip_ros.recordings import RecordingError
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded
 _AT_ONCE = 8000  # samples of a joint that are followed at once
+_TRACED_AT_ONCE = 8.0  # [s]
 _BEYOND = 5.0  # [s] after the end asked for, from which on nothing more is read
 # What a recording as a whole is called, the first of these that it has for a time.
 _WORST_FIRST = (
@@ -192,7 +193,7 @@ class FollowedJoint:
         """What has been found, after the last samples."""
         segments = tuple(self.monitor.segments)
         status = overall_status(segments)
-        velocity = judged_velocity(segments, status)
+        velocity = judged_velocity(segments, status, self.cycles)
         assessment = self.monitor.assessment(velocity)
         exact = ExactVerdict(smooth=None, reason=assessment.margin_reason)
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
@@ -231,17 +232,26 @@ def overall_status(segments: Sequence[Segment]) -> Status:
     return segments[-1].status if segments else Status.UNKNOWN
 
 
-def judged_velocity(segments: Sequence[Segment], status: Status) -> float:
-    """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested."""
+def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
+    """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested.
+
+    Of stick slip that of the cycles: a stretch of it may hold several speeds, and turns.
+    """
+    if status is Status.STICK_SLIP and cycles:
+        return _usual([cycle.mean_speed for cycle in cycles], [cycle.period for cycle in cycles])
     for wanted in dict.fromkeys((status, *_WORST_FIRST[:4])):
         chosen = [segment for segment in segments if segment.status is wanted and segment.velocity != 0.0]
-        if chosen:
-            speeds = np.abs([segment.velocity for segment in chosen])
-            order = np.argsort(speeds)
-            weights = np.cumsum(np.array([segment.end - segment.start for segment in chosen])[order])
-            if weights[-1] > 0.0:
-                return float(speeds[order][int(np.searchsorted(weights, 0.5 * weights[-1]))])
+        lengths = [segment.end - segment.start for segment in chosen]
+        if sum(lengths) > 0.0:
+            return _usual([abs(segment.velocity) for segment in chosen], lengths)
     return math.nan
+
+
+def _usual(values: Sequence[float], weights: Sequence[float]) -> float:
+    """Weighted median."""
+    order = np.argsort(values)
+    sums = np.cumsum(np.asarray(weights)[order])
+    return float(np.asarray(values)[order][int(np.searchsorted(sums, 0.5 * sums[-1]))])
 
 
 def analyze(
@@ -299,7 +309,9 @@ def _follow(
     first = math.nan
     clock = recorded = math.nan
     gains_of: dict[str, Gains] = {}
-    for piece in _short_pieces(reader.pieces(read), options.longest_piece):
+    # The traces look back at samples that the monitor keeps for a minute only.
+    longest = min(options.longest_piece, _TRACED_AT_ONCE) if options.with_traces else options.longest_piece
+    for piece in _short_pieces(reader.pieces(read), longest):
         there |= set(piece.samples)
         found: dict[str, list[Cycle]] = {}
         for name, gains in piece.gains.items():
@@ -320,7 +332,7 @@ def _follow(
                     name,
                     options.parameters,
                     with_traces=options.with_traces,
-                    at_once=_AT_ONCE if math.isinf(options.longest_piece) else 1,
+                    at_once=_AT_ONCE if math.isinf(longest) else 1,
                 )
                 if name in gains_of:
                     joint.change_gains(gains_of[name])

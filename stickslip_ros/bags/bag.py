@@ -78,9 +78,12 @@ class Bag:
                 yield self._decompressed(block) if self._per_message else block
 
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
-        if not self.path.exists():
-            raise RecordingError(f"bag {self.path}: there is no such file or directory")
-        files = self._files() if self.path.is_dir() else [self.path]
+        try:
+            if not self.path.exists():
+                raise RecordingError(f"bag {self.path}: there is no such file or directory")
+            files = self._files() if self.path.is_dir() else [self.path]
+        except OSError as error:
+            raise RecordingError(f"bag {self.path}: {error.strerror or error}") from error
         opened, reasons = [], []
         for file in files:
             try:

@@ -52,7 +52,11 @@ def find_bags(paths: Sequence[Path]) -> list[Path]:
     """The bags that paths name; a folder that is no bag itself stands for the bags anywhere in it."""
     found: list[Path] = []
     for path in paths:
-        found += _bags_in(path) if path.is_dir() and not _is_bag(path) else [path]
+        try:
+            found += _bags_in(path) if path.is_dir() and not _is_bag(path) else [path]
+        except OSError:
+            # Why it cannot be read is said of it as of any bag.
+            found.append(path)
     return list(dict.fromkeys(found))
 
 

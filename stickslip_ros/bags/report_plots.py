@@ -25,7 +25,7 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.status import Status
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
-_MARKED = 3000  # cycles at most
+_MARKED, _FEW_MARKS = 3000, 150  # cycles at most; from which on their marks are small
 _MAP_POINTS = 900
 _BAND = (5.0, 95.0)  # per cent
 _CURVE = 300
@@ -105,8 +105,9 @@ def position_plot(joint: JointAnalysis) -> Plot | None:
             }
         )
         marks = plot.scatter(
-            "time", "position", source=source, size=6, color=RED, marker="triangle", legend_label="breakaway"
-        )
+            "time", "position", source=source, size=6 if len(chosen) <= _FEW_MARKS else 3, color=RED, marker="triangle",
+            alpha=1.0 if len(chosen) <= _FEW_MARKS else 0.5, legend_label="breakaway",
+        )  # fmt: skip
         tips = [("breakaway", "@time{0.000} s"), ("slip", "@slip{0.0000} rad"), ("dwell", "@dwell{0.000} s")]
         plot.add_tools(HoverTool(renderers=[marks], tooltips=tips))
     _finish(plot)

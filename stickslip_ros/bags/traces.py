@@ -104,6 +104,7 @@ class JointTraces:
             if samples is not None:
                 # More than the cycle may have come at once.
                 samples = samples.where(samples.time <= cycle.arrest + _AFTER * cycle.period)
+            if samples is not None and len(samples) and samples.time[0] <= cycle.breakaway:
                 self._close_ups.append(CloseUp(cycle, samples.where(slice(None, None, _every(samples)))))
 
     def _note_friction(self, batch: Batch, resolution: float) -> None:

@@ -15,6 +15,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
 from stickslip_ros.monitoring.samples import FloatArray
@@ -36,6 +37,7 @@ NAMES = ("inertia", "coulomb", "viscous", "stribeck", "stribeck_velocity", "lag"
 IDENTIFIED = 0.05  # relative standard error from which on the data are said to determine a parameter
 DOES_NOT_FIT = "friction model does not fit"
 LEAST_SLIPS = 3
+_LEAST_OF_A_DIRECTION = 3
 
 _INDEX = {
     "inertia": INERTIA,
@@ -236,9 +238,24 @@ def solve(
     windows: list[SlipWindow], configured: Joint | None, start: FloatArray | None = None
 ) -> tuple[SlipProblem, Solution] | None:
     """The problem that slips pose, and its solution, perhaps next to a start; None if nothing fits."""
+    windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     problem = SlipProblem(windows)
     solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised), start)
+    if solution is not None:
+        # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
+        kept = _of_known_directions(windows, solution.usable)
+        if len(kept) < len(windows):
+            problem = SlipProblem(kept)
+            solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised), start)
     return (problem, solution) if solution is not None else None
+
+
+def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -> list[SlipWindow]:
+    """All of them, or those of one direction where there are hardly any usable ones of the other."""
+    counts = {one: sum(w.direction == one for w, good in zip(windows, usable, strict=True) if good) for one in (1, -1)}
+    more = 1 if counts[1] >= counts[-1] else -1
+    enough = counts[-more] >= _LEAST_OF_A_DIRECTION
+    return windows if enough else [window for window in windows if window.direction == more]
 
 
 def best_known(windows: list[SlipWindow]) -> list[SlipWindow]:

@@ -40,7 +40,7 @@ _LATER_STUDIES = 2.5  # times as many slips as there were at the last one
 _LAST_STUDY = 1.2  # likewise, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, from which on a study begins where the last one ended
 _EVERY_SLIP = 48  # slips, from which on those that are like the last one are learnt from only now and then
-_NOW_AND_THEN = 10.0  # [s]
+_NOW_AND_THEN, _IN_A_ROW = 50.0, 5  # [s]; slips then, for one tells of the level of the next
 _LIKE = 0.15  # relative difference of two slips that are alike
 _LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
 _STRANGE = 9.0  # mean square of a slip's residuals that the friction known does not explain
@@ -113,7 +113,7 @@ def study(question: StudyQuestion) -> Learnt | None:
         stray=problem.stray,
         tolerance=solution.tolerance,
         link_error=solution.link_error,
-        last_window=windows[-1],
+        last_window=problem.windows[-1],
         remains=_remains(fit),
         widening=spread / np.maximum(narrow, 1e-300),
         spread=spread,
@@ -158,6 +158,7 @@ class FrictionLearner:
         self._seen = 0
         self._studied = 0
         self._last: Cycle | None = None
+        self._wanted = self._in_a_row = 0
         self._due: StudyQuestion | None = None
         self._under_way = False
         self._waiting: deque[SlipWindow] = deque()
@@ -166,18 +167,21 @@ class FrictionLearner:
     def wants(self, cycle: Cycle) -> bool:
         """Whether there is something to learn from a slip: not if many like it came before, and one just now."""
         last = self._last
-        news = (
+        if (
             last is None
-            or self._seen < _EVERY_SLIP
+            or self._wanted < _EVERY_SLIP
             or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
             or any(
                 abs(float(getattr(cycle, name)) - float(getattr(last, name))) > _LIKE * abs(float(getattr(last, name)))
                 for name in ("slip_distance", "slip_duration", "dwell")
             )
-        )
-        if news:
-            self._last = cycle
-        return news
+        ):
+            self._last, self._in_a_row = cycle, _IN_A_ROW
+        if self._in_a_row == 0:
+            return False
+        self._in_a_row -= 1
+        self._wanted += 1
+        return True
 
     def take(self, window: SlipWindow) -> None:
         """Learn from a slip, in bounded time."""
@@ -330,6 +334,7 @@ class FrictionLearner:
         self._windows.clear()
         self._windows.extend(self._strange)
         self._seen, self._studied, self._strange = len(self._windows), 0, []
+        self._wanted = self._seen
 
 
 def _difference(before: FrictionEstimate, after: FrictionEstimate, time: float) -> str:

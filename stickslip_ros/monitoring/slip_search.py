@@ -107,7 +107,7 @@ def search(
             problem.take_up(again.usable, again.stray)
             problem.weigh(again.fit.velocities, again.tolerance)
             return again
-        problem = SlipProblem(problem.windows, problem.before)
+        problem.begin_anew()
     alike = _most_alike(problem)
     rough = problem.thinned(_OBSERVATIONS_OF_A_SHAPE)
     some = rough.only(alike)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conftest import RECORDINGS, recording
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -330,6 +331,29 @@ def test_tables_become_bags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         assert main(["convert", str(table), "--out", str(tmp_path / "no.mcap"), *wrong]) == 2
         assert said in capsys.readouterr().err
     assert not (tmp_path / "no.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["kinova_gen3_joint7_0.03rad_s", "openarm_joint3_tracking", "fairino_joint3_line_slow"]
+)
+def test_real_recordings_take_the_same_road(name: str, tmp_path: Path) -> None:
+    """Issue 6, item 6: recordings of real machines, as bags, give what the tables give; uneven stamps are kept."""
+    table = recording(name)
+    path = next(file for file in RECORDINGS.glob(f"{name}*"))
+    out = tmp_path / "bag.mcap"
+    assert main(["convert", str(path), "--out", str(out), "--name", "axis"]) == 0
+    direct = JointMonitor()
+    expected = direct.process(table) + direct.finish()
+    found = analyze(out, AnalysisOptions(parameters=Parameters({"learn": False}))).joints["axis"]
+    offset = 0.0 if table.time[0] > 0 else 1.0 - table.time[0]
+    assert len(found.cycles) == len(expected)
+    # Stamps are whole nanoseconds.
+    for one, other in zip(found.cycles, expected, strict=True):
+        assert one.breakaway == pytest.approx(other.breakaway + offset, abs=1e-5)
+        assert one.slip_distance == pytest.approx(other.slip_distance, abs=1e-9)
+    assert len(np.unique(np.round(np.diff(read_joint(out, "axis").time), 6))) == len(
+        np.unique(np.round(np.diff(table.time), 6))
+    )
 
 
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from support_bags import sticking
 
 from stickslip_ros.bags.analysis import AnalysisOptions, analyze
 from stickslip_ros.bags.report import write_report
+from stickslip_ros.bags.report_plots import PLOTS
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains
@@ -144,6 +145,18 @@ def test_an_hour_fits_into_the_page(tmp_path: Path) -> None:
     options = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}), with_traces=True)
     write_report(tmp_path / "report.html", analyze(tmp_path / "hour.mcap", options))
     assert (tmp_path / "report.html").stat().st_size < 5_000_000
+
+
+def test_slow_recordings_have_every_plot(tmp_path: Path) -> None:
+    """Issue 6, item 4: at 20 Hz, where minutes lie in one chunk, the usual cycle is there all the same."""
+    write_simulation(tmp_path / "slow.mcap", {"a": sticking(0.004)}, duration=200.0, rate=20.0)
+    options = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}), with_traces=True)
+    joint = analyze(tmp_path / "slow.mcap", options).joints["a"]
+    assert joint.traces is not None
+    close_up = joint.traces.close_up()
+    assert close_up is not None
+    assert close_up.samples.time[0] < close_up.cycle.breakaway < close_up.cycle.arrest < close_up.samples.time[-1]
+    assert all(make(joint) is not None for make in PLOTS)
 
 
 def test_a_page_of_nothing_much(tmp_path: Path) -> None:
