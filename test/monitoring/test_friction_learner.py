@@ -266,3 +266,17 @@ def test_a_study_begun_before_a_reset_comes_to_nothing(puma: Joint) -> None:
     learner.reset()
     learner.adopt(study(question))
     assert learner.estimate is None
+
+
+@pytest.mark.parametrize("others", [1, 2, 4])
+def test_a_few_slips_the_other_way_do_not_halve_the_friction(puma: Joint, others: int) -> None:
+    """Issue 6: one slip of the other direction tells no load from the friction; several do."""
+    batch = moving(puma, 24.0)
+    back = Batch(time=batch.time, position=-batch.position, reference_position=-batch.reference_position)
+    forth = [later(window, 100.0) for window in cut_slips(batch, GAINS)[0][:12]]
+    windows = [*cut_slips(back, GAINS)[0][:others], *forth]
+    learnt = study(StudyQuestion(windows=windows))
+    assert learnt is not None
+    assert learnt.estimate.coulomb.value == pytest.approx(8.43, rel=0.02)
+    load = learnt.estimate.load.value
+    assert math.isnan(load) if others < 3 else abs(load) < 0.1
