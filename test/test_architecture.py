@@ -65,6 +65,21 @@ def test_the_command_line_starts_without_ros() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, timeout=60).returncode == 0
 
 
+def test_what_only_bags_need_is_loaded_for_bags() -> None:
+    """Issue 6: a ROS machine without the bags' packages has every command but theirs, and every node."""
+    code = (
+        "import sys\n"
+        "for name in ('bokeh', 'contourpy', 'lz4', 'mcap', 'rosbags', 'zstandard'): sys.modules[name] = None\n"
+        "import stickslip_ros.nodes.monitor, stickslip_ros.nodes.replay\n"
+        "from stickslip_ros.cli.main import main\n"
+        "assert main(['margin', '--joint', 'puma560_joint1', '--json']) == 0\n"
+        "sys.exit(main(['simulate', '--out', 'x.mcap']))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "writing it needs the package" in done.stderr
+
+
 def test_versions_agree() -> None:
     """Issue 2: setup.py, package.xml, the package and the changelog have one version."""
     in_setup = re.search(r'version="([^"]+)"', (ROOT / "setup.py").read_text()).group(1)

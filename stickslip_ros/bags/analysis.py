@@ -107,6 +107,20 @@ class JointAnalysis:
         """From the first sample to the last [s]."""
         return self.end - self.start
 
+    @property
+    def usual_slip(self) -> float:
+        """Median slip distance [rad]; NaN without cycles."""
+        slips = sorted(abs(cycle.slip_distance) for cycle in self.cycles)
+        return slips[len(slips) // 2] if slips else math.nan
+
+    @property
+    def reserve(self) -> float:
+        """Relative damping reserve ρ/ρ_c − 1 by Eq. (43); NaN where there is none."""
+        margin = self.assessment.margin
+        if margin is None or not margin.applicable or not float(margin.critical_damping_ratio) > 0:
+            return math.nan
+        return float(margin.damping_ratio) / float(margin.critical_damping_ratio) - 1.0
+
     def time_in(self, status: Status) -> float:
         """How long the joint was in a status [s]."""
         return sum(segment.end - segment.start for segment in self.segments if segment.status is status)

@@ -16,11 +16,11 @@ from typing import IO, Any
 import yaml
 
 from stickslip_ros.bags.blocks import Block, Channel, Storage
-from stickslip_ros.bags.mcap_storage import MAGIC, McapStorage
 from stickslip_ros.bags.sqlite_storage import SqliteStorage
 from stickslip_ros.recordings import RecordingError
 
 _SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
+_MCAP = b"\x89MCAP"
 _SQLITE = b"SQLite format 3\0"
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _METADATA = "metadata.yaml"
@@ -137,12 +137,18 @@ class Bag:
             # Only the name tells what is inside.
             if ".db3" in file.suffixes:
                 return SqliteStorage(self._unpacked(file), self.warnings.append, file.name)
-            return McapStorage(file, self.warnings.append, _open_zstd)
+            return self._mcap(file, _open_zstd)
         if begin == _SQLITE:
             return SqliteStorage(self._named_db3(file), self.warnings.append, file.name)
-        if begin.startswith(MAGIC[:6]):
-            return McapStorage(file, self.warnings.append)
+        if begin.startswith(_MCAP):
+            return self._mcap(file)
         raise ValueError("neither an MCAP file nor a rosbag2 database")
+
+    def _mcap(self, file: Path, open_stream: Callable[[Path], IO[bytes]] | None = None) -> Storage:
+        # Whoever reads no MCAP file can do without its package.
+        from stickslip_ros.bags.mcap_storage import McapStorage
+
+        return McapStorage(file, self.warnings.append, open_stream)
 
     def _unpacked(self, file: Path) -> Path:
         """A database as a file: it cannot be read as a stream."""

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import heapq
 from pathlib import Path
 
 import numpy as np
@@ -47,5 +46,5 @@ def write_recording(
         streams = [writer.joint_states(STATES, (name,), times, states)]
         if REFERENCES in topics:
             streams.insert(0, writer.joint_states(REFERENCES, (name,), times, references))
-        writer.write(heapq.merge(*streams, key=lambda one: one[0]))
+        writer.write(*streams)
     return len(batch)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.bags.fleet import Answer
-from stickslip_ros.bags.fleet_table import Row, rows_of
-from stickslip_ros.bags.report import PLOT, write_page
+from stickslip_ros.bags.fleet_table import Row, by_joint, rows_of
+from stickslip_ros.bags.html_page import YEAR_2001, anchor, drawn, write_page
 
 _WORST_FIRST = ("stick_slip", "at_risk", "smooth", "not_judged", "at_rest", "unknown")
 _TRENDS = {
@@ -24,7 +24,6 @@ _TRENDS = {
 _MOST_TRENDS = 40  # joints
 _LEAST_POINTS = 2
 _LEAST_SPAN = 0.2  # of the largest value, that an axis covers
-_YEAR_2001 = 978_307_200.0
 
 Group = tuple[tuple[str, str], list[Row]]
 
@@ -40,13 +39,8 @@ def write_fleet_page(path: Path, answers: Sequence[Answer]) -> None:
         If it cannot be written.
     """
     rows = rows_of(answers)
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        if row["joint"] is not None:
-            groups.setdefault((row["robot"], row["joint"]), []).append(row)
+    groups = by_joint(rows)
     ordered = sorted(groups.items(), key=_badness)
-    for _, some in ordered:
-        some.sort(key=lambda row: row["recorded"] or 0.0)
     figures: list[Any] = []
     trends = "".join(_trend(key, some, figures) for key, some in ordered[:_MOST_TRENDS])
     body = f"{_header(answers, groups)}{_matrix(groups)}{_bags(rows)}{trends}"
@@ -87,8 +81,9 @@ def _matrix(groups: dict[tuple[str, str], list[Row]]) -> str:
                 continue
             sticking = sum(row["status"] == "stick_slip" for row in rows)
             worst = min((row["status"] for row in rows), key=_WORST_FIRST.index)
+            place = anchor(f"{robot}/{joint}")
             cells += (
-                f"<td class='text'><a href='#{_anchor(robot, joint)}' class='chip {worst}'>"
+                f"<td class='text'><a href='#{place}' class='chip {worst}'>"
                 f"{escape(worst.replace('_', ' '))}</a> <span class='faint'>{sticking}/{len(rows)}</span></td>"
             )
         body += f"<tr><td>{escape(robot)}</td>{cells}</tr>"
@@ -109,13 +104,13 @@ def _bags(rows: Sequence[Row]) -> str:
 
 def _trend(key: tuple[str, str], rows: Sequence[Row], figures: list[Any]) -> str:
     robot, joint = key
-    drawn = []
+    shown = []
     for name, label in _TRENDS.items():
         points = [row for row in rows if row[name] is not None and row[f"{name}_identified"] and not row["per_inertia"]]
         if len(points) >= _LEAST_POINTS:
-            drawn.append(_figure(points, name, label, figures))
+            shown.append(_figure(points, name, label, figures))
     if len(rows) >= _LEAST_POINTS:
-        drawn.append(_sticking(rows, figures))
+        shown.append(_sticking(rows, figures))
     table = "".join(
         f"<tr><td>{escape(Path(row['bag']).name)}</td><td class='text'><span class='chip {row['status']}'>"
         f"{escape(row['status'].replace('_', ' '))}</span></td><td>{_number(row['sticking_time'])}</td>"
@@ -124,10 +119,10 @@ def _trend(key: tuple[str, str], rows: Sequence[Row], figures: list[Any]) -> str
         f"<td>{_number(row['advised_damping'])}</td></tr>"
         for row in rows
     )
-    title = f"{escape(robot)} {escape(joint)}".strip()
+    title, place = f"{escape(robot)} {escape(joint)}".strip(), anchor(f"{robot}/{joint}")
     return (
-        f"<section id='{_anchor(robot, joint)}'><h2>{title}</h2><div class='pair'>{''.join(drawn)}</div>"
-        f"<details{'' if drawn else ' open'}><summary>{len(rows)} recordings</summary><div class='scroll'><table>"
+        f"<section id='{place}'><h2>{title}</h2><div class='pair'>{''.join(shown)}</div>"
+        f"<details{'' if shown else ' open'}><summary>{len(rows)} recordings</summary><div class='scroll'><table>"
         "<thead><tr><th>recording</th><th class='text'>status</th><th>sticks [s]</th><th>of [s]</th><th>cycles</th>"
         "<th>speed [rad/s]</th><th>Coulomb [N·m]</th><th>Stribeck [N·m]</th><th>advised k_p</th><th>advised k_v</th>"
         f"</tr></thead><tbody>{table}</tbody></table></div></details></section>"
@@ -136,16 +131,12 @@ def _trend(key: tuple[str, str], rows: Sequence[Row], figures: list[Any]) -> str
 
 def _axes(rows: Sequence[Row], label: str) -> tuple[Any, list[Any]]:
     """An empty figure and where the recordings stand on it: by date, or by number where there are no dates."""
-    from bokeh.plotting import figure
+    from stickslip_ros.bags.report_plots import new_figure
 
     times = [row["recorded"] for row in rows]
-    dated = all(time is not None and time > _YEAR_2001 for time in times)
-    plot = figure(
-        height=260, sizing_mode="stretch_width", min_width=240, tools="pan,box_zoom,wheel_zoom,reset,save",
-        active_drag="box_zoom", active_scroll=None, x_axis_type="datetime" if dated else "linear",
-        x_axis_label="date (UTC)" if dated else "recording", y_axis_label=label,
-    )  # fmt: skip
-    plot.toolbar.logo = None
+    dated = all(time is not None and time > YEAR_2001 for time in times)
+    kind = "datetime" if dated else "linear"
+    plot = new_figure("date (UTC)" if dated else "recording", label, height=260, x_axis_type=kind)
     return plot, [1000.0 * float(time) for time in times] if dated else list(range(1, len(rows) + 1))
 
 
@@ -164,7 +155,7 @@ def _figure(rows: Sequence[Row], name: str, label: str, figures: list[Any]) -> s
     plot.y_range.start, plot.y_range.end = low - room, high + room
     figures.append(plot)
     said = f"{label.partition(' [')[0]} in {len(rows)} recordings: {values[0]:.3g} at first, {values[-1]:.3g} at last."
-    return _drawn(label, f"{said} Bars: two standard errors.")
+    return drawn(label, f"{said} Bars: two standard errors.")
 
 
 def _sticking(rows: Sequence[Row], figures: list[Any]) -> str:
@@ -177,18 +168,7 @@ def _sticking(rows: Sequence[Row], figures: list[Any]) -> str:
     plot.scatter(at, shares, size=7, color=RED)
     plot.y_range.start, plot.y_range.end = -2, 102
     figures.append(plot)
-    return _drawn("Time spent sticking [%]", f"{shares[0]:.0f} % at first, {shares[-1]:.0f} % at last.")
-
-
-def _drawn(title: str, caption: str) -> str:
-    return (
-        f"<figure><h3>{escape(title)}</h3><div class='plot' role='img' aria-label='{escape(caption)}'>{PLOT}</div>"
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
-
-
-def _anchor(robot: str, joint: str) -> str:
-    return "joint-" + "".join(one if one.isalnum() else f"-{ord(one):x}-" for one in f"{robot}/{joint}")
+    return drawn("Time spent sticking [%]", f"{shares[0]:.0f} % at first, {shares[-1]:.0f} % at last.")
 
 
 def _number(value: float | None) -> str:

@@ -32,6 +32,15 @@ def rows_of(answers: Iterable[Answer]) -> list[Row]:
     return rows
 
 
+def by_joint(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
+    """The rows of each robot's joint, in the order of their recording; those without a joint are left out."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in sorted(rows, key=lambda row: row["recorded"] or 0.0):
+        if row["joint"] is not None:
+            groups.setdefault((row["robot"], row["joint"]), []).append(row)
+    return groups
+
+
 def _row(path: Path, found: Answer) -> Row:
     columns = ("bag", "robot", "recorded", "joint", *_PLAIN, "sticking_time", "cycles", "usual_slip", "reserve")
     empty = dict.fromkeys((*columns, *_MARGIN, "exactly_smooth", "stiffness", "damping"))

@@ -1,32 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""One analysed recording as one HTML file that needs nothing else: no network, no server."""
+"""The report of one analysed recording."""
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import stickslip_ros
 from stickslip_ros.bags import words
 from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.bags.html_page import YEAR_2001, anchor, drawn, write_page
 from stickslip_ros.monitoring.estimation import NAMES
 from stickslip_ros.monitoring.status import Status
 
-# Where a figure goes; no name in a page can be mistaken for it, since names are escaped.
-PLOT = "<!--plot-->"
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
-_YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
 _UNITS = {
     "inertia": ("kg·m²", "1"),
     "coulomb": ("N·m", "rad/s²"),
@@ -60,45 +54,6 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
     write_page(path, f"Stick slip in {Path(analysis.path).name}", *_body(analysis))
 
 
-def write_page(path: Path, title: str, body: str, figures: Sequence[Any]) -> None:
-    """Write a page; ``body`` holds a PLOT for each figure, in order. Nothing is there before it is whole."""
-    try:
-        from bokeh.embed import components
-        from bokeh.resources import Resources
-    except ImportError as error:
-        raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
-    script, divs = components(tuple(figures)) if figures else ("", ())
-    for div in divs:
-        body = body.replace(PLOT, div, 1)
-    library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if figures else ""
-    folder = resources.files("stickslip_ros.bags").joinpath("page")
-    style, own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
-    scripts = f"<script>{library}</script>\n{script}\n<script>{own}</script>" if figures else ""
-    page = f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="stickslip_ros {stickslip_ros.__version__}">
-<link rel="icon" href="data:,">
-<title>{escape(title)}</title>
-<style>{style}</style>
-</head>
-<body>
-{body}
-<footer class="faint">Made by stickslip_ros {stickslip_ros.__version__}, after B. Armstrong-Hélouvry, “Stick Slip and
-Control in Low-Speed Motion”, IEEE Transactions on Automatic Control 38(10), 1993. Times are of the messages’ own
-stamps.</footer>
-{scripts}
-</body>
-</html>
-"""
-    partial = path.with_name(f".{path.name}.part")
-    partial.write_text(page, encoding="utf-8")
-    os.replace(partial, path)
-
-
 def _body(analysis: BagAnalysis) -> tuple[str, list[Any]]:
     joints = list(analysis.joints.values())
     shown = [joint for joint in joints if joint.status in _MATTERS]
@@ -120,7 +75,7 @@ def _header(analysis: BagAnalysis) -> str:
     )
     start = min((joint.start for joint in analysis.joints.values()), default=math.nan)
     end = max((joint.end for joint in analysis.joints.values()), default=math.nan)
-    when = datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ") if start > _YEAR_2001 else ""
+    when = datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ") if start > YEAR_2001 else ""
     topics = analysis.topics
     read = [f"states from {topics.states.topic}"]
     read += [f"references from {channel.topic}" for channel in topics.references]
@@ -137,13 +92,12 @@ def _overview(joints: Sequence[JointAnalysis], shown: Sequence[JointAnalysis]) -
     rows = []
     for joint in joints:
         name = escape(joint.name)
-        link = f"<a href='#{_anchor(joint)}'>{name}</a>" if joint in shown else name
-        slips = sorted(abs(cycle.slip_distance) for cycle in joint.cycles)
+        link = f"<a href='#{anchor(joint.name)}'>{name}</a>" if joint in shown else name
         rows.append(
             f"<tr><td>{link}</td><td class='text'><span class='chip {joint.status.value}'>{_status(joint)}</span></td>"
             f"<td>{joint.time_in(Status.STICK_SLIP):.3g}</td><td>{joint.duration:.4g}</td><td>{len(joint.cycles)}</td>"
-            f"<td>{_number(joint.velocity)}</td><td>{_number(slips[len(slips) // 2] if slips else math.nan)}</td>"
-            f"<td>{_reserve(joint)}</td></tr>"
+            f"<td>{_number(joint.velocity)}</td><td>{_number(joint.usual_slip)}</td>"
+            f"<td>{_number(100.0 * joint.reserve, '+.0f', ' %')}</td></tr>"
         )
     return (
         "<div class='scroll'><table><caption class='faint'>Every joint of the recording</caption><thead><tr>"
@@ -159,17 +113,13 @@ def _section(joint: JointAnalysis, figures: list[Any]) -> str:
 
     plots = [plot for make in report_plots.PLOTS if (plot := make(joint)) is not None]
     figures += [plot.figure for plot in plots]
-    drawn = [
-        f"<figure><h3>{escape(plot.title)}</h3><div class='plot' role='img' aria-label='{escape(plot.caption)}'>"
-        f"{PLOT}</div><figcaption>{escape(plot.caption)}</figcaption></figure>"
-        for plot in plots
-    ]
+    shown = [drawn(plot.title, plot.caption) for plot in plots]
     # The first plot has the page's width; the others stand in pairs where there is room.
     return (
-        f"<section id='{_anchor(joint)}'><h2>{escape(joint.name)}: "
+        f"<section id='{anchor(joint.name)}'><h2>{escape(joint.name)}: "
         f"<span class='chip {joint.status.value}'>{_status(joint)}</span></h2>"
         f"<p class='todo'>{escape(words.finding(joint))}<br><strong>{escape(words.advice(joint))}</strong></p>"
-        f"{drawn[0] if drawn else ''}<div class='pair'>{''.join(drawn[1:])}</div>"
+        f"{''.join(shown[:1])}<div class='pair'>{''.join(shown[1:])}</div>"
         f"{_parameters(joint)}{_cycles(joint)}</section>"
     )
 
@@ -239,20 +189,9 @@ def _cycles(joint: JointAnalysis) -> str:
     )
 
 
-def _anchor(joint: JointAnalysis) -> str:
-    return "joint-" + "".join(letter if letter.isalnum() else f"-{ord(letter):x}-" for letter in joint.name)
-
-
 def _status(joint: JointAnalysis) -> str:
     return joint.status.value.replace("_", " ")
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "–"
-
-
-def _reserve(joint: JointAnalysis) -> str:
-    margin = joint.assessment.margin
-    if margin is None or not margin.applicable or not float(margin.critical_damping_ratio) > 0:
-        return "–"
-    return f"{100.0 * (float(margin.damping_ratio) / float(margin.critical_damping_ratio) - 1.0):+.0f} %"
+def _number(value: float, form: str = ".3g", unit: str = "") -> str:
+    return f"{value:{form}}{unit}" if math.isfinite(value) else "–"

@@ -42,7 +42,8 @@ class Plot:
     caption: str
 
 
-def _figure(x: str, y: str, *, height: int = 320, log: bool = False, **more: Any) -> Any:
+def new_figure(x: str, y: str, *, height: int = 320, log: bool = False, **more: Any) -> Any:
+    """An empty figure that can be zoomed, as wide as there is room."""
     kinds = {"x_axis_type": "log", "y_axis_type": "log"} if log else {}
     plot = figure(
         height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y, min_width=240,
@@ -64,6 +65,11 @@ def _finish(plot: Any) -> None:
         plot.add_layout(plot.legend[0], "below")
 
 
+def _shade(plot: Any, begin: float, end: float, colour: str, alpha: float) -> None:
+    """Shade a stretch of time."""
+    plot.add_layout(BoxAnnotation(left=begin, right=end, fill_color=colour, fill_alpha=alpha, line_color=None))
+
+
 def _small(values: FloatArray) -> Any:
     """Half the size in the page; enough for a screen."""
     return np.asarray(values, dtype=np.float32)
@@ -76,16 +82,12 @@ def position_plot(joint: JointAnalysis) -> Plot | None:
     time, low, high = joint.traces.position.points()
     if not len(time):
         return None
-    plot = _figure("time [s]", "position [rad]")
+    plot = new_figure("time [s]", "position [rad]")
     time = time - joint.start
     for segment in joint.segments:
         colour = {Status.STICK_SLIP: RED, Status.AT_RISK: AMBER}.get(segment.status)
         if colour and segment.end > segment.start:
-            box = BoxAnnotation(
-                left=segment.start - joint.start, right=segment.end - joint.start,
-                fill_color=colour, fill_alpha=0.09, line_color=None,
-            )  # fmt: skip
-            plot.add_layout(box)
+            _shade(plot, segment.start - joint.start, segment.end - joint.start, colour, 0.09)
     desired_time, desired_low, desired_high = joint.traces.reference.points()
     if len(desired_time):
         desired = 0.5 * (desired_low + desired_high)
@@ -127,13 +129,8 @@ def close_up_plot(joint: JointAnalysis) -> Plot | None:
         return None
     samples, cycle = close_up.samples, close_up.cycle
     time = samples.time - joint.start
-    plot = _figure("time [s]", "position [rad]")
-    for begin, end in ((cycle.breakaway - cycle.dwell, cycle.breakaway),):
-        plot.add_layout(
-            BoxAnnotation(
-                left=begin - joint.start, right=end - joint.start, fill_color=RED, fill_alpha=0.12, line_color=None
-            )
-        )
+    plot = new_figure("time [s]", "position [rad]")
+    _shade(plot, cycle.breakaway - cycle.dwell - joint.start, cycle.breakaway - joint.start, RED, 0.12)
     if np.isfinite(samples.reference_position).any():
         plot.line(time, _small(samples.reference_position), color=ORANGE, line_width=1.5, legend_label="reference")
     plot.line(time, _small(samples.position), color=BLUE, line_width=2, legend_label="position")
@@ -168,7 +165,7 @@ def phase_plot(joint: JointAnalysis) -> Plot | None:
     error = direction * (part.position - _reference(part, direction * speed))
     begin, end = (float(np.interp(time, part.time, error)) for time in (cycle.breakaway, cycle.arrest))
     across = frequency * (error - 0.5 * (begin + end))
-    plot = _figure("ω·(position − reference), about its middle [rad/s]", "velocity [rad/s]", match_aspect=True)
+    plot = new_figure("ω·(position − reference), about its middle [rad/s]", "velocity [rad/s]", match_aspect=True)
     angle = np.linspace(0.0, 2.0 * math.pi, 200)
     plot.line(
         _small(speed * np.sin(angle)), _small(speed * (1.0 - np.cos(angle))),
@@ -223,7 +220,7 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
         return None
     unit = "rad/s²" if state.per_inertia else "N·m"
     label = "Stribeck and viscous friction per inertia" if state.per_inertia else "friction"
-    plot = _figure("speed [rad/s]", f"{label} [{unit}]")
+    plot = new_figure("speed [rad/s]", f"{label} [{unit}]")
     said = []
     fastest = 3.0 * joint.velocity if math.isfinite(joint.velocity) else 0.0
     if curve is not None:
@@ -293,7 +290,7 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     found = extinction_map(believed, velocities, stiffnesses)
     total = float(gains.damping) + float(believed.friction.viscous)
     unit = "1/s², per inertia" if state.per_inertia else "N·m/rad"
-    plot = _figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
+    plot = new_figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
     plot.x_range = Range1d(float(velocities[0]), float(velocities[-1]))
     plot.y_range = Range1d(float(stiffnesses[0]), float(stiffnesses[-1]))
     for axis, values in ((plot.xaxis[0], velocities), (plot.yaxis[0], stiffnesses)):

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,11 +106,8 @@ def write_simulation(
             states = np.stack([measured for measured, _ in parts], axis=2)
             references = np.stack([desired for _, desired in parts], axis=2)
             writer.write(
-                heapq.merge(
-                    writer.joint_states(REFERENCES, names, times, references),
-                    writer.joint_states(STATES, names, times, states),
-                    key=lambda one: one[0],
-                )
+                writer.joint_states(REFERENCES, names, times, references),
+                writer.joint_states(STATES, names, times, states),
             )
 
 

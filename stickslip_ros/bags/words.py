@@ -16,13 +16,12 @@ def finding(joint: JointAnalysis) -> str:
     if joint.status is Status.STICK_SLIP:
         period = sum(cycle.period for cycle in joint.cycles)
         rest = sum(cycle.dwell for cycle in joint.cycles)
-        slip = sorted(abs(cycle.slip_distance) for cycle in joint.cycles)[len(joint.cycles) // 2]
         hunts = any(cycle.hunting for cycle in joint.cycles[-3:])
         what = "hunts about its reference" if hunts else "sticks and slips"
         share = f", at rest for {100.0 * rest / period:.0f} % of it" if period > 0 else ""
         return (
             f"{joint.name} {what}{speed}: {len(joint.cycles)} cycles in {joint.time_in(joint.status):.3g} s{share}, "
-            f"slips of {slip:.3g} rad."
+            f"slips of {joint.usual_slip:.3g} rad."
         )
     words = {
         Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but its reserve is thin",

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import heapq
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from stickslip_ros.bags.joint_states import FIELDS, places_of_values
@@ -22,7 +22,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.recordings import RecordingError
 
 FloatArray = NDArray[np.float64]
-COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
+COMPRESSIONS = ("zstd", "lz4", "none")
 _CHUNK_SIZE = 1 << 20
 _METADATA = "metadata.yaml"
 
@@ -41,14 +41,17 @@ class BagWriter:
     Raises
     ------
     RecordingError
-        If a directory of that name is there already.
+        If a directory of that name is there already, or a package is missing.
     InvalidParameterError
         If there is no such compression.
     """
 
     def __init__(self, path: Path, topics: Mapping[str, str], compression: str = "zstd") -> None:
-        from rosbags.typesys import Stores, get_typestore
-
+        try:
+            from mcap.writer import CompressionType, Writer
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise RecordingError(f"bag {path}: writing it needs the package {error.name}") from error
         if compression not in COMPRESSIONS:
             raise InvalidParameterError("compression", f"one of {', '.join(COMPRESSIONS)}", compression)
         self._directory = path if path.suffix != ".mcap" else None
@@ -64,7 +67,7 @@ class BagWriter:
         self._first, self._last = 1 << 63, 0
         self._file = self._partial.open("wb")
         self._writer = Writer(
-            self._file, chunk_size=_CHUNK_SIZE, compression=COMPRESSIONS[compression], enable_data_crcs=True
+            self._file, chunk_size=_CHUNK_SIZE, compression=CompressionType[compression.upper()], enable_data_crcs=True
         )
         self._writer.start(profile="ros2", library="stickslip_ros")
         self._channels = {topic: self._channel(topic, kind) for topic, kind in self._topics.items()}
@@ -93,9 +96,9 @@ class BagWriter:
             text = yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False)
             (self._directory / _METADATA).write_text(text, encoding="utf-8")
 
-    def write(self, messages: Iterable[Serialized]) -> None:
-        """Write serialized messages in the order of their recording."""
-        for time, topic, data in messages:
+    def write(self, *streams: Iterable[Serialized]) -> None:
+        """Write serialized messages, of several streams in the order of their recording."""
+        for time, topic, data in heapq.merge(*streams, key=lambda one: one[0]):
             self._writer.add_message(self._channels[topic], log_time=time, data=data, publish_time=time)
             self._counts[topic] += 1
             self._first, self._last = min(self._first, time), max(self._last, time)

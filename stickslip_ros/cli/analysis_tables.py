@@ -14,7 +14,7 @@ from rich.table import Table
 from stickslip_ros.bags import words
 from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
 from stickslip_ros.bags.fleet import Answer
-from stickslip_ros.bags.fleet_table import Row, rows_of
+from stickslip_ros.bags.fleet_table import by_joint, rows_of
 from stickslip_ros.monitoring.status import Status
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
@@ -46,11 +46,6 @@ def print_analysis(analysis: BagAnalysis) -> None:
 
 
 def _row(joint: JointAnalysis) -> list[str]:
-    state = joint.assessment
-    slips = sorted(abs(cycle.slip_distance) for cycle in joint.cycles)
-    margin, reserve = state.margin, math.nan
-    if margin is not None and margin.applicable and float(margin.critical_damping_ratio) > 0:
-        reserve = float(margin.damping_ratio) / float(margin.critical_damping_ratio) - 1.0
     exactly = {True: "[green]smooth[/]", False: "[red]sticks[/]", None: "-"}[joint.exact.smooth]
     return [
         joint.name,
@@ -59,8 +54,8 @@ def _row(joint: JointAnalysis) -> list[str]:
         f"{joint.duration:.4g}",
         str(len(joint.cycles)),
         _number(joint.velocity),
-        _number(slips[len(slips) // 2] if slips else math.nan),
-        f"{100.0 * reserve:+.0f} %" if math.isfinite(reserve) else "-",
+        _number(joint.usual_slip),
+        _number(100.0 * joint.reserve, "+.0f", " %"),
         exactly,
     ]
 
@@ -68,17 +63,12 @@ def _row(joint: JointAnalysis) -> list[str]:
 def print_fleet(answers: Sequence[Answer]) -> None:
     """Many bags: a row for each joint of each robot."""
     console = _console()
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows_of(answers):
-        if row["joint"] is not None:
-            groups.setdefault((row["robot"], row["joint"]), []).append(row)
     table = Table(box=None, padding=(0, 1))
     for heading in ("robot\n", "joint\n", "latest\nstatus"):
         table.add_column(heading, no_wrap=True)
     for heading in ("bags\n", "sticking\n", "sticks\n[s]", "of\n[s]", "cycles\n", "friction\n[N·m]"):
         table.add_column(escape(heading), justify="right", no_wrap=True)
-    for (robot, joint), rows in sorted(groups.items()):
-        rows = sorted(rows, key=lambda row: row["recorded"] or 0.0)
+    for (robot, joint), rows in sorted(by_joint(rows_of(answers)).items()):
         known = [row["coulomb"] for row in rows if row["coulomb"] is not None and row["coulomb_identified"]]
         table.add_row(
             robot,
@@ -109,5 +99,5 @@ def _status(word: str) -> str:
     return f"[{_COLOURS.get(word, 'dim')}]{word}[/]"
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "-"
+def _number(value: float, form: str = ".3g", unit: str = "") -> str:
+    return f"{value:{form}}{unit}" if math.isfinite(value) else "-"

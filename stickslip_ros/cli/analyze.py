@@ -24,7 +24,7 @@ from stickslip_ros.bags.fleet_page import write_fleet_page
 from stickslip_ros.bags.fleet_table import rows_of, write_table
 from stickslip_ros.bags.report import write_report
 from stickslip_ros.cli.analysis_tables import print_analysis, print_fleet
-from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options
+from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_output
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.recordings import RecordingError
@@ -123,15 +123,3 @@ def _many(bags: list[Path], options: argparse.Namespace) -> list[Answer]:
             results=options.results,
             progress=progress,
         )
-
-
-def check_output(path: Path, inputs: list[Path]) -> None:
-    """Refuse to write over what is read.
-
-    Raises
-    ------
-    InvalidParameterError
-        If the path is one of the inputs.
-    """
-    if path.exists() and any(one.exists() and path.samefile(one) for one in inputs):
-        raise InvalidParameterError("output", "another file than the recording", path)

@@ -85,3 +85,15 @@ def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOption
 def _of_joint(text: str) -> tuple[str, str]:
     joint, equals, value = text.partition("=")
     return (joint, value) if equals else (_EVERY, text)
+
+
+def check_output(path: Path, inputs: list[Path]) -> None:
+    """Refuse to write over what is read.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the path is one of the inputs.
+    """
+    if path.exists() and any(one.exists() and path.samefile(one) for one in inputs):
+        raise InvalidParameterError("output", "another file than the recording", path)
