@@ -33,7 +33,6 @@ _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jitter
     INTERVAL,  # between samples
     TURNED,  # when the motion turned
     DIRECTION,
-    OPEN_REST,  # since when the joint has been at rest, NaN if it moves
     RESTED_AT,  # when it was last seen at rest
     SLICE,  # number of the slice that is open, NaN if none is
     SLICE_BEGIN,  # first stamp in it
@@ -51,8 +50,8 @@ _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jitter
     LAST_ARREST,
     LAST_BREAKAWAY,  # of the last rest, NaN before the first
     NEEDED,  # how long motion without a rest must last before it is called smooth
-) = range(27)
-STATE_SIZE = 27
+) = range(26)
+STATE_SIZE = 26
 
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
@@ -172,12 +171,11 @@ def reference_velocity(window, state, past):
 
 
 @njit(cache=True)
-def judge(state, past, detector, knots):
-    """What the motion shows now: a code, and two numbers that explain it."""
+def judge(rest, state, past, detector, knots):
+    """What the motion shows now, with the rest that is open: a code, and two numbers that explain it."""
     now = state[NOW]
     if detector[kernel.SAMPLES] < kernel.BLOCK:
         return TOO_FEW, 0.0, 0.0
-    rest = open_rest(detector, knots)
     left = state[LAST_BREAKAWAY] if np.isfinite(state[LAST_BREAKAWAY]) else state[FIRST_TIME]
     if state[CYCLES] >= _CYCLES_FOR_STICK_SLIP:
         # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
@@ -225,10 +223,10 @@ def close_slice(window, state, past, steps, slices, detector, knots):
         if state[DIRECTION] != 0.0:
             state[TURNED] = _last_knot_time(detector, knots)
         state[DIRECTION] = sign
-    state[OPEN_REST] = open_rest(detector, knots)
-    if np.isfinite(state[OPEN_REST]):
+    rest = open_rest(detector, knots)
+    if np.isfinite(rest):
         state[RESTED_AT] = now
-    code, _, _ = judge(state, past, detector, knots)
+    code, _, _ = judge(rest, state, past, detector, knots)
     velocity = np.nan
     if code == MOVES:
         velocity = reference_velocity(window, state, past)

@@ -176,7 +176,7 @@ class JointMonitor:
         cycles: list[Cycle] = []
         self._samples.add(batch)
         self._motion.window = self.options.least_motion
-        self._note([])
+        self._note_needed_motion()
         for rest in self._rests.feed(batch, self._motion):
             found = self._cycles.take(rest)
             if found:
@@ -199,7 +199,7 @@ class JointMonitor:
         state[kernel.PERIOD] = float(np.median([cycle.period for cycle in self._recent])) if self._recent else math.nan
         state[kernel.LAST_ARREST] = self._recent[-1].arrest if self._recent else math.nan
         state[kernel.LAST_BREAKAWAY] = rest.breakaway if rest else math.nan
-        state[kernel.NEEDED] = self._needed_motion()
+        self._note_needed_motion()
 
     def _learn_from(self, cycle: Cycle) -> None:
         """Let the learner see one slip, if gains and reference were what they are throughout."""
@@ -252,7 +252,7 @@ class JointMonitor:
         if not math.isfinite(self._motion.last_time):
             missing = "; ".join(self._filter.dropped) or "no samples yet"
             return Finding(status=Status.UNKNOWN, reason=missing)
-        self._note([])
+        self._note_needed_motion()
         code, first, second = self._rests.judge(self._motion)
         return self._in_words(code, first, second)
 
@@ -276,15 +276,15 @@ class JointMonitor:
                 status, reason = Status.AT_RISK, f"damping reserve {100 * reserve:.0f} % {source}"
         return Finding(status=status, reason=reason)
 
-    def _needed_motion(self) -> float:
-        """How long motion without a rest must last before it is called smooth [s]."""
+    def _note_needed_motion(self) -> None:
+        """Let the judgement know how long motion without a rest must last before it is called smooth."""
         needed = self.options.least_motion
         if self._recent:
-            needed = max(needed, kernel.PERIODS_TO_TRUST * float(np.median([cycle.period for cycle in self._recent])))
+            needed = max(needed, kernel.PERIODS_TO_TRUST * float(self._motion.state[kernel.PERIOD]))
         elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
             natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
             needed = max(needed, kernel.PERIODS_TO_TRUST * natural_period)
-        return needed
+        self._motion.state[kernel.NEEDED] = needed
 
     def _damping_reserve(self) -> tuple[float, str]:
         """Relative damping reserve ρ/ρ_c − 1 now, and by which condition; infinite if it is not known."""

@@ -31,7 +31,6 @@ class MotionRecord:
                 kernel.REFERENCE,
                 kernel.REFERENCE_VELOCITY,
                 kernel.INTERVAL,
-                kernel.OPEN_REST,
                 kernel.SLICE,
                 kernel.LAST_REFERENCE,
                 kernel.LAST_BREAKAWAY,

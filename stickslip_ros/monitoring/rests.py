@@ -120,7 +120,8 @@ class RestDetector:
 
     def judge(self, motion: MotionRecord) -> tuple[int, float, float]:
         """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
-        code, first, second = motion_kernel.judge(motion.state, motion.past, self._state, self._knots)
+        rest = motion_kernel.open_rest(self._state, self._knots)
+        code, first, second = motion_kernel.judge(rest, motion.state, motion.past, self._state, self._knots)
         return int(code), float(first), float(second)
 
     @property

@@ -101,13 +101,17 @@ def search(
         searched.
     """
     known = {RISE_TIME: (math.log(_USUAL_RISE_TIME), _RISE_TIME_SPREAD), **(known or {})}
-    if start is not None:
-        again = _fit_again(problem, start, known)
-        if again is not None:
-            problem.take_up(again.usable, again.stray)
-            problem.weigh(again.fit.velocities, again.tolerance)
-            return again
+    best = _fit_again(problem, start, known) if start is not None else None
+    if best is None:
         problem.begin_anew()
+        best = _search_anew(problem, known)
+    if best is not None:
+        problem.take_up(best.usable, best.stray)
+        problem.weigh(best.fit.velocities, best.tolerance)
+    return best
+
+
+def _search_anew(problem: SlipProblem, known: Mapping[int, tuple[float, float]]) -> Solution | None:
     alike = _most_alike(problem)
     rough = problem.thinned(_OBSERVATIONS_OF_A_SHAPE)
     some = rough.only(alike)
@@ -130,9 +134,6 @@ def search(
             break
     if best is not None and best.mean_square >= _GOOD:
         best = _best_loose_fit(problem, best, shapes)
-    if best is not None:
-        problem.take_up(best.usable, best.stray)
-        problem.weigh(best.fit.velocities, best.tolerance)
     return best
 
 
