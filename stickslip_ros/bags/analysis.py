@@ -156,8 +156,9 @@ class FollowedJoint:
         self._at_once = at_once
         self.settings = parameters.settings_of(name)
         self.monitor = JointMonitor(
-            self.settings.joint, self.settings.gains, self.settings.options, studies_at_once=True, segments_kept=None
-        )
+            self.settings.joint, self.settings.gains, self.settings.options,
+            studies_at_once=True, segments_kept=None, at_arrest=True,  # as the node has it
+        )  # fmt: skip
         self.cycles: list[Cycle] = []
         self._pairing = ReferencePairing()
         self._samples = 0

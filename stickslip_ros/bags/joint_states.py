@@ -26,6 +26,7 @@ _ENCAPSULATION = 4
 _STAMP = 8
 _PADDING = 32  # bytes after the message, less than this: serializers reckon with more alignment than there is
 _LAYOUTS_KEPT = 64
+_MOST_NAMES = 4096  # no robot has more joints, but damaged bytes may seem to
 
 FloatArray = NDArray[np.float64]
 
@@ -111,6 +112,29 @@ def _rows(layout: _Layout, block: Block, offsets: Integers, index: Integers) -> 
     return JointRows(names=layout.names, index=index, time=time, values=values)
 
 
+def rows_by_joint(found: list[JointRows], times: list[FloatArray]) -> dict[str, FloatArray]:
+    """Time, position, velocity and effort of each joint in the order of the messages, whatever the order of names.
+
+    Parameters
+    ----------
+    times : of the rows [s], the stamps or what stands for them.
+    """
+    parts: dict[str, list[tuple[Integers, FloatArray]]] = {}
+    for rows, time in zip(found, times, strict=True):
+        for number, name in enumerate(rows.names):
+            table = np.empty((len(time), 4))
+            table[:, 0], table[:, 1:] = time, rows.values[:, :, number]
+            parts.setdefault(name, []).append((rows.index, table))
+    joined = {}
+    for name, some in parts.items():
+        if len(some) == 1:
+            joined[name] = some[0][1]
+        else:
+            order = np.argsort(np.concatenate([index for index, _ in some]), kind="stable")
+            joined[name] = np.concatenate([table for _, table in some])[order]
+    return joined
+
+
 def places_of_values(message: bytes) -> list[int]:
     """Where the values of each field that is not empty begin in a serialized message.
 
@@ -134,7 +158,10 @@ def _layout_of(message: bytes) -> _Layout:
         raise MessageError("it is not encoded as little-endian CDR")
     cursor = _Cursor(message, _ENCAPSULATION + _STAMP)
     cursor.string()
-    names = tuple(cursor.string() for _ in range(cursor.count(least_size=5)))
+    named = cursor.count(least_size=5)
+    if named > _MOST_NAMES:
+        raise MessageError(f"it has {named} names; at most {_MOST_NAMES} are read")
+    names = tuple(cursor.string() for _ in range(named))
     counts, places = [], [_ENCAPSULATION]
     for _ in FIELDS:
         counts.append(cursor.count(least_size=8))

@@ -15,7 +15,7 @@ from stickslip_ros.bags import joint_states
 from stickslip_ros.bags.bag import Bag
 from stickslip_ros.bags.blocks import Block, Channel, Integers
 from stickslip_ros.bags.decoding import Decoder
-from stickslip_ros.bags.joint_states import JointRows, JointStateDecoder
+from stickslip_ros.bags.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.bags.parameter_events import GainEvents
 from stickslip_ros.bags.topics import EVENTS_TYPE, Topics
 from stickslip_ros.message_content import MessageError, gains_from_message, reference_rows, seconds
@@ -115,13 +115,13 @@ class BagReader:
         clock = np.nan
         if found:
             clock = 1e-9 * float(block.log_time[chosen[found[0].index[0]]]) - float(times[0][0])
-        return _by_joint(found, times), clock
+        return rows_by_joint(found, times), clock
 
     def _references(self, channel: Channel, block: Block, chosen: Integers) -> dict[str, FloatArray]:
         if channel in self._fast:
             found = self._fast[channel].decode(block, chosen)
             times = [self._times(channel, rows, block, chosen) for rows in found]
-            return {joint: rows[:, :3] for joint, rows in _by_joint(found, times).items()}
+            return {joint: rows[:, :3] for joint, rows in rows_by_joint(found, times).items()}
         listed: dict[str, list[tuple[float, float, float]]] = {}
         for number in chosen.tolist():
             try:
@@ -145,21 +145,3 @@ class BagReader:
             return rows.time
         self._refused[f"{channel.topic}: {_NO_STAMP}"] += int(unset.sum())
         return np.where(unset, 1e-9 * block.log_time[chosen[rows.index]], rows.time)
-
-
-def _by_joint(found: list[JointRows], times: list[FloatArray]) -> dict[str, FloatArray]:
-    """Rows of each joint in the order of the messages, whatever the order of names in each."""
-    parts: dict[str, list[tuple[Integers, FloatArray]]] = {}
-    for rows, time in zip(found, times, strict=True):
-        for number, name in enumerate(rows.names):
-            table = np.empty((len(time), 4))
-            table[:, 0], table[:, 1:] = time, rows.values[:, :, number]
-            parts.setdefault(name, []).append((rows.index, table))
-    joined = {}
-    for name, some in parts.items():
-        if len(some) == 1:
-            joined[name] = some[0][1]
-        else:
-            order = np.argsort(np.concatenate([index for index, _ in some]), kind="stable")
-            joined[name] = np.concatenate([table for _, table in some])[order]
-    return joined

@@ -50,8 +50,14 @@ _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jitter
     LAST_ARREST,
     LAST_BREAKAWAY,  # of the last rest, NaN before the first
     NEEDED,  # how long motion without a rest must last before it is called smooth
-) = range(26)
-STATE_SIZE = 26
+    # When to look whether the joint has come to rest.
+    LOOKED,  # knots there were at the last look
+    LOOK_AFTER,  # for how long it must then have stood
+) = range(28)
+STATE_SIZE = 28
+
+# What ends a call of `follow`.
+ENDED, SPELL, STANDS = range(3)
 
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
@@ -69,8 +75,36 @@ _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_KNOTS = 20
 _DIP_AT_RISK = 0.2  # of the mean speed
 _START = 0.25  # of the motion needed: the start from rest is no dip
+_LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
 _WINDOW_KNOTS = 6
 _ENOUGH_KNOTS = 3
+
+
+@njit(cache=True)
+def unbroken(times, positions, after, silence, largest):
+    """Whether samples simply go on after a time: all usable, in strict order, with no silence before or in between."""
+    before = after
+    for n in range(times.shape[0]):
+        # Comparisons with NaN are false.
+        if not (before < times[n] <= before + silence and abs(times[n]) < largest and abs(positions[n]) < largest):
+            return False
+        before = times[n]
+    return times.shape[0] > 0
+
+
+@njit(cache=True)
+def errors(since, state, past):
+    """Largest tracking error and velocity error of the slices since a time; NaN where none is known."""
+    tracking, velocity = state[SLICE_ERROR], np.nan
+    for n in range(int(state[ENTRIES]) - 1, max(-1, int(state[ENTRIES]) - PAST - 1), -1):
+        entry = past[n % PAST]
+        if entry[TIME] < since:
+            break
+        if not entry[ERROR] <= tracking and np.isfinite(entry[ERROR]):
+            tracking = entry[ERROR]
+        if not entry[VELOCITY_ERROR] <= velocity and np.isfinite(entry[VELOCITY_ERROR]):
+            velocity = entry[VELOCITY_ERROR]
+    return tracking, velocity
 
 
 @njit(cache=True)
@@ -268,6 +302,26 @@ def _note(time, position, reference, reference_speed, state, steps):
 
 
 @njit(cache=True)
+def _may_rest(state, detector, knots):
+    """Whether it is time to look if the joint has come to rest: it stands, and did so for too short a time before."""
+    head = detector[kernel.HEAD]
+    flat = detector[kernel.LAST_TIME] - _last_knot_time(detector, knots)
+    if head != state[LOOKED]:
+        if head < 3.0 or not np.isfinite(detector[kernel.PEAK]):
+            return False
+        newest = int(head) - 1
+        gap = knots[newest % kernel.RING, kernel.TIME] - knots[(newest - 1) % kernel.RING, kernel.TIME]
+        state[LOOKED] = head
+        state[LOOK_AFTER] = _GAPS_AT_REST * max(gap, state[NOW] - detector[kernel.LAST_TIME])
+    # Times that differ by less than the samples do are equal, however stamps are rounded.
+    equal = 0.25 * (state[NOW] - detector[kernel.LAST_TIME])
+    if not flat >= state[LOOK_AFTER] - equal or not detector[kernel.BAND] < kernel.SLOW * detector[kernel.PEAK] * flat:
+        return False
+    state[LOOK_AFTER] = _LOOK_AGAIN * flat
+    return True
+
+
+@njit(cache=True)
 def replay(early, detector, knots):
     """Take the first block, which had to be measured first; True whenever a spell is complete."""
     while detector[kernel.SAMPLES] >= kernel.BLOCK and detector[kernel.REPLAYED] < kernel.BLOCK:
@@ -285,9 +339,9 @@ def follow(
     early, block, detector, smallest, noises, velocity_block, velocity_detector, velocity_smallest, velocity_noises,
     knots,
 ):  # fmt: skip
-    """Take samples from ``start`` until a spell is complete or the samples end.
+    """Take samples from ``start`` until a spell is complete, the joint may have come to rest, or the samples end.
 
-    Returns the index of the next sample, and whether a spell is complete.
+    Returns the index of the next sample, and which of these it is.
     """
     sample = np.empty(5)
     for i in range(start, times.shape[0]):
@@ -311,7 +365,9 @@ def follow(
         if count < kernel.BLOCK:
             early[count] = sample
             if count + 1 == kernel.BLOCK and replay(early, detector, knots):
-                return i + 1, True
+                return i + 1, SPELL
         elif kernel.take(count, sample, detector, knots):
-            return i + 1, True
-    return times.shape[0], False
+            return i + 1, SPELL
+        elif _may_rest(state, detector, knots):
+            return i + 1, STANDS
+    return times.shape[0], ENDED

@@ -23,6 +23,7 @@ _TRAIN_WITHOUT_REFERENCE = 3
 _SPEED_SPREAD = 4.0  # of the mean speeds of a train's cycles, largest over smallest
 _LEAST_SLIP_SHARE = 0.1  # of the usual slip; less is creep within a rest
 _USUAL_SLIPS = 9
+_WHOLE_SLIP = 0.75  # of the usual slip
 _STANDS = 0.05  # of a slip: a reference that goes no further stands still
 _TRAIN_OF_HUNTING = 3
 _HUNTING_SHRINKS = 0.7  # from one slip to the next: less is a motion that settles
@@ -71,6 +72,7 @@ class CycleDetector:
 
     def __init__(self) -> None:
         self.last_rest: Rest | None = None
+        self._foreseen: Cycle | None = None
         self._closed: Rest | None = None
         self._way = 0.0
         self._pending: list[Cycle] = []
@@ -78,10 +80,39 @@ class CycleDetector:
         self._confirmed = False
         self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
 
+    def foresee(self, rest: Rest) -> Cycle | None:
+        """The cycle that ends in a rest which has only begun, if that is certain already, once.
+
+        It is settled thereby: :meth:`take` or :meth:`finish` returns it again, with what the whole rest tells of it.
+        """
+        if self._foreseen is None:
+            self._foreseen = self._certain_already(rest)
+            return self._foreseen
+        return None
+
+    def _certain_already(self, rest: Rest) -> Cycle | None:
+        before = self.last_rest
+        if before is None or self._closed is not None or rest.arrest < before.breakaway:
+            return None
+        cycle = self._cycle(before, rest)
+        if cycle is None or self._way * cycle.slip_distance <= 0:
+            return None
+        # Less than usual may be the first part of a slip that goes on in a moment.
+        if abs(cycle.slip_distance) < _WHOLE_SLIP * float(np.median(self._slips)):
+            return None
+        if math.isnan(rest.reference_travel):
+            usual = self._pending[-1] if self._pending else cycle
+            fast, slow = max(cycle.mean_speed, usual.mean_speed), min(cycle.mean_speed, usual.mean_speed)
+            return cycle if self._confirmed and fast <= _SPEED_SPREAD * slow else None
+        # The rest that has just begun will be like the last one.
+        keeps_up = abs(cycle.slip_distance) >= _LEAST_STEP * before.reference_travel
+        return cycle if keeps_up and _is_driven(before, cycle) and _is_driven(rest, cycle) else None
+
     def finish(self, rest: Rest | None) -> list[Cycle]:
         """The cycle that ended in a rest which still lasts (None if there is none), where the samples end there."""
         if rest is None or self._closed is not None:
-            return []
+            foreseen, self._foreseen = self._foreseen, None
+            return [foreseen] if foreseen is not None else []
         cycles = self.take(rest)
         self._closed = rest
         return cycles
@@ -89,23 +120,22 @@ class CycleDetector:
     def take(self, rest: Rest) -> list[Cycle]:
         """Take the next rest and return the cycles that are now certain, oldest first."""
         before, self.last_rest = self.last_rest, rest
+        foreseen, self._foreseen = self._foreseen, None
+        certain = self._cycles_until(before, rest)
+        if foreseen is not None and foreseen.breakaway not in [cycle.breakaway for cycle in certain]:
+            certain.append(foreseen)
+        return certain
+
+    def _cycles_until(self, before: Rest | None, rest: Rest) -> list[Cycle]:
         closed, self._closed = self._closed, None
         if before is None or (closed is not None and rest.arrest < closed.breakaway):
             return []
         distance = rest.position - before.position
         way_before, self._way = self._way, distance
-        usual = float(np.median(self._slips)) if self._slips else 0.0
-        if distance == 0 or abs(distance) < _LEAST_SLIP_SHARE * usual:
+        cycle = self._cycle(before, rest)
+        if cycle is None:
             return []
         self._slips.append(abs(distance))
-        cycle = Cycle(
-            breakaway=before.breakaway,
-            arrest=rest.arrest,
-            dwell=before.dwell,
-            slip_distance=distance,
-            position=before.position,
-            effort=before.effort,
-        )
         # By the net way, since a lightly damped joint bounces back before it rests.
         goes_on = rest.direction_after * distance > 0
         went_on = way_before * distance > 0
@@ -116,6 +146,21 @@ class CycleDetector:
             self._end_train()
             return self._with_reference(cycle, before, rest, went_on, goes_on)
         return self._without_reference(cycle, went_on, goes_on)
+
+    def _cycle(self, before: Rest, rest: Rest) -> Cycle | None:
+        """The slip between two rests, None if it is but creep within one."""
+        distance = rest.position - before.position
+        usual = float(np.median(self._slips)) if self._slips else 0.0
+        if distance == 0 or abs(distance) < _LEAST_SLIP_SHARE * usual:
+            return None
+        return Cycle(
+            breakaway=before.breakaway,
+            arrest=rest.arrest,
+            dwell=before.dwell,
+            slip_distance=distance,
+            position=before.position,
+            effort=before.effort,
+        )
 
     def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, went_on: bool, goes_on: bool) -> list[Cycle]:
         # A hop that leaves the joint far behind is the start of a motion, not a step of a staircase.

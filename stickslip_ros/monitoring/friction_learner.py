@@ -14,7 +14,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError
+from numpy.linalg import LinAlgError
 
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring import _window_kernel as kernel
@@ -77,6 +77,20 @@ class Learnt:
     remains: float
     widening: FloatArray
     spread: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnerMemory:
+    """What a learner knows without the slips themselves: enough to go on from.
+
+    Attributes
+    ----------
+    configured : joint that was the prior. learnt : by the last study and the slips since.
+    """
+
+    configured: Joint | None
+    learnt: Learnt | None
+    notice: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,9 +235,14 @@ class FrictionLearner:
             return None
         return state.parameters[:PARAMETERS] if windows[-1].source is state.last_window.source else None
 
+    @property
+    def study_is_due(self) -> bool:
+        """Whether there is something to study, and nobody does."""
+        return self._due is not None and not self._under_way
+
     def wanted_study(self) -> StudyQuestion | None:
         """What to study, if a study is due; pass what :func:`study` makes of it to :meth:`adopt`."""
-        if self._due is None or self._under_way:
+        if not self.study_is_due:
             return None
         self._under_way = True
         return self._due
@@ -248,6 +267,19 @@ class FrictionLearner:
         """Study here what is due."""
         while (question := self.wanted_study()) is not None:
             self.adopt(study(question))
+
+    def memory_of(self) -> LearnerMemory:
+        """What to remember beyond the end of the process."""
+        return LearnerMemory(configured=self.configured, learnt=self._state, notice=self.notice)
+
+    def remember(self, memory: LearnerMemory) -> bool:
+        """Go on from what was known once; returns whether it is of use: not if another joint is configured by now."""
+        if memory.configured != self.configured or memory.learnt is None:
+            return False
+        self._state, self.estimate, self.notice = memory.learnt, memory.learnt.estimate, memory.notice
+        # The slips themselves are gone: a study of a few new ones must not take the place of what is known.
+        self._seen, self._studied = 0, _WELL_STUDIED
+        return True
 
     def reset(self) -> None:
         """Forget everything."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,10 +22,10 @@ from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.detection import Cycle, CycleDetector
 from stickslip_ros.monitoring.estimation import FrictionEstimate
-from stickslip_ros.monitoring.friction_learner import FrictionLearner
+from stickslip_ros.monitoring.friction_learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.motion import MotionRecord
 from stickslip_ros.monitoring.rests import RestDetector
-from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer, SampleFilter
+from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleBuffer, SampleFilter
 from stickslip_ros.monitoring.slip_windows import slip_window
 from stickslip_ros.monitoring.status import Finding, Segment, Status
 
@@ -48,6 +49,20 @@ _STATUS_OF = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class JointMemory:
+    """What to remember of a joint beyond the end of the process.
+
+    Attributes
+    ----------
+    cycles : how many were counted; last_cycle : the latest one.
+    """
+
+    cycles: int
+    last_cycle: Cycle | None
+    friction: LearnerMemory
+
+
 class JointMonitor:
     """Watches one joint, and learns its friction from slips.
 
@@ -62,6 +77,8 @@ class JointMonitor:
     options : defaults to MonitorOptions().
     adviser : answers questions for advice, or returns None as long as it is at work; by default it answers at once.
     segments_kept : the latest ones; None for all.
+    at_arrest : whether cycles are told as soon as they end, where that is certain: arrest and slip distance are then
+        known less precisely than once the joint has left again. Which cycles there are is the same.
     """
 
     def __init__(
@@ -73,11 +90,12 @@ class JointMonitor:
         *,
         studies_at_once: bool = False,
         segments_kept: int | None = _SEGMENTS_KEPT,
+        at_arrest: bool = False,
     ) -> None:
         self.options = options or MonitorOptions()
         self._joint = joint
         self._gains = gains
-        self._studies_at_once = studies_at_once
+        self._studies_at_once, self._at_arrest = studies_at_once, at_arrest
         self.learner = FrictionLearner(joint, self.options.memory)
         self._gains_since = -math.inf
         self._belief: Belief | None = None
@@ -87,6 +105,7 @@ class JointMonitor:
         self._adviser = adviser or CachingAdviser()
         self._advice: Advice | None = None
         self.cycle_count = 0
+        self._last_cycle: Cycle | None = None
         self.segments: deque[Segment] = deque(maxlen=segments_kept)
         self._segment_from = math.nan  # where the last segment began [rad]
         self._begin()
@@ -122,15 +141,33 @@ class JointMonitor:
         self._cycles = CycleDetector()
         self._samples = SampleBuffer()
         self._motion = MotionRecord(self.options.least_motion)
+        self._noted_until = -math.inf  # breakaway of the last cycle counted
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
+
+    def begin_anew(self) -> None:
+        """Follow the motion anew, as if it began with the next sample; what was learnt is kept."""
+        self._begin()
+        self._filter = SampleFilter()
 
     def reset(self) -> None:
         """Forget everything that was learnt from the motion."""
-        self._begin()
-        self._filter = SampleFilter()
+        self.begin_anew()
         self.cycle_count = 0
+        self._last_cycle = None
         self.segments.clear()
         self.learner.reset()
+
+    def memory(self) -> JointMemory:
+        """What to remember beyond the end of the process."""
+        return JointMemory(cycles=self.cycle_count, last_cycle=self._last_cycle, friction=self.learner.memory_of())
+
+    def remember(self, memory: JointMemory) -> bool:
+        """Go on from what was known once; returns whether the friction is of use, the joint configured being the same.
+
+        The motion seen then is another story, so that it has no say in what is found now.
+        """
+        self.cycle_count, self._last_cycle = memory.cycles, memory.last_cycle
+        return self.learner.remember(memory.friction)
 
     @property
     def last_time(self) -> float:
@@ -149,6 +186,11 @@ class JointMonitor:
     def process(self, batch: Batch) -> list[Cycle]:
         """Take samples and return the cycles that they complete, oldest first; how they are batched is no matter."""
         cycles: list[Cycle] = []
+        if kernel.unbroken(batch.time, batch.position, self._motion.last_time, _SILENCE, LARGEST):
+            self._filter.pass_on(batch)
+            for short in _short_parts(batch):
+                cycles += self._follow(short)
+            return cycles
         for restart, piece in self._filter.split(batch):
             for number, part in enumerate(_without_silences(piece)):
                 begins = number > 0 or restart or part.time[0] - self._motion.last_time > _SILENCE
@@ -161,12 +203,9 @@ class JointMonitor:
 
     def finish(self) -> list[Cycle]:
         """Return the cycle that ended in the present rest: call when no more samples come."""
-        cycles = self._cycles.finish(self._rests.unfinished_rest())
-        self._note(cycles)
+        cycles = self._settle(self._cycles.finish(self._rests.unfinished_rest()))
         self._rests.close_slice(self._motion)
         self._take_slices()
-        for cycle in cycles:
-            self._learn_from(cycle)
         self.learner.finish()
         if self._studies_at_once:
             self.learner.study_now()
@@ -178,21 +217,34 @@ class JointMonitor:
         self._motion.window = self.options.least_motion
         self._note_needed_motion()
         for rest in self._rests.feed(batch, self._motion):
-            found = self._cycles.take(rest)
-            if found:
-                # What was closed before was judged by what was known before.
+            if rest.complete:
+                cycles += self._settle(self._cycles.take(rest))
+                continue
+            foreseen = self._cycles.foresee(rest)
+            if foreseen is not None:
                 self._take_slices()
-            for cycle in found:
-                self._learn_from(cycle)
-            self._note(found)
-            cycles += found
+                self._note([foreseen])
+                cycles += [foreseen] if self._at_arrest else []
         self._take_slices()
         return cycles
 
+    def _settle(self, cycles: list[Cycle]) -> list[Cycle]:
+        """Learn from the cycles of a rest that is known in full; returns those that are to be told now."""
+        new = [cycle for cycle in cycles if cycle.breakaway > self._noted_until]
+        if cycles:
+            # What was closed before was judged by what was known before.
+            self._take_slices()
+        for cycle in cycles:
+            self._learn_from(cycle)
+        self._note(new)
+        return new if self._at_arrest else cycles
+
     def _note(self, cycles: list[Cycle]) -> None:
         """Let the judgement know the cycles found, and what follows from them."""
+        self._noted_until = max([self._noted_until, *(cycle.breakaway for cycle in cycles)])
         self._recent.extend(cycles)
         self.cycle_count += len(cycles)
+        self._last_cycle = cycles[-1] if cycles else self._last_cycle
         state, rest = self._motion.state, self._cycles.last_rest
         state[kernel.CYCLES] = len(self._recent)
         # The median, because a long smooth stretch between two rests makes a long cycle too.
@@ -225,6 +277,9 @@ class JointMonitor:
         if not len(rows):
             return
         codes = rows[:, kernel.CODE].astype(int)
+        if len(rows) == 1 and codes[0] != kernel.MOVES:
+            self._extend_segments(rows, _STATUS_OF[int(codes[0])])
+            return
         thin = np.zeros(len(rows), dtype=bool)
         moves = np.flatnonzero(codes == kernel.MOVES)
         if len(moves):
@@ -402,7 +457,7 @@ class JointMonitor:
             tracking_error=tracking_error,
             velocity_error=velocity_error,
             cycles=self.cycle_count,
-            last_cycle=self._recent[-1] if self._recent else None,
+            last_cycle=self._last_cycle,
             resolution=self._rests.resolution,
             noise=self._rests.noise,
             sample_rate=self._sample_rate(),

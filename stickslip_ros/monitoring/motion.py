@@ -34,6 +34,7 @@ class MotionRecord:
                 kernel.SLICE,
                 kernel.LAST_REFERENCE,
                 kernel.LAST_BREAKAWAY,
+                kernel.LOOKED,
             ]
         ] = np.nan
         self.past = np.zeros((kernel.PAST, kernel.PAST_COLUMNS))
@@ -70,13 +71,10 @@ class MotionRecord:
 
     def errors(self, window: float) -> tuple[float, float]:
         """Largest tracking error [rad] and velocity error [rad/s] of the last ``window`` seconds; NaN if unknown."""
-        entries = int(self.state[kernel.ENTRIES])
-        recent = self.past[np.arange(max(0, entries - kernel.PAST), entries) % kernel.PAST]
-        recent = recent[recent[:, kernel.TIME] >= self.last_time - window]
-        tracking = np.append(recent[:, kernel.ERROR], self.state[kernel.SLICE_ERROR])
         if not self.state[kernel.FIRST_TIME] <= self.last_time:
             return math.nan, math.nan
-        return _largest(tracking), _largest(recent[:, kernel.VELOCITY_ERROR])
+        tracking, velocity = kernel.errors(self.last_time - window, self.state, self.past)
+        return float(tracking), float(velocity)
 
     def reference_velocity(self) -> float:
         """Desired velocity now [rad/s]: as given, else over the window; NaN if unknown."""
@@ -85,8 +83,3 @@ class MotionRecord:
     def mean_velocity(self, window: float) -> float:
         """Mean velocity of the joint over the last ``window`` seconds [rad/s]; NaN if unknown."""
         return float(kernel.mean_velocity(window, self.state, self.past))
-
-
-def _largest(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.max(known)) if len(known) else math.nan

@@ -15,6 +15,7 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 _LONGEST_WAIT = 0.2  # [s] of the data's own time: how far samples may run ahead of the reference
 _STALE = 1.0  # [s] from when on an old reference says nothing any more
 _LATE = 1.0  # [s] a stamp may be late by that much before it means that time began anew
+_LATE_IN_A_ROW = 20  # references, likewise
 
 
 class ReferencePairing:
@@ -25,6 +26,7 @@ class ReferencePairing:
         self._new_samples: list[FloatArray] = []
         self._references = np.zeros((0, 3))
         self._new_references: list[FloatArray] = []
+        self._late_in_a_row = 0
 
     def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
         """One row of samples."""
@@ -82,6 +84,12 @@ class ReferencePairing:
         self._new_references.clear()
         new = new[np.isfinite(new[:, 0])]
         joined = np.concatenate([self._references, new])
+        if len(self._references) and len(new):
+            late = new[:, 0] < self._references[-1, 0]
+            self._late_in_a_row = self._late_in_a_row + len(new) if late.all() else 0
+            if self._late_in_a_row > _LATE_IN_A_ROW:
+                # Not late, but by a clock that was set back a little.
+                joined, self._late_in_a_row = new, 0
         steps = np.diff(joined[:, 0])
         if (steps <= 0.0).any():
             # Where time began anew, what was ahead is void; what is a little late finds its place.

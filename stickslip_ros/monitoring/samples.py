@@ -69,7 +69,7 @@ class Batch:
 
 _OUT_OF_ORDER = 1.0  # [s] a stamp may be late by that much before it means that time began anew
 _BACKWARD_IN_A_ROW = 20
-_LARGEST = 1e12  # no joint's position and no clock's time; the arithmetic stays exact enough below it
+LARGEST = 1e12  # no joint's position and no clock's time; the arithmetic stays exact enough below it
 
 
 @dataclass
@@ -85,11 +85,15 @@ class SampleFilter:
     restarts: int = 0
     _backward: int = 0
 
+    def pass_on(self, batch: Batch) -> None:
+        """Take note of samples that simply go on."""
+        self.last_time, self._backward = float(batch.time[-1]), 0
+
     def split(self, batch: Batch) -> list[tuple[bool, Batch]]:
         """The usable samples, in pieces; a piece marked True begins a new recording."""
         # Comparisons with NaN are false, so that it is left out too.
-        finite_time = np.abs(batch.time) < _LARGEST
-        finite = finite_time & (np.abs(batch.position) < _LARGEST)
+        finite_time = np.abs(batch.time) < LARGEST
+        finite = finite_time & (np.abs(batch.position) < LARGEST)
         self._count("time is not finite", int((~finite_time).sum()))
         self._count("position is missing or not finite", int((finite_time & ~finite).sum()))
         if not finite.all():

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from stickslip_ros.monitoring.estimation import ParameterEstimate
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -189,6 +188,8 @@ def _fit(
     level: float,
 ) -> tuple[FloatArray, float, FloatArray, FloatArray]:
     """Values, cost, residuals and their slopes from one start."""
+    # scipy loads slowly, and most uses of this package have no use for it.
+    from scipy.optimize import least_squares
 
     def expand(unknown: FloatArray) -> FloatArray:
         values = guess.copy()

@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_problem import BREAKAWAY, POSITION, UNKNOWNS, SlipProblem
@@ -120,6 +119,9 @@ class NormalEquations:
 
     def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""
+        # scipy loads slowly, and most uses of this package have no use for it.
+        from scipy.linalg import solveh_banded
+
         band = self.band.copy()
         band[0] *= 1.0 + damping
         solved = solveh_banded(band, np.column_stack([self.mixed, self.slope]), lower=True, check_finite=False)

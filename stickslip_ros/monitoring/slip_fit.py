@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError
+from numpy.linalg import LinAlgError
 
 from stickslip_ros.monitoring import _window_kernel as kernel
 from stickslip_ros.monitoring.samples import FloatArray

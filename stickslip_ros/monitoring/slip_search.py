@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError
 
 from stickslip_ros.monitoring import _window_kernel as kernel
 from stickslip_ros.monitoring.samples import FloatArray

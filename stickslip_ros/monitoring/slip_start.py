@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.optimize import nnls
 
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_problem import SlipProblem
@@ -49,6 +48,9 @@ class ShapeGuess:
 
 def shape_guesses(problem: SlipProblem, slip: int) -> list[ShapeGuess]:
     """Guesses from one slip, the best first; empty if the equations have no solution that can be."""
+    # scipy loads slowly, and most uses of this package have no use for it.
+    from scipy.optimize import nnls
+
     duration, distance = float(problem.durations[slip]), float(problem.distances[slip])
     mine = problem.slip_of == slip
     detected = float(problem.breakaways[slip])

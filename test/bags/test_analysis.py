@@ -215,13 +215,13 @@ def test_gains_from_parameter_events(tmp_path: Path) -> None:
 
 
 @settings(max_examples=8, deadline=None)
-@given(st.lists(st.integers(1, 400), min_size=1, max_size=12))
-def test_batches_do_not_matter(sizes: list[int]) -> None:
+@given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.booleans())
+def test_batches_do_not_matter(sizes: list[int], at_arrest: bool) -> None:
     """Issue 6, item 2: cycles and segments are the same however the samples are cut."""
     batch = _staircase()
-    whole = JointMonitor()
+    whole = JointMonitor(at_arrest=at_arrest)
     expected = whole.process(batch) + whole.finish()
-    pieces = JointMonitor()
+    pieces = JointMonitor(at_arrest=at_arrest)
     found, at = [], 0
     for size in np.resize(sizes, len(batch)):
         if at >= len(batch):
@@ -342,7 +342,7 @@ def test_real_recordings_take_the_same_road(name: str, tmp_path: Path) -> None:
     path = next(file for file in RECORDINGS.glob(f"{name}*"))
     out = tmp_path / "bag.mcap"
     assert main(["convert", str(path), "--out", str(out), "--name", "axis"]) == 0
-    direct = JointMonitor()
+    direct = JointMonitor(at_arrest=True)
     expected = direct.process(table) + direct.finish()
     found = analyze(out, AnalysisOptions(parameters=Parameters({"learn": False}))).joints["axis"]
     offset = 0.0 if table.time[0] > 0 else 1.0 - table.time[0]

@@ -9,8 +9,11 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support import record
 
+from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice_limits import AdviceLimits
@@ -275,3 +278,33 @@ def test_stick_slip_ends_in_rest(puma: Joint) -> None:
     )
     assert monitor.cycle_count > 10
     assert monitor.finding().status is Status.AT_REST
+
+
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
+    """Issue 7: within 100 ms of the arrest where steps are fine, the same cycles as in hindsight, however batched."""
+    stiffness, speed = data.draw(st.sampled_from([100, 200, 320])), data.draw(st.floats(0.5, 2.0))
+    resolution = data.draw(st.sampled_from([1e-6, 1e-5, 2.5e-5]))
+    puma = load_joint("puma560_joint1").joint
+    recording = record(
+        puma, Gains(stiffness=6.3 * stiffness), 0.0058 * speed, resolution=resolution,
+        offset=data.draw(st.floats(0, 1e-4)), with_reference=data.draw(st.booleans()),
+    )  # fmt: skip
+    hindsight, live = JointMonitor(), JointMonitor(at_arrest=True)
+    later = hindsight.process(recording.batch) + hindsight.finish()
+    step, told = data.draw(st.integers(5, 50)), []
+    for begin in range(0, len(recording.batch), step):
+        part = recording.batch.where(slice(begin, begin + step))
+        told += [(float(part.time[-1]), cycle) for cycle in live.process(part)]
+    told += [(math.inf, cycle) for cycle in live.finish()]
+    assert [cycle.breakaway for _, cycle in told] == [cycle.breakaway for cycle in later]
+    assert [cycle.dwell for _, cycle in told] == [cycle.dwell for cycle in later]
+    for (_, cycle), known in zip(told, later, strict=True):
+        assert abs(cycle.arrest - known.arrest) < 0.03
+        assert cycle.slip_distance == pytest.approx(known.slip_distance, rel=0.05, abs=2 * resolution)
+    # Whether it is stick slip at all is not known before the first cycles are over.
+    in_time = [when - cycle.arrest < 0.1 + 1e-3 * step for when, cycle in told[4:-1]]
+    assert sum(in_time) >= 0.8 * len(in_time)
+    whole = JointMonitor(at_arrest=True)
+    assert [c.arrest for c in whole.process(recording.batch) + whole.finish()] == [c.arrest for _, c in told]
