@@ -11,7 +11,7 @@ demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
 test: check
-	@sh tools/install_chromium.sh
+	@sh tools/install_test_packages.sh
 	$(BIN)/python -m pytest $(TESTS)
 
 check: $(STAMP)

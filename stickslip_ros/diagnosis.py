@@ -55,7 +55,7 @@ def _diagnosis(level: Level, joint: str, message: str, values: Sequence[tuple[st
         name=f"stickslip_monitor: {joint}",
         hardware_id=joint,
         message=message,
-        values=tuple((key, _value_text(value)) for key, value in values),
+        values=tuple((key, value_text(value)) for key, value in values),
     )
 
 
@@ -98,6 +98,7 @@ def joint_diagnostic(
     *,
     warn_margin: float,
     silent_for: float | None,
+    trouble: str = "",
     applied: str = "",
 ) -> Diagnosis:
     """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
@@ -105,9 +106,12 @@ def joint_diagnostic(
     Parameters
     ----------
     exact, trial : verdicts on the present gains and on those on trial. silent_for : [s], None if it is heard.
+    trouble : why nothing can be said of it, "" if something can.
     applied : the last outcome of `~/apply_recommendation`, "" if there was none.
     """
     level, message = _summary(assessment, exact, warn_margin, silent_for)
+    if trouble:
+        level, message = Level.WARN, trouble
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
         ("status", assessment.finding.status.value),
@@ -291,5 +295,6 @@ def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     return _diagnosis(Level.WARN, name, message, values)
 
 
-def _value_text(value: object) -> str:
+def value_text(value: object) -> str:
+    """A number in full, or a text."""
     return repr(float(value)) if isinstance(value, float) else str(value)

@@ -44,8 +44,9 @@ def puma() -> Joint:
 
 
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
-    """A ROS domain for this test alone, on this machine only."""
+def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
+    """A ROS domain and a ROS_HOME for this test alone, on this machine only."""
+    monkeypatch.setenv("ROS_HOME", str(tmp_path / "ros_home"))
     domain = 1 + next(_domains) % 101
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _JOINT = "joint1"
 # Its friction is known; what is learnt from the first slips would move the advice while it is being followed.
+_FORGETFUL: dict[str, object] = {"state_file": "none"}  # every demo begins from nothing
 _KNOWN: dict[str, object] = {
     "joints": f"[{_JOINT}]",
     f"model.{_JOINT}": "puma560_joint1",
@@ -92,7 +93,7 @@ def _cure(console: Console, out: Path) -> int:
     with ExitStack() as stack:
         nodes = [
             stack.enter_context(NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]"})),
-            stack.enter_context(NodeProcess("monitor", {**_KNOWN, "controller": "/simulated_joint"})),
+            stack.enter_context(NodeProcess("monitor", {**_KNOWN, **_FORGETFUL, "controller": "/simulated_joint"})),
         ]
         listener = DemoListener(_JOINT)
         stack.callback(listener.close)
@@ -182,7 +183,7 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
     if not (math.isfinite(factor) and factor > 0):
         raise StickSlipError(f"--speed must be > 0: {factor}")
     with ExitStack() as stack:
-        monitor = stack.enter_context(NodeProcess("monitor", {"joints": f"[{_JOINT}]"}))
+        monitor = stack.enter_context(NodeProcess("monitor", {"joints": f"[{_JOINT}]", **_FORGETFUL}))
         listener = DemoListener(_JOINT)
         stack.callback(listener.close)
         listener.listen(1.0)

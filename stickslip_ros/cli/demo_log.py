@@ -71,12 +71,12 @@ class DemoListener:
             if left <= 0:
                 break
             rclpy.spin_once(self.node, timeout_sec=min(left, 0.05))
-            for message in self._states.take_all():
+            for message, _ in self._states.take_all():
                 if self.joint in message.name:
                     index = message.name.index(self.joint)
                     velocity = message.velocity[index] if len(message.velocity) else math.nan
                     self.data.states.append((seconds(message.header.stamp), message.position[index], velocity))
-            for message in self._references.take_all():
+            for message, _ in self._references.take_all():
                 if self.joint in message.name:
                     index = message.name.index(self.joint)
                     self.data.references.append((seconds(message.header.stamp), message.position[index]))

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import random
 import signal
@@ -14,7 +13,8 @@ import tempfile
 from pathlib import Path
 from types import TracebackType
 
-_PR_SET_PDEATHSIG = 1
+from stickslip_ros.parent_death import die_with_parent
+
 _DOMAINS = range(1, 102)  # those whose ports lie below Linux's ephemeral range
 
 
@@ -26,10 +26,6 @@ def isolate() -> int:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     domain = os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().choice(_DOMAINS)))
     return int(domain)
-
-
-def _die_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 class NodeProcess:
@@ -60,7 +56,7 @@ class NodeProcess:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115
         # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
         self._process = subprocess.Popen(
-            command, stdout=self._log, stderr=subprocess.STDOUT, preexec_fn=_die_with_parent, start_new_session=True
+            command, stdout=self._log, stderr=subprocess.STDOUT, preexec_fn=die_with_parent, start_new_session=True
         )
 
     def __enter__(self) -> NodeProcess:

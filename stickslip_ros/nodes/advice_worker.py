@@ -9,15 +9,16 @@ from time import monotonic
 
 from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
 from stickslip_ros.nodes.background import Background
+from stickslip_ros.nodes.slow_work import SlowWork
 
 _ASK_EVERY = 5.0  # [s] where the speed alone has changed
 
 
 class AdviceWorker:
-    """Advisers, one a joint, that share a thread."""
+    """Advisers, one a joint."""
 
-    def __init__(self) -> None:
-        self._background: Background[AdviceQuestion, Advice] = Background(advise, "advice")
+    def __init__(self, work: SlowWork) -> None:
+        self._background: Background[AdviceQuestion, Advice] = Background(work, "advice", advise)
         self._asked_at: dict[str, float] = {}
 
     def adviser(self, name: str) -> Adviser:
@@ -37,7 +38,3 @@ class AdviceWorker:
             return known[1] if known is not None and known[0].of_the_same_controller(question) else None
 
         return ask
-
-    def close(self) -> None:
-        """Drop the questions not begun."""
-        self._background.close()

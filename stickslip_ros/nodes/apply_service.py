@@ -35,7 +35,7 @@ class ApplyService:
     """
 
     def __init__(self, node: Node, begin: Callable[[], list[GainApplication]]) -> None:
-        self._begin = begin
+        self._node, self._begin = node, begin
         self._service = DeferredService(node, Trigger, "~/apply_recommendation", self._on_request)
         self._answer: Answer | None = None
         self._now = self._asked_at = 0.0
@@ -67,6 +67,21 @@ class ApplyService:
         self._queue.clear()
         self._end(success=outcome.success, message="; ".join(messages))
 
+    def stop(self, why: str) -> None:
+        """End what is under way; the gains stay as they are."""
+        if self._answer is not None:
+            left = [
+                ramp.stop(why).message if n == 0 else f"{ramp.joint}: left as it is"
+                for n, ramp in enumerate(self._queue)
+            ]
+            self._queue.clear()
+            self._end(success=False, message="; ".join(left) or f"refused: {why}")
+
+    def close(self) -> None:
+        """Take the service from the graph."""
+        self.stop("the monitor was cleaned up")
+        self._service.close()
+
     def _on_request(self, _: Trigger.Request, answer: Answer) -> None:
         if self._answer is not None:
             joint = self._queue[0].joint if self._queue else "the advice"
@@ -85,6 +100,6 @@ class ApplyService:
 
     def _end(self, *, success: bool, message: str) -> None:
         self.state, self.failed = message, not success
-        if self._answer is not None:
+        if self._answer is not None and self._node.context.ok():
             self._answer(Trigger.Response(success=success, message=message))
         self._answer = None

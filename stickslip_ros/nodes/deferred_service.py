@@ -27,7 +27,7 @@ class DeferredService:
     """
 
     def __init__(self, node: Node, service_type: Any, name: str, on_request: Callable[[Any, Answer], None]) -> None:
-        self._type = service_type
+        self._node, self._type = node, service_type
         self._on_request = on_request
         self._service = node.create_service(
             service_type, name, lambda _, response: response, callback_group=NeverExecuted()
@@ -41,6 +41,10 @@ class DeferredService:
             if header is None:
                 return
             self._on_request(request, partial(self._send, header))
+
+    def close(self) -> None:
+        """Take the service from the graph."""
+        self._node.destroy_service(self._service)
 
     def _send(self, header: Any, response: Any) -> None:
         self._service.send_response(response, header)

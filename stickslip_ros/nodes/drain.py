@@ -8,13 +8,14 @@ go costs a tenth of that and loses none as long as the queue holds a drain perio
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+
+_MOST_AT_ONCE = 10_000
 
 
 class NeverExecuted(CallbackGroup):
@@ -33,10 +34,15 @@ class NeverExecuted(CallbackGroup):
 
 
 class DrainedSubscription:
-    """A subscription whose messages wait until they are taken."""
+    """A subscription whose messages wait until they are taken.
 
-    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile) -> None:
-        self._type = message_type
+    Parameters
+    ----------
+    raw : whether messages are taken as the bytes that came.
+    """
+
+    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, *, raw: bool = False) -> None:
+        self._node, self._type, self._raw = node, message_type, raw
         self._subscription = node.create_subscription(
             message_type,
             topic,
@@ -46,11 +52,24 @@ class DrainedSubscription:
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 
-    def take_all(self) -> Iterator[Any]:
-        """The messages waiting, oldest first."""
+    @property
+    def publishers(self) -> int:
+        """How many publish on the topic."""
+        return int(self._node.count_publishers(self._subscription.topic_name))
+
+    def take_all(self) -> list[tuple[Any, dict[str, int]]]:
+        """The messages waiting, oldest first, each with its sequence number and the times of sending and arrival."""
+        found = []
         with self._subscription.handle:
-            while True:
-                taken = self._subscription.handle.take_message(self._type, False)
+            take, message_type, raw = self._subscription.handle.take_message, self._type, self._raw
+            # No more than were kept, or a publisher that is faster than this loop would never let it end.
+            for _ in range(_MOST_AT_ONCE):
+                taken = take(message_type, raw)
                 if taken is None:
-                    return
-                yield taken[0]
+                    break
+                found.append(taken)
+        return found
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._node.destroy_subscription(self._subscription)

@@ -10,6 +10,7 @@ from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.nodes.background import Background
+from stickslip_ros.nodes.slow_work import SlowWork
 
 UNKNOWN = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02
@@ -39,8 +40,8 @@ def _answer(question: _Question) -> ExactVerdict:
 class ExactWorker:
     """Asks again where gains or speed have changed."""
 
-    def __init__(self) -> None:
-        self._background: Background[_Question, ExactVerdict] = Background(_answer, "exact")
+    def __init__(self, work: SlowWork) -> None:
+        self._background: Background[_Question, ExactVerdict] = Background(work, "exact verdict", _answer)
 
     def verdict(
         self, name: str, joint: Joint, gains: Gains, conditions: Conditions, velocity: float, now: float
@@ -61,7 +62,3 @@ class ExactWorker:
             self._background.ask(name, question)
         # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
         return known[1] if same_speed else UNKNOWN
-
-    def close(self) -> None:
-        """Drop the questions not begun."""
-        self._background.close()

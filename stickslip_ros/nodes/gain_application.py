@@ -99,6 +99,13 @@ class GainApplication:
                 self._finish(success=False, message=str(stopped))
         return self.outcome
 
+    def stop(self, why: str) -> Outcome:
+        """End the ramp where it is."""
+        self._script.close()
+        self._finish(success=False, message=f"{why}; {self._in_force()}")
+        assert self.outcome is not None
+        return self.outcome
+
     def _finish(self, *, success: bool, message: str) -> None:
         self.state = f"{self.joint}: {message}"
         self.outcome = Outcome(success=success, message=self.state)
@@ -166,13 +173,13 @@ class GainApplication:
         return assessment, advised, assessment.joint
 
     def _check_bounds(self, gains: Gains) -> None:
-        for name, value, (least, largest), unit in (
-            ("stiffness", float(gains.stiffness), self._watched.settings.options.limits.stiffness_range, "N·m/rad"),
-            ("damping", float(gains.damping), self._watched.settings.options.limits.damping_range, "N·m·s/rad"),
+        for name, value, (least, largest) in (
+            ("p", float(gains.stiffness) / self._scale, self._watched.bounds("stiffness_range")),
+            ("d", float(gains.damping) / self._scale, self._watched.bounds("damping_range")),
         ):
             slack = _EQUAL * max(abs(least), abs(value))
             if not least - slack <= value <= largest + slack:
-                raise StoppedError(f"the {name} of {value:.4g} {unit} is outside {least:.4g} to {largest:.4g}")
+                raise StoppedError(f"the gain {name} of {value:.4g} is outside {least:.4g} to {largest:.4g}")
 
     def _begin_watch(self, assessment: Assessment, joint: Joint, begin: Gains) -> None:
         stiffest = max(float(begin.stiffness), float(self._target.stiffness))

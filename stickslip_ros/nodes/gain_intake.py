@@ -43,9 +43,11 @@ class GainIntake:
         self._welcomes = welcomes
         self._early: dict[str, Gains] = {}
         self._controllers: list[ControllerGains] = []
-        node.create_subscription(Float64MultiArray, PD_GAINS, self._on_message, 10)
         qos = QoSProfile(depth=1000, reliability=qos_profile_parameter_events.reliability)
-        node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos)
+        self._subscriptions = [
+            node.create_subscription(Float64MultiArray, PD_GAINS, self._on_message, 10),
+            node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos),
+        ]
 
     def follow(self, names: Sequence[str]) -> None:
         """Follow these controllers from now on; the earlier in the list, the more it has to say."""
@@ -56,6 +58,12 @@ class GainIntake:
         self._controllers = [
             ControllerGains(self._node, name, partial(self._on_controller, name), self._joints) for name in names
         ]
+
+    def close(self) -> None:
+        """Hear no more."""
+        self.follow([])
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
 
     def poll(self, now: float) -> None:
         """Ask for what is not known yet; call now and then with a steady time [s]."""

@@ -20,9 +20,24 @@ from stickslip_ros.joint_settings import (
 )
 
 
+class OwnChange:
+    """A context in which the node itself sets what others may not; ``active`` tells."""
+
+    def __init__(self) -> None:
+        self.active = False
+
+    def __enter__(self) -> None:
+        self.active = True
+
+    def __exit__(self, *_: object) -> None:
+        self.active = False
+
+
 def declare_specs(node: Node, specs: Iterable[ParameterSpec], joint: str = "") -> None:
     """Declare parameters of the table, of one joint where they are a joint's."""
     for spec in specs:
+        if node.has_parameter(spec.name.format(joint=joint)):
+            continue
         descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
         node.declare_parameter(spec.name.format(joint=joint), spec.default, descriptor)
 
@@ -31,7 +46,8 @@ def declare(node: Node, name: str) -> None:
     """Declare one joint's parameters; whatever is not set stays open (NaN or empty)."""
     declare_specs(node, PER_JOINT, name)
     for key in RECOMMENDED:
-        node.declare_parameter(recommended_name(name, key), float("nan"), _recommended_descriptor(node, name, key))
+        if not node.has_parameter(recommended_name(name, key)):
+            node.declare_parameter(recommended_name(name, key), float("nan"), _recommended_descriptor(node, name, key))
 
 
 def recommended_name(name: str, key: str) -> str:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -15,6 +16,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.joint_settings import COMMON
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joint_parameters import declare_specs
+from stickslip_ros.nodes.state_file import default_path
 
 Changes = Mapping[str, Parameter]
 
@@ -39,7 +41,14 @@ def declare(node: Node) -> None:
         "MultiDOFStateStamped",
         read_only=True,
     )
-    parameter("publish_rate", 10.0, "how often diagnostics and margins are published [Hz]", read_only=True)
+    parameter("publish_rate", 25.0, "how often diagnostics and margins are published [Hz]", read_only=True)
+    parameter("autostart", True, "whether the node configures and activates itself", read_only=True)
+    parameter(
+        "state_file",
+        "",
+        "where what was learnt is kept; empty: in ROS_HOME (~/.ros), by the node's name; none: nowhere",
+        read_only=True,
+    )
     parameter("allow_apply", False, "whether ~/apply_recommendation may write gains to the controller")
     parameter("apply_rate", 0.3, "relative change of gains a second while they are applied [1/s]")
     declare_specs(node, COMMON)
@@ -57,8 +66,17 @@ def check(node: Node, changes: Changes | None = None) -> None:
     InvalidParameterError
         If a value cannot be.
     """
+    require_positive("publish_rate", float(node.get_parameter("publish_rate").value))
     require_positive("apply_rate", float(_value(node, "apply_rate", changes)))
     controllers(node, changes)
+
+
+def state_path(node: Node) -> Path | None:
+    """The file that what was learnt is kept in, None for none."""
+    given = str(node.get_parameter("state_file").value)
+    if given == "none":
+        return None
+    return Path(given).expanduser() if given else default_path(node.get_fully_qualified_name())
 
 
 def controllers(node: Node, changes: Changes | None = None) -> list[str]:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Callable
 
 import rclpy
@@ -15,13 +16,26 @@ from rclpy.node import Node
 from stickslip_ros.errors import StickSlipError
 
 
-def run(create: Callable[[], Node], args: list[str] | None) -> int:
-    """Spin a node until SIGINT or SIGTERM; returns the exit status."""
+def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool = False) -> int:
+    """Spin a node until SIGINT or SIGTERM; returns the exit status.
+
+    Parameters
+    ----------
+    persevere : whether to go on after an exception, once it is logged: what another node sent must not end this one.
+    """
     rclpy.init(args=args)
     try:
         node = create()
         try:
-            rclpy.spin(node)
+            while node.context.ok():
+                try:
+                    rclpy.spin(node)
+                except (KeyboardInterrupt, ExternalShutdownException):
+                    raise
+                except Exception:
+                    if not persevere or not node.context.ok():
+                        raise
+                    node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
         finally:
             node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):

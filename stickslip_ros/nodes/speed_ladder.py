@@ -128,12 +128,12 @@ class LadderNode(Node):
         """Let ROS work a little, and take what has come."""
         rclpy.spin_once(self, timeout_sec=_SPIN)
         self._controller_gains.poll(monotonic())
-        for message in self._states.take_all():
+        for message, _ in self._states.take_all():
             row = self._row(message)
             if row is not None:
                 self.position = row[0]
                 self._pairing.add_sample(seconds(message.header.stamp), *row)
-        for message in self._references.take_all():
+        for message, _ in self._references.take_all():
             row = self._row(message)
             if row is not None:
                 self._pairing.add_reference(seconds(message.header.stamp), row[0], row[1])

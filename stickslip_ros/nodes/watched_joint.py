@@ -7,13 +7,16 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cached_property
 
-from stickslip_ros.joint_settings import JointSettings
+from stickslip_ros.joint_settings import PER_JOINT, JointSettings
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.status import Status
+from stickslip_ros.nodes.gain_bounds import GainBounds
 
 _GAINS_KEPT = 16
 _WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
@@ -26,19 +29,47 @@ class WatchedJoint:
     Attributes
     ----------
     heard : when a sample came last, as a steady time [s].
+    trouble : why nothing can be said of it, "" as long as something can.
     gains_heard : the latest gains of the controller, in SI units, the last one in force.
     """
 
     name: str
     monitor: JointMonitor
     settings: JointSettings
+    configured_bounds: GainBounds
     pairing: ReferencePairing = field(default_factory=ReferencePairing)
     heard: float = -math.inf
+    trouble: str = ""
     gains_heard: deque[Gains] = field(default_factory=lambda: deque(maxlen=_GAINS_KEPT))
 
-    def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
-        """A row of joint states, the effort in its publisher's units."""
-        self.pairing.add_sample(time, position, velocity, effort * self.settings.effort_scale)
+    def __post_init__(self) -> None:
+        self.configured_bounds.note(self.name, self.settings)
+
+    def follow(self, settings: JointSettings) -> None:
+        """Go on with other settings."""
+        self.settings = settings
+        self.monitor.joint, self.monitor.options = settings.joint, settings.options
+        self.configured_bounds.note(self.name, settings)
+
+    def begin_anew(self) -> None:
+        """Forget the motion, and what waits for its reference."""
+        self.pairing = ReferencePairing()
+        self.monitor.begin_anew()
+
+    def bounds(self, which: str) -> tuple[float, float]:
+        """What may be written, of "stiffness_range" or "damping_range", in the controller's units."""
+        return self.configured_bounds.of(self.name, self.settings, which)
+
+    @cached_property
+    def parameters(self) -> frozenset[str]:
+        """Names of the parameters that are this joint's."""
+        return frozenset(spec.name.format(joint=self.name) for spec in PER_JOINT)
+
+    def add_samples(self, rows: FloatArray) -> None:
+        """Rows of time, position, velocity and effort, the effort in its publisher's units; of shape (n, 4)."""
+        if self.settings.effort_scale != 1.0:
+            rows = rows * (1.0, 1.0, 1.0, self.settings.effort_scale)
+        self.pairing.add_samples(rows)
 
     def advised(self, assessment: Assessment) -> Gains | None:
         """Recommended gains in the controller's units, None if there are none or the present ones are not known."""
@@ -66,7 +97,6 @@ class WatchedJoint:
             return f"{self.name}: " + ("its gains are not known" if assessment.per_inertia else reason)
         if not has_controller:
             return f"{self.name} has no controller whose parameters could be written (parameter 'controller')"
-        limits = self.settings.options.limits
-        if math.isinf(limits.stiffness_range[1]) or math.isinf(limits.damping_range[1]):
+        if math.isinf(self.bounds("stiffness_range")[1]) or math.isinf(self.bounds("damping_range")[1]):
             return f"{self.name} has no bounds: set limits.{self.name}.p_max and limits.{self.name}.d_max first"
         return ""

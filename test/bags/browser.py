@@ -65,8 +65,8 @@ def browser(width: int = 1200, height: int = 900) -> Iterator[Page]:
     chromium, chromedriver = shutil.which("chromium"), shutil.which("chromedriver")
     if chromium is None or chromedriver is None:
         if shutil.which("apt-get") is None or os.geteuid() != 0:
-            pytest.skip("no chromium, and no right to install it (tools/install_chromium.sh)")
-        pytest.fail("no chromium: run tools/install_chromium.sh")
+            pytest.skip("no chromium, and no right to install it (tools/install_test_packages.sh)")
+        pytest.fail("no chromium: run tools/install_test_packages.sh")
     options = Options()
     options.binary_location = chromium
     for argument in (*_ARGUMENTS, f"--window-size={width},{height}"):

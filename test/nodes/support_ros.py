@@ -6,13 +6,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import DescribeParameters
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -22,7 +26,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
+from stickslip_ros.known_joints import load_joint
 from stickslip_ros.margin_table import MARGIN_FIELDS
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.joint_simulation import simulate
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
 
 
@@ -37,6 +45,7 @@ class Probe:
         self.recommended: Float64MultiArray | None = None
         self.cycles: list[dict[str, str]] = []
         self._clients: dict[str, AsyncParameterClient] = {}
+        self._lifecycle: dict[str, Client] = {}
         qos = QoSProfile(depth=5000)
         self.states = self.node.create_publisher(JointState, "joint_states", qos)
         self.references = self.node.create_publisher(JointState, "joint_references", qos)
@@ -77,6 +86,12 @@ class Probe:
             assert time.monotonic() < until, f"waited {limit} s for {what}; diagnostics: {self.diagnostics}"
             rclpy.spin_once(self.node, timeout_sec=0.02)
 
+    def spin(self, duration: float) -> None:
+        """Take what comes for so many seconds."""
+        until = time.monotonic() + duration
+        while (left := until - time.monotonic()) > 0:
+            rclpy.spin_once(self.node, timeout_sec=min(left, 0.02))
+
     def wait_for_monitor(self) -> None:
         """Wait until the monitor listens and is heard."""
         self.wait(
@@ -110,6 +125,26 @@ class Probe:
         client = self.node.create_client(Trigger, f"/stickslip_monitor/{service}")
         self.wait(client.service_is_ready, 10.0, f"the service {service}")
         return client.call_async(Trigger.Request())
+
+    def change_state(self, transition: int, limit: float = 30.0) -> bool:
+        """Ask the monitor for a transition of lifecycle_msgs/Transition; returns whether it succeeded."""
+        client = self._lifecycle_client(ChangeState, "change_state")
+        future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+        self.wait(future.done, limit, f"transition {transition}")
+        return bool(future.result().success)
+
+    def state(self) -> str:
+        """Label of the monitor's lifecycle state."""
+        client = self._lifecycle_client(GetState, "get_state")
+        future = client.call_async(GetState.Request())
+        self.wait(future.done, 10.0, "the lifecycle state")
+        return str(future.result().current_state.label)
+
+    def _lifecycle_client(self, kind: type, name: str) -> Client:
+        if name not in self._lifecycle:
+            self._lifecycle[name] = self.node.create_client(kind, f"/stickslip_monitor/{name}")
+        self.wait(self._lifecycle[name].service_is_ready, 60.0, f"the service {name}")
+        return self._lifecycle[name]
 
     def answer(self, service: str, limit: float) -> Trigger.Response:
         """The answer of a Trigger service of the monitor."""
@@ -156,3 +191,34 @@ def staircase(count: int, *, rate: float = 200.0) -> tuple[list[float], list[flo
             1e-5 * round((0.01 * (math.floor(time_) + phase**3 * (10 - 15 * phase + 6 * phase**2))) / 1e-5)
         )
     return times, positions
+
+
+def sticking_motion(duration: float, *, rate: float = 200.0) -> Batch:
+    """The paper's joint that sticks and slips at 0.005 rad/s, as an encoder gives it, with its reference."""
+    times = np.arange(round(duration * rate)) / rate
+    references, velocities = 0.005 * times, np.full(times.shape, 0.005)
+    joint = load_joint("puma560_joint1").joint
+    found = simulate(joint, Gains(stiffness=630.0), references, velocities, period=1.0 / rate)
+    positions = 2.5e-5 * np.round(found.position[: len(times)] / 2.5e-5)
+    return Batch(time=times, position=positions, reference_position=references, reference_velocity=velocities)
+
+
+def play(
+    one: Probe,
+    joint: str,
+    times: Iterable[float],
+    positions: Iterable[float],
+    references: Iterable[float] = (),
+    *,
+    begin: float,
+) -> None:
+    """Publish a motion some ten times as fast as it was."""
+    desired = list(references)
+    for index, (at, position) in enumerate(zip(times, positions, strict=True)):
+        if desired:
+            message = JointState(name=[joint], position=[desired[index]])
+            message.header.stamp = stamp(begin + at)
+            one.references.publish(message)
+        one.publish([joint], begin + at, position=[float(position)])
+        if index % 20 == 0:
+            one.spin(0.01)

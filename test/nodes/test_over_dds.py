@@ -224,7 +224,7 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
         recording(name)
         path = next(RECORDINGS.glob(f"{name}*"))
     batch = load_recording(path).batch
-    offline = JointMonitor()
+    offline = JointMonitor(at_arrest=True)
     expected = offline.process(batch) + offline.finish()
     factor = max(1.0, (batch.time[-1] - batch.time[0]) / 8.0)
     # A live monitor subscribes best effort and may lose a sample when the machine is short of time; a comparison

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A topic of JointStates as rows of each joint: drained in batches of bytes, decoded as the bags are."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.bags.blocks import Block, Integers
+from stickslip_ros.bags.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
+from stickslip_ros.nodes.arrival_times import ArrivalTimes
+from stickslip_ros.nodes.drain import DrainedSubscription
+from stickslip_ros.nodes.refusals import Refusals
+from stickslip_ros.nodes.sequence_numbers import SequenceNumbers
+
+NO_STAMP = "stamp is zero; the time of arrival is used instead"
+_LOOK_EVERY = 0.5  # [s] at the graph, for how many publish
+_CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
+_LONGEST_REASON = 300
+
+
+class JointStateTopic:
+    """See the module.
+
+    Parameters
+    ----------
+    refuse : called with the reason for what is not taken.
+
+    Attributes
+    ----------
+    messages : how many came; waiting : the most that a drain found since :meth:`look_back` was called last.
+    oldest : when the oldest message since then came, in the system's time [s]; NaN if none did.
+    contested : joints that several publishers tell of at once, which is no motion to follow.
+    """
+
+    def __init__(self, node: Node, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
+        self._topic, self._refuse = topic, refuse
+        self._subscription = DrainedSubscription(node, JointState, topic, qos, raw=True)
+        self._decoder = JointStateDecoder()
+        self._arrivals = ArrivalTimes(node)
+        self._sequence = SequenceNumbers()
+        self._looked_at = 0.0
+        self._last_number: dict[str, int] = {}
+        self._steps_back: dict[str, int] = {}
+        self.publishers = 0
+        self.messages = self.waiting = 0
+        self.oldest = np.nan
+        self.contested: frozenset[str] = frozenset()
+
+    @property
+    def lost(self) -> int:
+        """Messages that never came."""
+        return self._sequence.lost
+
+    def look_back(self) -> None:
+        """Begin anew to count what a drain finds."""
+        self.waiting, self.oldest = 0, np.nan
+
+    def take(self) -> dict[str, FloatArray]:
+        """Rows of time, position, velocity and effort of each joint heard of since the last time."""
+        taken = self._subscription.take_all()
+        self._look_at_the_graph()
+        arrivals = self._arrivals.of([info for _, info in taken])
+        if not taken:
+            return {}
+        self.messages += len(taken)
+        self.waiting = max(self.waiting, len(taken))
+        if not self.oldest <= self._arrivals.first:
+            self.oldest = self._arrivals.first
+        numbers = [info.get("publication_sequence_number") for _, info in taken]
+        numbered = None not in numbers
+        if numbered:
+            self._sequence.take(numbers)  # type: ignore[arg-type]
+        block = Block.of_messages(((0, 0, data) for data, _ in taken), {})
+        found = self._decoder.decode(block, np.arange(len(block)))
+        for reason, count in self._decoder.refused.items():
+            self._refuse_many(reason, count)
+        self._decoder.refused.clear()
+        if numbered and self.publishers > 1:
+            self._look_for_rivals(found, np.array(numbers))
+        return rows_by_joint(found, [self._times(rows, arrivals) for rows in found])
+
+    def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
+        """Stamps, or the times of arrival where there are none."""
+        unset = rows.time == 0.0
+        if not unset.any():
+            return rows.time
+        self._refuse_many(NO_STAMP, int(unset.sum()))
+        return np.where(unset, arrivals[rows.index], rows.time)
+
+    def _look_at_the_graph(self) -> None:
+        now = monotonic()
+        if now - self._looked_at < _LOOK_EVERY:
+            return
+        self._looked_at = now
+        self.publishers = self._subscription.publishers
+        self.contested = frozenset(name for name, steps in self._steps_back.items() if steps >= _CONTESTED)
+        if self.publishers < 2:
+            self._last_number.clear()
+        self._steps_back.clear()
+
+    def _look_for_rivals(self, found: list[JointRows], numbers: Integers) -> None:
+        """Count the steps back in the numbers of the messages that tell of a joint: one publisher's only grow."""
+        indices: dict[str, list[Integers]] = {}
+        for rows in found:
+            for name in rows.names:
+                indices.setdefault(name, []).append(rows.index)
+        for name, parts in indices.items():
+            mine = numbers[np.sort(np.concatenate(parts))]
+            steps = int((np.diff(mine, prepend=self._last_number.get(name, mine[0] - 1)) <= 0).sum())
+            self._last_number[name] = int(mine[-1])
+            if steps:
+                self._steps_back[name] = self._steps_back.get(name, 0) + steps
+
+    def _refuse_many(self, reason: str, count: int) -> None:
+        # Reasons may quote names from the graph.
+        self._refuse(f"{self._topic}: {reason[:_LONGEST_REASON]}", count)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._subscription.close()

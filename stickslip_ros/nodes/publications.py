@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the node publishes of its joints: diagnostics, margins, cycles, friction, advice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.lifecycle import LifecycleNode
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from stickslip_ros.diagnosis import cycle_diagnostic, joint_diagnostic
+from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.nodes.conversion import diagnostic_status, friction_message, table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What is known of one joint now.
+
+    Attributes
+    ----------
+    exact, trial : verdicts on the gains of now and on those on trial.
+    silent_for : [s], None if it is heard. trouble : why nothing can be said of it, or "".
+    applied : the last outcome of `~/apply_recommendation`, or "".
+    advised : gains in the controller's units, None if there are none.
+    """
+
+    assessment: Assessment
+    exact: ExactVerdict
+    trial: ExactVerdict
+    silent_for: float | None
+    trouble: str
+    applied: str
+    advised: Gains | None
+
+
+class Publications:
+    """The node's publishers, which are silent while it is inactive."""
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node, self._clock = node, node.get_clock()
+        create = node.create_lifecycle_publisher
+        self._diagnostics = create(DiagnosticArray, "/diagnostics", 10)
+        self._margins = create(Float64MultiArray, "~/margins", 10)
+        self._cycles = create(DiagnosticArray, "~/cycles", 1000)
+        self._friction = create(JointState, "~/friction", 10)
+        self._recommended = create(Float64MultiArray, "~/recommended_gains", 10)
+
+    def close(self) -> None:
+        """Take them from the graph."""
+        for publisher in (self._diagnostics, self._margins, self._cycles, self._friction, self._recommended):
+            self._node.destroy_lifecycle_publisher(publisher)
+
+    def publish_cycles(self, found: Sequence[tuple[str, Cycle]]) -> None:
+        """One status for every completed cycle, with the name of its joint."""
+        if found:
+            array = DiagnosticArray(status=[diagnostic_status(cycle_diagnostic(name, cycle)) for name, cycle in found])
+            array.header.stamp = self._clock.now().to_msg()
+            self._cycles.publish(array)
+
+    def publish(self, own: DiagnosticStatus, joints: Mapping[str, Findings], *, warn_margin: float) -> None:
+        """The status of the node and of every joint, and the tables."""
+        array = DiagnosticArray(status=[own])
+        array.header.stamp = self._clock.now().to_msg()
+        rows: list[float] = []
+        for name, one in joints.items():
+            diagnosis = joint_diagnostic(
+                name,
+                one.assessment,
+                one.exact,
+                one.trial,
+                warn_margin=warn_margin,
+                silent_for=one.silent_for,
+                trouble=one.trouble,
+                applied=one.applied,
+            )
+            array.status.append(diagnostic_status(diagnosis))
+            rows += margin_row(one.assessment, one.exact, one.trial)
+        self._diagnostics.publish(array)
+        if not joints:
+            return
+        self._friction.publish(
+            friction_message(array.header.stamp, {name: one.assessment for name, one in joints.items()})
+        )
+        self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
+        self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
+
+    def _publish_advice(self, advised: Mapping[str, Gains]) -> None:
+        if advised:
+            values = [float(value) for gains in advised.values() for value in (gains.stiffness, gains.damping)]
+            self._recommended.publish(table(list(advised), ("p", "d"), values))

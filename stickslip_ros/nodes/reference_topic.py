@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The desired motion: JointStates, or the states that a controller of control_msgs publishes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from stickslip_ros.message_content import MessageError, reference_rows, seconds
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.nodes.arrival_times import ArrivalTimes
+from stickslip_ros.nodes.drain import DrainedSubscription
+from stickslip_ros.nodes.joint_state_topic import NO_STAMP, JointStateTopic
+from stickslip_ros.nodes.references import reference_message_type
+from stickslip_ros.nodes.refusals import Refusals
+
+
+class ControllerStateTopic:
+    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which few publish fast."""
+
+    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
+        self._topic, self._refuse = topic, refuse
+        self._subscription = DrainedSubscription(node, message_type, topic, qos)
+        self._arrivals = ArrivalTimes(node)
+
+    def take(self) -> dict[str, FloatArray]:
+        """Rows of time, position and velocity of each joint since the last time."""
+        taken = self._subscription.take_all()
+        arrivals = self._arrivals.of([info for _, info in taken])
+        rows: dict[str, list[tuple[float, float, float]]] = {}
+        for (message, _), arrival in zip(taken, arrivals.tolist(), strict=True):
+            self._take(message, arrival, rows)
+        return {name: np.array(found) for name, found in rows.items()}
+
+    def _take(self, message: Any, arrival: float, rows: dict[str, list[tuple[float, float, float]]]) -> None:
+        try:
+            found = reference_rows(message)
+        except MessageError as error:
+            self._refuse(f"{self._topic}: {error}")
+            return
+        time = seconds(message.header.stamp)
+        if time == 0.0:
+            self._refuse(f"{self._topic}: {NO_STAMP}")
+            time = arrival
+        for name, (position, velocity) in found.items():
+            rows.setdefault(name, []).append((time, position, velocity))
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._subscription.close()
+
+
+def reference_topic(
+    node: Node, kind: str, topic: str, qos: QoSProfile, refuse: Refusals
+) -> JointStateTopic | ControllerStateTopic:
+    """The topic of a reference type; its rows begin with time, position and velocity.
+
+    Raises
+    ------
+    StickSlipError
+        If there is no such type, or its package is not installed.
+    """
+    if kind == "JointState":
+        return JointStateTopic(node, topic, qos, refuse)
+    return ControllerStateTopic(node, reference_message_type(kind), topic, qos, refuse)

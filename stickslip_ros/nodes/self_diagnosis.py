@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""How the monitor itself is doing: rate, latency, losses, backlog, processor and memory."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+from stickslip_ros.nodes.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.slow_work import SlowWork
+
+_OVER = 2.0  # [s] that figures are of
+_LATE = 0.25  # [s] from a message to the status that it is part of, which is too late
+_WORK_LATE = 30.0  # [s] of waiting, likewise
+_RECENT = 10.0  # [s] for which a loss is worth a warning
+_TICKS = os.sysconf("SC_CLK_TCK")
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+class SelfDiagnosis:
+    """Figures of the last seconds; :meth:`note` is called with every status published."""
+
+    def __init__(self, states: JointStateTopic, work: SlowWork) -> None:
+        self._states, self._work = states, work
+        self._notes: deque[tuple[float, float, int, float, int]] = deque()
+        self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
+
+    def note(self) -> None:
+        """Remember how things are, statuses having been published just now."""
+        now = time.monotonic()
+        latency = time.time() - self._states.oldest
+        cpu = time.process_time() + sum(_processor_time(pid) for pid in self._work.process_ids)
+        self._notes.append((now, cpu, self._states.messages, latency, self._states.waiting))
+        while len(self._notes) > 2 and now - self._notes[1][0] >= _OVER:
+            self._notes.popleft()
+        if self._states.lost > self._lost or self._work.skipped > self._skipped:
+            self._lost_at = now
+        self._lost, self._skipped = self._states.lost, self._work.skipped
+        self._states.look_back()
+
+    @property
+    def latency(self) -> float:
+        """From the arrival of a message to the status that it is part of, the longest of late [s]; NaN without any."""
+        known = [note[3] for note in self._notes if math.isfinite(note[3])]
+        return max(known, default=math.nan)
+
+    @property
+    def trouble(self) -> str:
+        """What there is to worry about, "" if nothing."""
+        if self._notes and self._notes[-1][0] - self._lost_at < _RECENT:
+            return f"{self._lost} messages lost, {self._skipped} questions skipped so far"
+        if self.latency > _LATE:
+            return f"statuses are {self.latency:.2g} s late: the machine is too slow for so many joints"
+        if self._work.lateness > _WORK_LATE:
+            return f"friction and advice are {self._work.lateness:.0f} s behind"
+        return ""
+
+    def values(self) -> Sequence[tuple[str, float]]:
+        """The figures, each under a key with its unit."""
+        rate = processor = math.nan
+        if len(self._notes) > 1:
+            (began, cpu, messages, *_), (now, cpu_now, messages_now, *_) = self._notes[0], self._notes[-1]
+            rate, processor = (messages_now - messages) / (now - began), 100.0 * (cpu_now - cpu) / (now - began)
+        memory = [_resident_memory(pid) for pid in (os.getpid(), *self._work.process_ids)]
+        return [
+            ("messages received [1]", self._states.messages),
+            ("message rate [Hz]", rate),
+            ("messages lost [1]", self._states.lost),
+            ("publishers of joint_states [1]", self._states.publishers),
+            ("latency from message to status [s]", self.latency),
+            ("messages waiting [1]", max((note[4] for note in self._notes), default=0)),
+            ("questions under way [1]", self._work.waiting),
+            ("oldest question [s]", self._work.lateness),
+            ("questions skipped, the worker being late [1]", self._work.skipped),
+            ("questions that failed [1]", self._work.failures),
+            ("processor [%]", processor),
+            ("memory [MB]", memory[0]),
+            ("memory of the worker [MB]", sum(memory[1:])),
+        ]
+
+
+def _processor_time(pid: int) -> float:
+    """Of another process [s]; 0 if it has gone."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / _TICKS
+
+
+def _resident_memory(pid: int) -> float:
+    """Of a process [MB]; 0 if it has gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE / 1e6
+    except OSError:
+        return 0.0

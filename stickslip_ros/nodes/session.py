@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""All that the monitor has between configuring and cleaning up: joints, topics, services, workers."""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.lifecycle import LifecycleNode
+from rclpy.parameter import Parameter
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from stickslip_ros.diagnosis import value_text
+from stickslip_ros.joint_settings import RECOMMENDED
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.nodes import joint_parameters, monitor_parameters, studies
+from stickslip_ros.nodes.advice_worker import AdviceWorker
+from stickslip_ros.nodes.apply_service import ApplyService, NotYetError, RefusedError
+from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
+from stickslip_ros.nodes.gain_application import GainApplication
+from stickslip_ros.nodes.gain_bounds import GainBounds
+from stickslip_ros.nodes.gain_intake import GainIntake
+from stickslip_ros.nodes.joint_parameters import OwnChange
+from stickslip_ros.nodes.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.publications import Findings, Publications
+from stickslip_ros.nodes.reference_topic import ControllerStateTopic, reference_topic
+from stickslip_ros.nodes.refusals import Refusals
+from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
+from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.state_keeper import StateKeeper
+from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.nodes.watched_joints import WatchedJoints
+
+_STALE_AFTER = 1.0  # [s]
+_QUEUE = 5000
+_POLL_GAINS = 0.1  # [s]
+_PUBLISHING = 2.5  # times as long as publishing takes: how long it is until the next
+_CONTESTED = "published by several nodes at once; remap all but one of them"
+
+
+class Session:
+    """See the module; the node calls :meth:`tick` while it is active.
+
+    Parameters
+    ----------
+    bounds : of what may be written, which outlast the session.
+
+    Raises
+    ------
+    StickSlipError
+        If parameters make no joint or topic.
+    """
+
+    def __init__(self, node: LifecycleNode, bounds: GainBounds, own_change: OwnChange, state_path: Path | None) -> None:
+        self._own_change = own_change
+        self._node, self._log = node, node.get_logger()
+        self._refuse = Refusals(self._log.warning)
+        self._work = SlowWork(self._log.warning)
+        self._exact, advice = ExactWorker(self._work), AdviceWorker(self._work)
+        self._keeper = StateKeeper(state_path, self._log)
+        self._states: JointStateTopic | None = None
+        self._references: JointStateTopic | ControllerStateTopic | None = None
+        self._self: SelfDiagnosis | None = None
+        self._publish_at = self._poll_at = -math.inf
+        self._period = 1.0 / float(node.get_parameter("publish_rate").value)
+        self._closing: list[Callable[[], object]] = [self._work.close]
+        self._reference_type = str(node.get_parameter("reference_type").value)
+        try:
+            names = tuple(name for name in node.get_parameter("joints").value if name)
+            self.joints = WatchedJoints(node, names, bounds, own_change, advice.adviser, self._refuse, self._on_new)
+            self._gains = GainIntake(
+                node,
+                lambda: list(self.joints),
+                lambda: self.joints.welcomes_others,
+                self.joints.hear_gains,
+                self._refuse,
+            )
+            self._closing.append(self._gains.close)
+            self._publications = Publications(node)
+            self._closing.append(self._publications.close)
+            self._apply = ApplyService(node, self._begin_applying)
+            self._closing.append(self._apply.close)
+            reset = node.create_service(Trigger, "~/reset", self._reset)
+            self._closing.append(lambda: node.destroy_service(reset))
+            # A reference type that cannot be had is refused now rather than when the node is activated.
+            self._open().close()
+            self.follow_controllers()
+        except BaseException:
+            self.close()
+            raise
+        for joint in self.joints.values():
+            self._keeper.remind(joint)
+
+    def follow_controllers(self) -> None:
+        """Follow the gains of those that the parameters name."""
+        self._gains.follow(monitor_parameters.controllers(self._node))
+
+    def activate(self) -> None:
+        """Begin to listen."""
+        self._references = self._open()
+        self._states = JointStateTopic(self._node, "joint_states", self._qos(), self._refuse)
+        self._self = SelfDiagnosis(self._states, self._work)
+
+    def deactivate(self) -> None:
+        """Listen no more, and write no more gains; what was learnt is kept and saved."""
+        if self._states is None or self._references is None:
+            return
+        self._apply.stop("the monitor was deactivated")
+        last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
+        if self._node.context.ok():
+            self._publications.publish_cycles(last)
+        self._states.close()
+        self._references.close()
+        self._states = self._references = self._self = None
+        self._keeper.save(self.joints)
+
+    def close(self) -> None:
+        """Give everything back."""
+        while self._closing:
+            self._closing.pop()()
+
+    def save(self) -> None:
+        """Save what was learnt, at the end."""
+        self._keeper.save(self.joints)
+
+    def tick(self) -> None:
+        """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
+        now = monotonic()
+        self._take(now)
+        if now >= self._poll_at:
+            self._poll_at = now + _POLL_GAINS
+            self._gains.poll(now)
+        self._apply.tick(now)
+        self._keeper.tick(self.joints, now)
+        if now >= self._publish_at:
+            self._publish(now)
+            # However many joints there are, intake has most of the time.
+            spent = monotonic() - now
+            self._publish_at = max(self._publish_at + self._period, now + _PUBLISHING * spent)
+
+    def _open(self) -> JointStateTopic | ControllerStateTopic:
+        return reference_topic(self._node, self._reference_type, "joint_references", self._qos(), self._refuse)
+
+    @staticmethod
+    def _qos() -> QoSProfile:
+        return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+    def _on_new(self, joint: WatchedJoint) -> None:
+        self._keeper.remind(joint)
+        gains = self._gains.heard_of(joint.name)
+        if gains is not None:
+            self.joints.hear_gains(joint.name, gains)
+
+    def _take(self, now: float) -> None:
+        if self._states is None or self._references is None:
+            return
+        # References last, so that they are no older than the samples that wait for them.
+        samples, references = self._states.take(), self._references.take()
+        contested = self._states.contested
+        for name, joint in self.joints.items():
+            if name in contested and not joint.trouble:
+                # What was taken for its motion until now was none.
+                joint.begin_anew()
+            joint.trouble = _CONTESTED if name in contested else ""
+        for name, rows in samples.items():
+            heard = self.joints.welcome(name)
+            if heard is not None:
+                heard.heard = now
+                if name not in contested:
+                    heard.add_samples(rows)
+        for name, rows in references.items():
+            if name in self.joints:
+                self.joints[name].pairing.add_references(rows[:, :3])
+        found: list[tuple[str, Cycle]] = []
+        for name in samples.keys() | references.keys():
+            if name in self.joints:
+                found += [(name, cycle) for cycle in self._follow(self.joints[name])]
+        self._publications.publish_cycles(found)
+
+    def _follow(self, joint: WatchedJoint) -> list[Cycle]:
+        """Let one joint's monitor follow its samples; what goes wrong with it is no other joint's business."""
+        try:
+            batch = joint.pairing.take()
+            return joint.monitor.process(batch) if batch is not None else []
+        except Exception:
+            self._begin_anew(joint)
+            return []
+
+    def _begin_anew(self, joint: WatchedJoint) -> None:
+        """Go on after an error in what follows one joint."""
+        self._refuse(f"{joint.name}: an error of the monitor itself; the joint is followed anew")
+        self._log.error(f"{joint.name}: {traceback.format_exc()}", throttle_duration_sec=10.0)
+        joint.begin_anew()
+
+    def _publish(self, now: float) -> None:
+        warn_margin = float(self._node.get_parameter("warn_margin").value)
+        findings = {}
+        for name, joint in self.joints.items():
+            try:
+                findings[name] = self._findings(joint, now)
+            except Exception:
+                self._begin_anew(joint)
+        self._publications.publish(self._own_status(), findings, warn_margin=warn_margin)
+        if self._self is not None:
+            self._self.note()
+        self._set_advice({name: one.advised for name, one in findings.items()})
+        ended = []
+        for name, one in findings.items():
+            monitor = self.joints[name].monitor
+            studies.attend(self._work, name, monitor.learner)
+            if one.silent_for is not None:
+                ended += [(name, cycle) for cycle in monitor.finish()]
+        self._publications.publish_cycles(ended)
+
+    def _findings(self, joint: WatchedJoint, now: float) -> Findings:
+        assessment = joint.monitor.assessment()
+        silence = now - joint.heard
+        trial = None if assessment.per_inertia else assessment.trial
+        return Findings(
+            assessment=assessment,
+            exact=self._exact_verdict(joint, joint.name, assessment, assessment.margin_gains, now),
+            trial=self._exact_verdict(joint, f"trial {joint.name}", assessment, trial, now),
+            silent_for=silence if silence > _STALE_AFTER else None,
+            trouble=joint.trouble,
+            applied=self._apply.outcomes.get(joint.name, ""),
+            advised=joint.advised(assessment),
+        )
+
+    def _exact_verdict(
+        self, joint: WatchedJoint, name: str, assessment: Assessment, gains: Gains | None, now: float
+    ) -> ExactVerdict:
+        believed: Joint | None = assessment.joint
+        if believed is None or gains is None or not assessment.velocity_source:
+            return UNKNOWN
+        conditions = joint.settings.options.conditions
+        return self._exact.verdict(name, believed, gains, conditions, assessment.velocity, now)
+
+    def _set_advice(self, advised: dict[str, Gains | None]) -> None:
+        """Let the parameters `recommended.<joint>.p` and `.d` hold the advice."""
+        changed = []
+        for name, gains in advised.items():
+            numbers = (math.nan, math.nan) if gains is None else (float(gains.stiffness), float(gains.damping))
+            for key, value in zip(RECOMMENDED, numbers, strict=True):
+                parameter = joint_parameters.recommended_name(name, key)
+                old = float(self._node.get_parameter(parameter).value)
+                if old != value and not (math.isnan(old) and math.isnan(value)):
+                    changed.append(Parameter(parameter, Parameter.Type.DOUBLE, value))
+        if changed:
+            with self._own_change:
+                self._node.set_parameters(changed)
+
+    def _begin_applying(self) -> list[GainApplication]:
+        """The ramps that lead to the advice, for every joint that needs it."""
+        if self._states is None:
+            raise RefusedError("the monitor is not active")
+        if not self._node.get_parameter("allow_apply").value:
+            raise RefusedError("allow_apply is false; set it to true where gains may be written")
+        ramps, reasons = [], []
+        for joint in self.joints.values():
+            assessment = joint.monitor.assessment()
+            if joint.being_advised(assessment):
+                raise NotYetError(f"the advice for {joint.name} is being worked out")
+            controller = self._gains.controller_of(joint.name)
+            reason = joint.why_not_applied(assessment, has_controller=controller is not None)
+            if reason or controller is None:
+                reasons.append(reason)
+                continue
+            ramps.append(
+                GainApplication(
+                    joint,
+                    controller,
+                    rate=float(self._node.get_parameter("apply_rate").value),
+                    allowed=lambda: bool(self._node.get_parameter("allow_apply").value),
+                    log=self._log,
+                )
+            )
+        if not ramps:
+            raise RefusedError("; ".join(reasons) or "no joint is watched yet")
+        return ramps
+
+    def _own_status(self) -> DiagnosticStatus:
+        """The node's own health: what it refused, where the gains come from, how it keeps up."""
+        status = DiagnosticStatus(name="stickslip_monitor", hardware_id="stickslip_monitor", level=DiagnosticStatus.OK)
+        troubles = [
+            f"apply_recommendation: {self._apply.state}" if self._apply.failed else "",
+            self._gains.state if self._gains.waiting else "",
+            self._self.trouble if self._self is not None else "",
+            self._keeper.trouble,
+            f"refused: {self._refuse.latest}" if self._refuse.latest else "",
+        ]
+        status.message = next((trouble for trouble in troubles if trouble), "")
+        if status.message:
+            status.level = DiagnosticStatus.WARN
+        skipped = sum(joint.monitor.learner.skipped for joint in self.joints.values())
+        values: list[tuple[str, object]] = [
+            ("joints [1]", len(self.joints)),
+            ("controller", self._gains.state),
+            ("gains of joints not heard of", ", ".join(self._gains.early)),
+            ("apply_recommendation", self._apply.state),
+            ("slips not learnt from, a study being late [1]", skipped),
+            *(self._self.values() if self._self is not None else ()),
+            *((f"refused: {reason}", count) for reason, count in self._refuse.counts.items()),
+        ]
+        status.values = [KeyValue(key=key, value=value_text(value)) for key, value in values]
+        return status
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        for name, joint in self.joints.items():
+            joint.monitor.reset()
+            self._keeper.forget(name)
+        response.success = True
+        response.message = f"forgot what was learnt of {len(self.joints)} joints"
+        return response

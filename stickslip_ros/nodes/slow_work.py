@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Work that takes up to seconds, in a process of its own: Python's threads share one lock, and intake needs it."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from time import monotonic
+from typing import Any
+
+from stickslip_ros.parent_death import die_with_parent
+
+_NICE = 10  # what else runs on the robot comes first
+_MOST_WAITING = 64  # questions; further ones are skipped until there is room
+_REST = 5.0  # [s] before a question of a key is taken again, where the last one could not be answered
+
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class _Running:
+    question: Any
+    future: Future[Any]
+    pool: ProcessPoolExecutor
+    asked_at: float
+
+
+@dataclass(frozen=True)
+class Done:
+    """A question that was dealt with; the answer is None, and ``failed`` set, if that went wrong."""
+
+    question: Any
+    answer: Any
+    failed: bool = False
+
+
+class SlowWork:
+    """One process, begun with the first question; each key has at most one question under way.
+
+    Parameters
+    ----------
+    warn : told what went wrong.
+
+    ``skipped`` counts questions that found no room, ``failures`` those that came to nothing.
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self._warn = warn
+        self._pool: ProcessPoolExecutor | None = None
+        self._running: dict[Key, _Running] = {}
+        self._rests: dict[Key, float] = {}
+        self.skipped = self.failures = 0
+
+    @property
+    def waiting(self) -> int:
+        """Questions under way."""
+        return sum(not one.future.done() for one in self._running.values())
+
+    @property
+    def lateness(self) -> float:
+        """How long the oldest question has waited [s]; 0 if none does."""
+        asked = [one.asked_at for one in self._running.values() if not one.future.done()]
+        return monotonic() - min(asked) if asked else 0.0
+
+    @property
+    def process_ids(self) -> list[int]:
+        """Of the process, if it runs."""
+        return list((self._pool._processes or {}) if self._pool is not None else {})
+
+    def has_room(self, key: Key) -> bool:
+        """Whether a question of this key would be taken; if it is for want of room that it would not, that counts."""
+        if key in self._running or self._rests.get(key, 0.0) > monotonic():
+            return False
+        if len(self._running) >= _MOST_WAITING:
+            self.skipped += 1
+            return False
+        return True
+
+    def ask(self, key: Key, function: Callable[[Any], Any], question: Any) -> bool:
+        """Begin to work out ``function(question)``, if there is room; returns whether it was begun."""
+        if not self.has_room(key):
+            return False
+        if self._pool is None:
+            # Not forked: a copy of this process with its ROS threads would not work.
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(
+                max_workers=1, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+            )
+        try:
+            self._running[key] = _Running(question, self._pool.submit(function, question), self._pool, monotonic())
+        except BrokenProcessPool:
+            # Killed a moment ago, by a shortage of memory perhaps: the next question begins another.
+            self._lose(self._pool)
+            return False
+        except (OSError, RuntimeError) as error:
+            # No process could be begun: too little memory, too many processes.
+            self.failures += 1
+            self._rests[key] = monotonic() + _REST
+            self._warn(f"no process for slow work can be begun: {error!s:.200}")
+            self._end()
+            return False
+        return True
+
+    def take(self, key: Key) -> Done | None:
+        """What became of the question of this key, once: None if it is under way, or there is none."""
+        running = self._running.get(key)
+        if running is None or not running.future.done():
+            return None
+        del self._running[key]
+        try:
+            return Done(running.question, running.future.result())
+        except BrokenProcessPool:
+            self._lose(running.pool)
+        except Exception as error:
+            # Whatever it was, the joints are watched on without an answer.
+            self.failures += 1
+            self._rests[key] = monotonic() + _REST
+            self._warn(f"{' of '.join(key)} failed: {type(error).__name__}: {error}")
+        return Done(running.question, None, failed=True)
+
+    def _lose(self, pool: ProcessPoolExecutor) -> None:
+        self.failures += 1
+        if pool is self._pool:
+            self._warn("the process for slow work ended unexpectedly; another one is begun")
+            self._end()
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._end()
+        self._running.clear()
+
+    def _end(self) -> None:
+        if self._pool is None:
+            return
+        processes = list((self._pool._processes or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            with contextlib.suppress(OSError, ValueError):
+                process.kill()
+        self._pool = None
+
+
+def _begin(parent: int) -> None:
+    os.nice(_NICE)
+    # Ctrl-C is for the node, which ends this process in its own time.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(parent)

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What was learnt, kept in a file: written whole or not at all, and believed only if it is as it was written."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.monitoring.joint_monitor import JointMemory
+from stickslip_ros.plain_data import from_plain, to_plain
+
+_FORMAT = "stickslip_ros state"
+_VERSION = 1
+_LARGEST = 256_000_000  # bytes; a larger file is none of ours
+
+
+class StateFileError(StickSlipError, ValueError):
+    """A file that is none of ours, or damaged; the text says how."""
+
+
+def default_path(node_name: str) -> Path:
+    """Where the state of a node of this fully qualified name belongs: in ROS_HOME, or ~/.ros."""
+    home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
+    # Node names have letters, digits and underscores alone; whatever else there is stays out of the path.
+    words = ["".join(c for c in word if c.isalnum() or c == "_") for word in node_name.split("/")]
+    return home / "stickslip_ros" / f"{'.'.join(word for word in words if word)}.json"
+
+
+def read_state(path: Path) -> dict[str, JointMemory]:
+    """What is remembered of each joint; empty where there is no file.
+
+    Raises
+    ------
+    StateFileError
+        If the file is damaged or none of ours.
+    OSError
+        If it cannot be read.
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise StateFileError(f"it has more than {_LARGEST} bytes")
+        text = path.read_bytes()
+    except FileNotFoundError:
+        return {}
+    try:
+        header, _, body = text.partition(b"\n")
+        expected = json.loads(header)
+        if not isinstance(expected, dict) or expected.get("format") != _FORMAT:
+            raise StateFileError("it is no state of a stickslip_monitor")
+        if expected.get("version") != _VERSION:
+            raise StateFileError(f"it has version {expected.get('version')}, not {_VERSION}")
+        if expected.get("crc32") != zlib.crc32(body):
+            raise StateFileError("its checksum is wrong")
+        joints: dict[str, Any] = json.loads(body)
+        return {name: from_plain(JointMemory, data) for name, data in joints.items()}
+    except (ValueError, RecursionError, AttributeError) as error:
+        if isinstance(error, StateFileError):
+            raise
+        raise StateFileError(str(error)) from error
+
+
+def as_text(joints: Mapping[str, JointMemory]) -> bytes:
+    """The content of the file."""
+    body = json.dumps({name: to_plain(memory) for name, memory in joints.items()}).encode()
+    header = json.dumps({"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body)}).encode()
+    return header + b"\n" + body
+
+
+def write_atomically(path: Path, text: bytes) -> None:
+    """Put a file in place of the one before, in one step.
+
+    Raises
+    ------
+    OSError
+        If there is no room, or no permission; the file before is then as it was.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def set_aside(path: Path) -> Path:
+    """Keep a damaged file beside the next one, in place of an earlier damaged one; returns where."""
+    aside = path.with_name(f"{path.name}.damaged")
+    path.replace(aside)
+    return aside

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Saves what was learnt of the joints every minute and at the end, and gives it back at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Future, wait
+from pathlib import Path
+from threading import Thread
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from stickslip_ros.monitoring.joint_monitor import JointMemory
+from stickslip_ros.nodes.state_file import StateFileError, as_text, read_state, set_aside, write_atomically
+from stickslip_ros.nodes.watched_joint import WatchedJoint
+
+_EVERY = 60.0  # [s]
+_LONGEST_WAIT = 0.5  # [s] at the end for a file that is being written
+
+
+class StateKeeper:
+    """See the module. A state that cannot be read or written is said in the log and in ``trouble``, and tried again.
+
+    Parameters
+    ----------
+    path : of the file, None to keep nothing.
+    """
+
+    def __init__(self, path: Path | None, log: RcutilsLogger) -> None:
+        self._path, self._log = path, log
+        self._writing: Future[bytes] | None = None
+        self._saved_at: float | None = None
+        self._saved = b""
+        self.trouble = ""
+        self._known = self._read(path) if path is not None else {}
+
+    def _read(self, path: Path) -> dict[str, JointMemory]:
+        try:
+            return read_state(path)
+        except StateFileError as error:
+            try:
+                aside = set_aside(path)
+                self._log.warning(f"{path} is damaged ({error}); it is kept as {aside}, and learning begins anew")
+            except OSError as second:
+                self._log.warning(f"{path} is damaged ({error}), and cannot be set aside: {second}")
+        except OSError as error:
+            self._trouble(f"{path} cannot be read: {error}")
+        return {}
+
+    def remind(self, joint: WatchedJoint) -> None:
+        """Let a joint's monitor go on from what was known of it."""
+        memory = self._known.get(joint.name)
+        if memory is None:
+            return
+        if joint.monitor.remember(memory):
+            self._log.info(f"{joint.name}: going on from the friction learnt before, from {self._path}")
+        elif memory.friction.learnt is not None:
+            self._log.info(
+                f"{joint.name}: another joint is configured than the friction in {self._path} was learnt with"
+            )
+
+    def forget(self, name: str) -> None:
+        """Drop what is known of a joint."""
+        self._known.pop(name, None)
+
+    def tick(self, joints: Mapping[str, WatchedJoint], now: float) -> None:
+        """Save every minute; ``now`` is a steady time [s]."""
+        if self._writing is not None and self._writing.done():
+            self._finish(self._writing)
+        if self._saved_at is None:
+            self._saved_at = now
+        if self._writing is None and now - self._saved_at >= _EVERY:
+            self._saved_at = now
+            self._begin(joints)
+
+    def save(self, joints: Mapping[str, WatchedJoint]) -> None:
+        """Save now: at the end."""
+        # What is being written already is not the last word.
+        if self._path is None or not self._wait():
+            return
+        self._begin(joints)
+        self._wait()
+
+    def _wait(self) -> bool:
+        """Wait for what is being written; returns whether that is done."""
+        if self._writing is None:
+            return True
+        wait([self._writing], _LONGEST_WAIT)
+        if not self._writing.done():
+            self._trouble(f"{self._path}: the disk is too slow to save what was learnt")
+            return False
+        self._finish(self._writing)
+        return True
+
+    def _begin(self, joints: Mapping[str, WatchedJoint]) -> None:
+        """Write in a thread of its own, as disks can be slow; a daemon, as some hang."""
+        if self._path is None:
+            return
+        # Joints that are not there now may come again.
+        self._known |= {name: joint.monitor.memory() for name, joint in joints.items() if joint.monitor.cycle_count}
+        self._writing = Future()
+        arguments = (self._path, dict(self._known), self._saved, self._writing)
+        Thread(target=_write, args=arguments, daemon=True).start()
+
+    def _finish(self, writing: Future[bytes]) -> None:
+        self._writing = None
+        error = writing.exception()
+        if error is None:
+            self._saved, self.trouble = writing.result(), ""
+        else:
+            self._trouble(f"what was learnt cannot be saved: {error}")
+
+    def _trouble(self, what: str) -> None:
+        if what != self.trouble:
+            self._log.warning(what)
+        self.trouble = what
+
+
+def _write(path: Path, joints: dict[str, JointMemory], saved: bytes, writing: Future[bytes]) -> None:
+    """Write unless it is what was written last; the future holds what is in the file then."""
+    try:
+        text = as_text(joints)
+        if text != saved:
+            write_atomically(path, text)
+    except BaseException as error:
+        writing.set_exception(error)
+    else:
+        writing.set_result(text)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The joints that the node watches: those named, or every one that is heard of; and their parameters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.joint_settings import COMMON
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.adviser import Adviser
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.nodes import joint_parameters
+from stickslip_ros.nodes.gain_bounds import GainBounds
+from stickslip_ros.nodes.refusals import Refusals
+from stickslip_ros.nodes.watched_joint import WatchedJoint
+
+_MOST_JOINTS = 256  # names come from the graph; their number is bounded
+_JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")
+_COMMON = frozenset(spec.name for spec in COMMON)
+
+
+class WatchedJoints(Mapping[str, WatchedJoint]):
+    """See the module.
+
+    Parameters
+    ----------
+    node : has the parameters. names : to watch from the beginning; () for every joint heard of.
+    own_change : entered to declare what others may not set.
+    adviser : makes the adviser of a joint's monitor. on_new : called with every joint that is heard of first.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        names: tuple[str, ...],
+        bounds: GainBounds,
+        own_change: joint_parameters.OwnChange,
+        adviser: Callable[[str], Adviser],
+        refuse: Refusals,
+        on_new: Callable[[WatchedJoint], None],
+    ) -> None:
+        self._node, self._adviser, self._refuse, self._on_new = node, adviser, refuse, on_new
+        self._bounds, self._own_change = bounds, own_change
+        self._joints: dict[str, WatchedJoint] = {}
+        self.welcomes_others = not names
+        for name in names:
+            self._add(name)
+
+    def __getitem__(self, name: str) -> WatchedJoint:
+        return self._joints[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._joints)
+
+    def __len__(self) -> int:
+        return len(self._joints)
+
+    def _add(self, name: str) -> WatchedJoint:
+        with self._own_change:
+            joint_parameters.declare(self._node, name)
+        settings = joint_parameters.read(self._node, name)
+        monitor = JointMonitor(settings.joint, settings.gains, settings.options, self._adviser(name), at_arrest=True)
+        joint = self._joints[name] = WatchedJoint(name, monitor, settings, self._bounds)
+        return joint
+
+    def welcome(self, name: str) -> WatchedJoint | None:
+        """The joint of a name that was heard, None if it is not watched."""
+        known = self._joints.get(name)
+        if known is not None or not self.welcomes_others:
+            return known
+        if not _JOINT_NAME.fullmatch(name):
+            self._refuse("joint_states: a joint name has characters other than letters, digits, _ - /")
+            return None
+        if len(self._joints) >= _MOST_JOINTS:
+            self._refuse(f"joint_states: more than {_MOST_JOINTS} joints")
+            return None
+        try:
+            joint = self._add(name)
+        except StickSlipError as error:
+            self._refuse(f"{name}: {error}")
+            return None
+        self._on_new(joint)
+        return joint
+
+    def check(self, changes: Mapping[str, Parameter]) -> None:
+        """Check what would become of the joints.
+
+        Raises
+        ------
+        StickSlipError
+            If changes would make no joint.
+        """
+        for joint in self._concerned(changes):
+            joint_parameters.read(self._node, joint.name, changes)
+
+    def apply(self, changes: Mapping[str, Parameter]) -> None:
+        """Let the joints follow parameters that have changed."""
+        for joint in self._concerned(changes):
+            before = joint.settings
+            joint.follow(joint_parameters.read(self._node, joint.name))
+            if any(name.startswith(f"gains.{joint.name}.") for name in changes):
+                self.set_gains(joint, joint.settings.gains)
+            elif joint.settings.gain_scale != before.gain_scale and joint.monitor.gains is not None:
+                self.set_gains(joint, joint.settings.to_si(before.from_si(joint.monitor.gains)))
+            if any(name.startswith(f"limits.{joint.name}.") for name in changes):
+                joint_parameters.describe_recommended(self._node, joint.name)
+
+    def _concerned(self, changes: Mapping[str, Parameter]) -> list[WatchedJoint]:
+        """Joints that changes of parameters are about."""
+        if not _COMMON.isdisjoint(changes):
+            return list(self._joints.values())
+        return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
+
+    def hear_gains(self, name: str, gains: Gains) -> None:
+        """Take gains in the controller's units."""
+        joint = self._joints.get(name)
+        if joint is not None:
+            self.set_gains(joint, joint.settings.to_si(gains))
+
+    def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
+        """Let a joint's monitor know its gains, in SI units."""
+        if joint.monitor.gains != gains:
+            joint.monitor.gains = gains
+            if gains is not None:
+                joint.gains_heard.append(gains)
+            self._node.get_logger().info(f"{joint.name}: gains are now {gains}")

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Dataclasses as plain data that JSON can hold, and back: strict, because what comes back was in a file."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Mapping
+from enum import Enum
+from functools import cache
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+Kind = TypeVar("Kind")
+
+
+def to_plain(value: Any) -> Any:
+    """A value made of dataclasses, arrays of numbers, enumerations, tuples, numbers and texts, as plain data."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, (list, tuple)):
+        return [to_plain(one) for one in value]
+    return value
+
+
+def from_plain(kind: type[Kind], data: Any) -> Kind:
+    """The dataclass that plain data stand for.
+
+    Raises
+    ------
+    ValueError
+        If they stand for none; the text names the field.
+    """
+    found: Kind = _read(kind, data, kind.__name__)
+    return found
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _read(hint: Any, data: Any, where: str) -> Any:
+    if get_origin(hint) in (Union, types.UnionType):
+        if data is None and type(None) in get_args(hint):
+            return None
+        # Of several kinds of number any will do.
+        return _read(next(one for one in get_args(hint) if one is not type(None)), data, where)
+    if dataclasses.is_dataclass(hint):
+        return _dataclass(hint, data, where)
+    if get_origin(hint) is np.ndarray or hint is np.ndarray:
+        return _array(data, where)
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return hint(data)
+    if hint is float and isinstance(data, (int, float)) and not isinstance(data, bool):
+        return float(data)
+    if hint in (bool, int, str) and type(data) is hint:
+        return data
+    raise ValueError(f"{where} cannot be {data!r:.60}")
+
+
+def _dataclass(kind: Any, data: Any, where: str) -> Any:
+    names = {field.name for field in dataclasses.fields(kind)}
+    if not isinstance(data, Mapping) or set(data) != names:
+        raise ValueError(f"{where} must have exactly {', '.join(sorted(names))}")
+    return kind(**{name: _read(_hints(kind)[name], data[name], f"{where}.{name}") for name in names})
+
+
+def _array(data: Any, where: str) -> Any:
+    try:
+        array = np.array(data)
+    except ValueError as error:
+        raise ValueError(f"{where} is no array") from error
+    if array.dtype.kind not in "if":
+        raise ValueError(f"{where} is no array of numbers")
+    return array

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The monitor as a managed node, over real DDS: every transition, again and again; its end by a signal."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from support_ros import Probe, play, probe, staircase
+
+from stickslip_ros.cli.processes import NodeProcess
+
+NODE = "stickslip_monitor"
+
+
+def entities(one: Probe) -> dict[str, list[str]]:
+    """What the monitor has on the graph."""
+    node = one.node
+    return {
+        "publishers": sorted(name for name, _ in node.get_publisher_names_and_types_by_node(NODE, "/")),
+        "subscriptions": sorted(name for name, _ in node.get_subscriber_names_and_types_by_node(NODE, "/")),
+        "services": sorted(name for name, _ in node.get_service_names_and_types_by_node(NODE, "/")),
+        "clients": sorted(name for name, _ in node.get_client_names_and_types_by_node(NODE, "/")),
+    }
+
+
+def memory(pid: int) -> float:
+    """Resident [MB]."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def runs(pid: int) -> bool:
+    """Whether a process is there, and not only its exit status."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_every_transition_again_and_again(ros_domain: int) -> None:
+    """Issue 7: configure, activate, deactivate, cleanup, three times: the same entities, the same results, no leak."""
+    parameters = {"joints": "[joint1]", "autostart": "false", "controller": "/nobody", "state_file": "none"}
+    with NodeProcess("monitor", parameters) as monitor, probe() as one:
+        assert one.state() == "unconfigured"
+        assert "/joint_states" not in entities(one)["subscriptions"]
+        sizes, graphs = [], []
+        for _ in range(3):
+            assert one.change_state(Transition.TRANSITION_CONFIGURE, 120.0)
+            assert one.state() == "inactive"
+            assert "/joint_states" not in entities(one)["subscriptions"]
+            assert one.change_state(Transition.TRANSITION_ACTIVATE)
+            one.diagnostics.clear()
+            one.cycles.clear()
+            one.wait_for_monitor()
+            graphs.append(entities(one))
+            play(one, "joint1", *staircase(2000), begin=100.0)
+            one.wait(lambda: one.status("joint1") == "stick_slip" and len(one.cycles) >= 8, 20.0, "stick slip")
+            assert one.diagnostics["joint1"][2]["cycles [1]"] == str(len(one.cycles)), "it begins where it ended"
+            assert one.change_state(Transition.TRANSITION_DEACTIVATE)
+            one.wait(lambda: "/joint_states" not in entities(one)["subscriptions"], 5.0, "the end of listening")
+            one.diagnostics.clear()
+            one.spin(0.5)
+            assert not one.diagnostics, "an inactive node says nothing"
+            assert one.change_state(Transition.TRANSITION_ACTIVATE)
+            one.wait_for_monitor()
+            assert one.change_state(Transition.TRANSITION_DEACTIVATE)
+            assert one.change_state(Transition.TRANSITION_CLEANUP)
+            assert one.state() == "unconfigured"
+            assert "~/cycles" not in entities(one)["publishers"]
+            sizes.append(memory(monitor.pid))
+        assert graphs[0] == graphs[1] == graphs[2]
+        assert sizes[2] - sizes[1] < 5.0
+        assert one.change_state(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+        assert one.state() == "finalized"
+        # Transitions that are not there are refused, and change nothing.
+        assert not one.change_state(Transition.TRANSITION_ACTIVATE)
+        assert monitor.stop() == 0
+
+
+def test_parameters_that_make_no_joint_are_refused_at_configuring(ros_domain: int) -> None:
+    """Issue 7: without autostart the node stays, unconfigured, and its log says why."""
+    with NodeProcess("monitor", {"autostart": "false", "joints": "[a]", "model.a": "puma"}) as monitor, probe() as one:
+        assert not one.change_state(Transition.TRANSITION_CONFIGURE, 120.0)
+        assert one.state() == "unconfigured"
+        assert "unknown joint 'puma'" in monitor.output()
+        assert monitor.stop() == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", ["active", "learning", "unconfigured"])
+def test_a_signal_ends_it_within_a_second(ros_domain: int, number: signal.Signals, how: str) -> None:
+    """Issue 7: SIGINT and SIGTERM, also while a study is under way in the other process; nothing is left behind."""
+    parameters = {"joints": "[joint1]", "autostart": str(how != "unconfigured").lower(), "gains.joint1.p": 630.0}
+    with NodeProcess("monitor", parameters) as monitor, probe() as one:
+        if how == "unconfigured":
+            assert one.state() == "unconfigured"
+        else:
+            one.wait_for_monitor()
+        if how == "learning":
+            play(one, "joint1", *staircase(2000), begin=100.0)
+            one.wait(
+                lambda: float(one.diagnostics[NODE][2].get("memory of the worker [MB]", 0)) > 10, 20.0, "the worker"
+            )
+        children = [int(pid) for pid in Path(f"/proc/{monitor.pid}/task/{monitor.pid}/children").read_text().split()]
+        assert bool(children) == (how == "learning")
+        begin = time.monotonic()
+        os.kill(monitor.pid, number)
+        assert monitor.wait(5.0) == 0
+        assert time.monotonic() - begin < 1.0
+        assert "Traceback" not in monitor.output()
+        one.wait(lambda: not any(map(runs, children)), 5.0, "the end of the worker")
+
+
+def test_a_worker_ends_with_a_node_that_is_killed(ros_domain: int) -> None:
+    """Issue 7: kill -9 leaves no process behind; a worker that is killed is begun again."""
+    with NodeProcess("monitor", {"joints": "[joint1]", "gains.joint1.p": 630.0}) as monitor, probe() as one:
+        one.wait_for_monitor()
+        play(one, "joint1", *staircase(2000), begin=100.0)
+
+        def worker() -> list[int]:
+            children = Path(f"/proc/{monitor.pid}/task/{monitor.pid}/children").read_text().split()
+            found = [int(pid) for pid in children]
+            return [pid for pid in found if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+        one.wait(lambda: bool(worker()), 20.0, "the worker")
+        first = worker()
+        os.kill(first[0], signal.SIGKILL)
+        one.wait(lambda: bool(worker()) and worker() != first, 20.0, "another worker")
+        one.wait(lambda: "study" not in one.diagnostics[NODE][1], 20.0, "its work")
+        second = worker()
+        monitor.kill()
+        one.wait(lambda: not any(map(runs, second)), 5.0, "the end of the worker")

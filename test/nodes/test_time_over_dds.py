@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Time as robots, simulators and bags have it: it loops, pauses, steps, is missing; rates change, samples drop out."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from support_ros import Probe, play, probe, staircase
+
+from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.nodes.conversion import stamp
+
+OWN = "stickslip_monitor"
+
+
+@contextmanager
+def watched(**parameters: object) -> Iterator[Probe]:
+    """A monitor that knows nothing of any joint, and a probe that it listens to."""
+    with NodeProcess("monitor", {"joints": "['']", "state_file": "none", **parameters}) as monitor, probe() as one:
+        one.wait_for_monitor()
+        yield one
+        assert monitor.running, monitor.output()
+        assert "Traceback" not in monitor.output()
+
+
+def another_publisher(one: Probe) -> Publisher:
+    """Another one of joint states."""
+    other = one.node.create_publisher(JointState, "joint_states", QoSProfile(depth=5000))
+    one.wait(lambda: other.get_subscription_count() > 0, 10.0, "the listener")
+    # A listener that is known need not know of the publisher yet.
+    key = "publishers of joint_states [1]"
+    one.wait(lambda: one.diagnostics[OWN][2][key] == "2", 10.0, "the monitor to know it")
+    return other
+
+
+def cycles(one: Probe, joint: str = "joint1") -> list[float]:
+    """When the cycles heard of began [s]."""
+    return [float(cycle["breakaway [s]"]) for cycle in one.cycles if cycle["joint"] == joint]
+
+
+def wait_for_stairs(one: Probe, count: int, joint: str = "joint1") -> None:
+    """So many cycles, and stick slip."""
+    one.wait(lambda: len(cycles(one, joint)) >= count and one.status(joint) == "stick_slip", 10.0, f"{count} cycles")
+
+
+def test_a_bag_that_loops(ros_domain: int) -> None:
+    """Issue 7: stamps jump back: every loop shows the same stairs, at the same times, and none across the seam."""
+    with watched() as one:
+        for _ in range(3):
+            play(one, "joint1", *staircase(2000), begin=100.0)
+        # The last step of a loop ends where the samples do; the silence after the last loop makes it known.
+        one.wait(lambda: one.diagnostics["joint1"][0] == b"\x03", 10.0, "silence")
+        one.spin(0.3)
+        found = cycles(one)
+        first = sorted({round(begin, 6) for begin in found})
+        assert len(found) == 3 * len(first)
+        assert len(first) >= 8
+        assert one.diagnostics["joint1"][2]["samples left out"] == ""
+
+
+def test_simulated_time_that_pauses_and_loops(ros_domain: int) -> None:
+    """Issue 7: use_sim_time: stamps are the clock's; a pause stops nothing; the clock may come after the samples."""
+    stamps: list[float] = []
+    with watched(use_sim_time="true") as one:
+        clock = one.node.create_publisher(Clock, "/clock", 10)
+        one.node.create_subscription(
+            DiagnosticArray,
+            "/diagnostics",
+            lambda array: stamps.append(array.header.stamp.sec + 1e-9 * array.header.stamp.nanosec),
+            QoSProfile(depth=100),
+        )
+        one.wait(lambda: clock.get_subscription_count() > 0, 10.0, "the listener to the clock")
+
+        def run(begin: float) -> None:
+            # In the first tenth of a second of a loop the clock is still that of the loop before.
+            for index, (at, position) in enumerate(zip(*staircase(1400), strict=True)):
+                one.publish(["joint1"], begin + at, position=[position])
+                if index % 20 == 19:
+                    clock.publish(Clock(clock=stamp(begin + at)))
+                    one.spin(0.01)
+
+        run(50.0)
+        wait_for_stairs(one, 5)
+        one.wait(lambda: bool(stamps) and abs(stamps[-1] - 57.0) < 0.2, 5.0, "statuses stamped by the clock")
+        # The simulation pauses: statuses go on, with the time at which it stands.
+        stamps.clear()
+        one.wait(lambda: one.diagnostics["joint1"][0] == b"\x03", 5.0, "silence")
+        assert len(stamps) > 5
+        assert max(stamps) - min(stamps) < 0.2
+        before = len(cycles(one))
+        run(50.0)
+        wait_for_stairs(one, before + 5)
+        assert abs(stamps[-1] - 57.0) < 0.2
+        assert "refused" not in " ".join(one.diagnostics[OWN][2])
+
+
+def test_a_pause_and_a_clock_that_steps(ros_domain: int) -> None:
+    """Issue 7: after 30 s of silence in the stamps, and steps of the clock forth and back, it goes on as before."""
+    with watched() as one:
+        times, positions = staircase(1600)
+        begin = 100.0
+        for step in (0.0, 3600.0, -0.4, -7200.0, 30.0):
+            begin += 8.0 + step
+            count = len(cycles(one))
+            play(one, "joint1", times, positions, begin=begin)
+            wait_for_stairs(one, count + 6)
+            mine = [at for at in cycles(one)[count:] if begin <= at <= begin + 8.0]
+            assert len(mine) >= 5
+            assert all(0.3 < later - earlier < 1.7 for earlier, later in itertools.pairwise(mine)), mine
+        distances = [float(cycle["slip_distance [rad]"]) for cycle in one.cycles]
+        assert np.allclose(distances, 0.01, atol=2e-4), "no slip across a seam"
+
+
+def test_a_clock_that_steps_under_the_references_too(ros_domain: int) -> None:
+    """Issue 7: a small step back puts old and new references side by side; no cycle is invented by them."""
+    with watched() as one:
+        count, rate = 1600, 200.0
+        times = [index / rate for index in range(count)]
+        for begin, start in ((100.0, 0.0), (107.6, 0.08), (115.2, 0.16)):
+            smooth = [1e-5 * round((start + 0.01 * at) / 1e-5) for at in times]
+            play(one, "joint1", times, smooth, [start + 0.01 * at for at in times], begin=begin)
+        one.wait(lambda: one.status("joint1") == "smooth", 10.0, "smooth motion")
+        assert cycles(one) == []
+
+
+def test_missing_stamps(ros_domain: int) -> None:
+    """Issue 7: messages without stamps are taken at the time of their arrival, each at its own; it is said."""
+    with watched() as one:
+        times, positions = staircase(1400)
+        start = time.monotonic()
+        for at, position in zip(times, positions, strict=True):
+            one.spin(max(0.0, start + at - time.monotonic()))
+            one.publish(["joint1"], 0.0, position=[position])
+        wait_for_stairs(one, 4)
+        periods = [later - earlier for earlier, later in itertools.pairwise(cycles(one))]
+        assert abs(float(np.median(periods)) - 1.0) < 0.1
+        assert "joint_states: stamp is zero" in " ".join(one.diagnostics[OWN][2])
+        assert float(one.diagnostics["joint1"][2]["sample rate [Hz]"]) > 100
+
+
+def test_two_publishers_of_different_joints(ros_domain: int) -> None:
+    """Issue 7: an arm's and a gripper's broadcaster on one topic: both are served, nothing is called lost."""
+    with watched() as one:
+        other = another_publisher(one)
+        for index, (at, position) in enumerate(zip(*staircase(1600), strict=True)):
+            one.publish(["arm"], 100.0 + at, position=[position])
+            message = JointState(name=["gripper"], position=[-position])
+            message.header.stamp = stamp(500.0 + at)
+            other.publish(message)
+            if index % 20 == 0:
+                one.spin(0.01)
+        wait_for_stairs(one, 6, "arm")
+        wait_for_stairs(one, 6, "gripper")
+        one.wait(lambda: one.diagnostics[OWN][2]["messages received [1]"] == "3200", 10.0, "every message")
+        assert one.diagnostics[OWN][2]["publishers of joint_states [1]"] == "2"
+        assert one.diagnostics[OWN][2]["messages lost [1]"] == "0"
+
+
+def test_two_publishers_of_one_joint(ros_domain: int) -> None:
+    """Issue 7: what two say at once is no motion: it is said, and followed again once one of them is gone."""
+    with watched() as one:
+        other = another_publisher(one)
+        for index in range(900):
+            at = 100.0 + index / 200.0
+            one.publish(["joint1", "joint2"], at, position=[0.001 * index, 0.0])
+            message = JointState(name=["joint1"], position=[5.0 - 0.002 * index])
+            message.header.stamp = stamp(at + 0.002)
+            other.publish(message)
+            one.spin(0.005)
+        assert "published by several nodes at once" in one.diagnostics["joint1"][1]
+        assert one.diagnostics["joint1"][0] == b"\x01"
+        assert "several nodes" not in one.diagnostics["joint2"][1]
+        one.node.destroy_publisher(other)
+        count = len(cycles(one))
+        for number in range(2):
+            play(one, "joint1", *staircase(1600), begin=200.0 + 10.0 * number)
+        wait_for_stairs(one, count + 5)
+        assert "several nodes" not in one.diagnostics["joint1"][1]
+
+
+def test_rates_that_change_and_samples_that_drop_out(ros_domain: int) -> None:
+    """Issue 7: 500, 100 and 250 Hz, a tenth of the samples missing, and half a second now and then: the same stairs."""
+    random = np.random.default_rng(7)
+    with watched() as one:
+        begin = 100.0
+        for rate in (500.0, 100.0, 250.0):
+            times, positions = staircase(round(8 * rate), rate=rate)
+            hole = [at for at in times if 0.05 < at % 4.0 < 0.55]  # while the joint stands
+            kept = [index for index, at in enumerate(times) if at not in hole and random.random() > 0.1]
+            shift = 0.01 * (begin - 100.0)
+            play(one, "joint1", [times[n] for n in kept], [positions[n] + shift for n in kept], begin=begin)
+            begin += 8.0
+        wait_for_stairs(one, 20)
+        gaps = [later - earlier for earlier, later in itertools.pairwise(cycles(one))]
+        assert all(math.isclose(gap, 1.0, abs_tol=0.12) for gap in gaps), gaps
