@@ -24,20 +24,20 @@ from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 
-_LOOP = 20.0  # [s] of motion that is repeated
+_START, _LOOP = 5.0, 20.0  # [s] of motion that is left out, and that is repeated
 _AT_ONCE = 0.001  # [s] what is due by then is sent together, as nobody sleeps for less
 _SPEED, _RESOLUTION = 0.005, 2.5e-5
 _STAMP_AT = 4
 
 
 def motion(rate: float, gains: Gains) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities of one loop of a joint's motion."""
-    times = np.arange(int(_LOOP * rate)) / rate
+    """Positions and velocities of one loop of a joint's motion, its start from rest left out."""
+    times = np.arange(int((_LOOP + _START) * rate)) / rate
     found = simulate(
         load_joint("puma560_joint1").joint, gains, _SPEED * times, np.full(times.shape, _SPEED), period=1.0 / rate
     )
-    count = len(times)
-    return _RESOLUTION * np.round(found.position[:count] / _RESOLUTION), found.velocity[:count]
+    loop = slice(int(_START * rate), len(times))
+    return _RESOLUTION * np.round(found.position[loop] / _RESOLUTION), found.velocity[loop]
 
 
 def main(joints: int, rate: float, seconds: float, sticking: int) -> int:
@@ -45,7 +45,7 @@ def main(joints: int, rate: float, seconds: float, sticking: int) -> int:
     loose, stiff = motion(rate, Gains(stiffness=630.0)), motion(rate, Gains(stiffness=6300.0, damping=150.0))
     chosen = [loose if number < sticking else stiff for number in range(joints)]
     positions, velocities = (np.stack([one[part] for one in chosen], axis=1) for part in (0, 1))
-    way = positions[-1] - positions[0]
+    way = positions[-1] - positions[0] + _SPEED / rate
     template = JointState(name=[f"joint{n + 1}" for n in range(joints)])
     template.header.frame_id = "base"
     template.position = template.velocity = [0.0] * joints

@@ -25,7 +25,8 @@ from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.friction_learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.motion import MotionRecord
 from stickslip_ros.monitoring.rests import RestDetector
-from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleBuffer, SampleFilter
+from stickslip_ros.monitoring.sample_buffer import SampleBuffer
+from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
 from stickslip_ros.monitoring.slip_windows import slip_window
 from stickslip_ros.monitoring.status import Finding, Segment, Status
 

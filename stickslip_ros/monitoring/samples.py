@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -136,35 +135,3 @@ class SampleFilter:
     def _count(self, reason: str, number: int) -> None:
         if number:
             self.dropped[reason] = self.dropped.get(reason, 0) + number
-
-
-class SampleBuffer:
-    """The latest samples, bounded in time and number.
-
-    Parameters
-    ----------
-    longest : kept [s]. most : samples kept.
-    """
-
-    def __init__(self, longest: float = 60.0, most: int = 120_000) -> None:
-        self._longest, self._most = longest, most
-        self._pieces: deque[Batch] = deque()
-        self._count = 0
-
-    def add(self, batch: Batch) -> None:
-        """Keep samples that follow those kept."""
-        self._pieces.append(batch)
-        self._count += len(batch)
-        while len(self._pieces) > 1 and (
-            self._count - len(self._pieces[0]) > self._most or self._pieces[1].time[0] < batch.time[-1] - self._longest
-        ):
-            self._count -= len(self._pieces.popleft())
-
-    def between(self, begin: float, end: float) -> Batch | None:
-        """Samples from one time to another; None if there are none."""
-        pieces = [piece for piece in self._pieces if piece.time[-1] >= begin and piece.time[0] <= end]
-        if not pieces:
-            return None
-        joined = Batch.joined(pieces)
-        first, last = np.searchsorted(joined.time, [begin, end], side="right")
-        return joined.where(slice(max(int(first) - 1, 0), int(last))) if last > first else None

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import gc
 import traceback
 from collections.abc import Callable
 
@@ -82,6 +83,9 @@ class Monitor(LifecycleNode):
 
         def configure() -> None:
             load_compiled_parts()
+            # What is there by now stays. Looking through it for garbage again and again would hold up intake for 0.1 s.
+            gc.collect()
+            gc.freeze()
             self._session = Session(self, self._bounds, self._own_change, monitor_parameters.state_path(self))
 
         return self._transition(configure, super().on_configure, state)

@@ -45,17 +45,17 @@ class SelfDiagnosis:
 
     @property
     def latency(self) -> float:
-        """From the arrival of a message to the status that it is part of, the longest of late [s]; NaN without any."""
-        known = [note[3] for note in self._notes if math.isfinite(note[3])]
-        return max(known, default=math.nan)
+        """From the arrival of the oldest message to the last status, which it was part of [s]; NaN if there was none."""
+        return self._notes[-1][3] if self._notes else math.nan
 
     @property
     def trouble(self) -> str:
         """What there is to worry about, "" if nothing."""
         if self._notes and self._notes[-1][0] - self._lost_at < _RECENT:
             return f"{self._lost} messages lost, {self._skipped} questions skipped so far"
-        if self.latency > _LATE:
-            return f"statuses are {self.latency:.2g} s late: the machine is too slow for so many joints"
+        latest = max((note[3] for note in self._notes if math.isfinite(note[3])), default=0.0)
+        if latest > _LATE:
+            return f"statuses are up to {latest:.2g} s late: the machine is too slow for so many joints"
         if self._work.lateness > _WORK_LATE:
             return f"friction and advice are {self._work.lateness:.0f} s behind"
         return ""

@@ -43,6 +43,7 @@ from stickslip_ros.nodes.watched_joints import WatchedJoints
 _STALE_AFTER = 1.0  # [s]
 _QUEUE = 5000
 _POLL_GAINS = 0.1  # [s]
+_NEARLY = 0.01  # [s] before it is due: half of the time until the next tick
 _PUBLISHING = 2.5  # times as long as publishing takes: how long it is until the next
 _CONTESTED = "published by several nodes at once; remap all but one of them"
 
@@ -141,7 +142,7 @@ class Session:
             self._gains.poll(now)
         self._apply.tick(now)
         self._keeper.tick(self.joints, now)
-        if now >= self._publish_at:
+        if now >= self._publish_at - _NEARLY:
             self._publish(now)
             # However many joints there are, intake has most of the time.
             spent = monotonic() - now
