@@ -48,6 +48,7 @@ setup(
         (str(SHARE), ["package.xml"]),
         *shared("config"),
         *shared("launch"),
+        *shared("policies"),
         *shared("examples"),
     ],
     python_requires=">=3.10",

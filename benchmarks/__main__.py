@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from benchmarks import advice, estimation, exact, monitoring, paper, recordings
+from benchmarks import advice, estimation, exact, monitoring, node, paper, recordings
 
 if __name__ == "__main__":
     paper.run()
@@ -12,4 +12,5 @@ if __name__ == "__main__":
     exact.run()
     advice.run()
     recordings.run()
+    node.run()
     estimation.run()

@@ -37,6 +37,12 @@ node = Node("bare")
 node.create_subscription(JointState, "joint_states", lambda _: None, 10)
 rclpy.spin(node)
 """
+_IMPORT = """
+import time
+begin = time.perf_counter()
+import stickslip_ros.monitoring.joint_monitor
+print(time.perf_counter() - begin)
+"""
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -110,11 +116,26 @@ def run(seconds: float = _SECONDS, cases: tuple[tuple[int, float, int], ...] = _
     rclpy.init(args=[])
     node = Node("listener")
     try:
+        _run_start(node)
         for case in cases:
             _run_case(node, seconds, *case)
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _run_start(node: Node) -> None:
+    """From the start of the process to the first status, and the import of the floors."""
+    listener, begin = Listener(node), time.monotonic()
+    with NodeProcess("monitor", {"joints": "[joint1]", "state_file": "none"}):
+        while not listener.own:
+            listener.listen(0.02)
+        first = time.monotonic() - begin
+    runs = [
+        subprocess.run([sys.executable, "-c", _IMPORT], capture_output=True, text=True, check=True) for _ in range(3)
+    ]
+    floors = min(float(run.stdout) for run in runs)
+    print(f"monitor, start to first status {first:.1f} s; import of model and monitoring {floors:.2f} s", flush=True)
 
 
 def _run_case(node: Node, seconds: float, joints: int, rate: float, sticking: int) -> None:

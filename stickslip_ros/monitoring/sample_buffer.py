@@ -11,7 +11,7 @@ import numpy as np
 from stickslip_ros.monitoring._buffer_kernel import store
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
-_ROWS = 4096
+_ROWS = 1024
 _FIELDS = tuple(Batch.__dataclass_fields__)  # the first is the time
 
 
@@ -40,10 +40,11 @@ class SampleBuffer:
     longest : kept [s]. most : samples kept.
     """
 
-    def __init__(self, longest: float = 60.0, most: int = 120_000) -> None:
+    def __init__(self, longest: float = 58.0, most: int = 120_000) -> None:
         self._longest, self._most = longest, most
         self._blocks: deque[_Block] = deque()
         self._spare: _Block | None = None
+        self._count = 0
 
     def add(self, batch: Batch) -> None:
         """Keep samples that follow those kept."""
@@ -60,15 +61,16 @@ class SampleBuffer:
                 batch.reference_position, batch.reference_velocity,
             )  # fmt: skip
             block.count += taken
+            self._count += taken
             begin += taken
             self._forget(float(batch.time[begin - 1]))
 
     def _forget(self, now: float) -> None:
         while len(self._blocks) > 1 and (
-            sum(block.count for block in self._blocks) - self._blocks[0].count > self._most
-            or self._blocks[1].first() < now - self._longest
+            self._count - self._blocks[0].count > self._most or self._blocks[1].first() < now - self._longest
         ):
             self._spare = self._blocks.popleft()
+            self._count -= self._spare.count
             self._spare.known[:], self._spare.count = False, 0
 
     def between(self, begin: float, end: float) -> Batch | None:

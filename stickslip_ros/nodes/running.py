@@ -33,9 +33,11 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
                 except (KeyboardInterrupt, ExternalShutdownException):
                     raise
                 except Exception:
-                    if not persevere or not node.context.ok():
+                    if not persevere:
                         raise
-                    node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+                    # A signal in the middle of a callback makes its next publication fail: that is no error.
+                    if node.context.ok():
+                        node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
         finally:
             node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):

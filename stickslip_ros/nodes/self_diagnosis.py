@@ -45,7 +45,7 @@ class SelfDiagnosis:
 
     @property
     def latency(self) -> float:
-        """From the arrival of the oldest message to the last status, which it was part of [s]; NaN if there was none."""
+        """From the arrival of the oldest message in the last status to its publication [s]; NaN if there was none."""
         return self._notes[-1][3] if self._notes else math.nan
 
     @property

@@ -92,6 +92,18 @@ class Probe:
         while (left := until - time.monotonic()) > 0:
             rclpy.spin_once(self.node, timeout_sec=min(left, 0.02))
 
+    def entities(self) -> dict[str, list[str]]:
+        """Names of what the monitor has on the graph."""
+        monitor = ("stickslip_monitor", "/")
+        # What a node has can be known before its name is.
+        self.wait(lambda: monitor in self.node.get_node_names_and_namespaces(), 20.0, "the monitor's name")
+        return {
+            "publishers": sorted(name for name, _ in self.node.get_publisher_names_and_types_by_node(*monitor)),
+            "subscriptions": sorted(name for name, _ in self.node.get_subscriber_names_and_types_by_node(*monitor)),
+            "services": sorted(name for name, _ in self.node.get_service_names_and_types_by_node(*monitor)),
+            "clients": sorted(name for name, _ in self.node.get_client_names_and_types_by_node(*monitor)),
+        }
+
     def wait_for_monitor(self) -> None:
         """Wait until the monitor listens and is heard."""
         self.wait(

@@ -11,22 +11,11 @@ from pathlib import Path
 
 import pytest
 from lifecycle_msgs.msg import Transition
-from support_ros import Probe, play, probe, staircase
+from support_ros import play, probe, staircase
 
 from stickslip_ros.cli.processes import NodeProcess
 
 NODE = "stickslip_monitor"
-
-
-def entities(one: Probe) -> dict[str, list[str]]:
-    """What the monitor has on the graph."""
-    node = one.node
-    return {
-        "publishers": sorted(name for name, _ in node.get_publisher_names_and_types_by_node(NODE, "/")),
-        "subscriptions": sorted(name for name, _ in node.get_subscriber_names_and_types_by_node(NODE, "/")),
-        "services": sorted(name for name, _ in node.get_service_names_and_types_by_node(NODE, "/")),
-        "clients": sorted(name for name, _ in node.get_client_names_and_types_by_node(NODE, "/")),
-    }
 
 
 def memory(pid: int) -> float:
@@ -47,22 +36,22 @@ def test_every_transition_again_and_again(ros_domain: int) -> None:
     parameters = {"joints": "[joint1]", "autostart": "false", "controller": "/nobody", "state_file": "none"}
     with NodeProcess("monitor", parameters) as monitor, probe() as one:
         assert one.state() == "unconfigured"
-        assert "/joint_states" not in entities(one)["subscriptions"]
+        assert "/joint_states" not in one.entities()["subscriptions"]
         sizes, graphs = [], []
         for _ in range(3):
             assert one.change_state(Transition.TRANSITION_CONFIGURE, 120.0)
             assert one.state() == "inactive"
-            assert "/joint_states" not in entities(one)["subscriptions"]
+            assert "/joint_states" not in one.entities()["subscriptions"]
             assert one.change_state(Transition.TRANSITION_ACTIVATE)
             one.diagnostics.clear()
             one.cycles.clear()
             one.wait_for_monitor()
-            graphs.append(entities(one))
+            graphs.append(one.entities())
             play(one, "joint1", *staircase(2000), begin=100.0)
             one.wait(lambda: one.status("joint1") == "stick_slip" and len(one.cycles) >= 8, 20.0, "stick slip")
             assert one.diagnostics["joint1"][2]["cycles [1]"] == str(len(one.cycles)), "it begins where it ended"
             assert one.change_state(Transition.TRANSITION_DEACTIVATE)
-            one.wait(lambda: "/joint_states" not in entities(one)["subscriptions"], 5.0, "the end of listening")
+            one.wait(lambda: "/joint_states" not in one.entities()["subscriptions"], 5.0, "the end of listening")
             one.diagnostics.clear()
             one.spin(0.5)
             assert not one.diagnostics, "an inactive node says nothing"
@@ -71,7 +60,7 @@ def test_every_transition_again_and_again(ros_domain: int) -> None:
             assert one.change_state(Transition.TRANSITION_DEACTIVATE)
             assert one.change_state(Transition.TRANSITION_CLEANUP)
             assert one.state() == "unconfigured"
-            assert "~/cycles" not in entities(one)["publishers"]
+            assert "~/cycles" not in one.entities()["publishers"]
             sizes.append(memory(monitor.pid))
         assert graphs[0] == graphs[1] == graphs[2]
         assert sizes[2] - sizes[1] < 5.0
