@@ -33,6 +33,7 @@ from stickslip_ros.nodes.joint_parameters import OwnChange
 from stickslip_ros.nodes.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.publications import Findings, Publications
 from stickslip_ros.nodes.reference_topic import ControllerStateTopic, reference_topic
+from stickslip_ros.nodes.references import reference_message_type
 from stickslip_ros.nodes.refusals import Refusals
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
 from stickslip_ros.nodes.slow_work import SlowWork
@@ -92,8 +93,8 @@ class Session:
             self._closing.append(self._apply.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
             self._closing.append(lambda: node.destroy_service(reset))
-            # A reference type that cannot be had is refused now rather than when the node is activated.
-            self._open().close()
+            # What cannot be had is refused now rather than when the node is activated.
+            reference_message_type(self._reference_type)
             self.follow_controllers()
         except BaseException:
             self.close()
@@ -107,7 +108,9 @@ class Session:
 
     def activate(self) -> None:
         """Begin to listen."""
-        self._references = self._open()
+        self._references = reference_topic(
+            self._node, self._reference_type, "joint_references", self._qos(), self._refuse
+        )
         self._states = JointStateTopic(self._node, "joint_states", self._qos(), self._refuse)
         self._self = SelfDiagnosis(self._states, self._work)
 
@@ -129,10 +132,6 @@ class Session:
         while self._closing:
             self._closing.pop()()
 
-    def save(self) -> None:
-        """Save what was learnt, at the end."""
-        self._keeper.save(self.joints)
-
     def tick(self) -> None:
         """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
         now = monotonic()
@@ -147,9 +146,6 @@ class Session:
             # However many joints there are, intake has most of the time.
             spent = monotonic() - now
             self._publish_at = max(self._publish_at + self._period, now + _PUBLISHING * spent)
-
-    def _open(self) -> JointStateTopic | ControllerStateTopic:
-        return reference_topic(self._node, self._reference_type, "joint_references", self._qos(), self._refuse)
 
     @staticmethod
     def _qos() -> QoSProfile:
@@ -182,7 +178,7 @@ class Session:
             if name in self.joints:
                 self.joints[name].pairing.add_references(rows[:, :3])
         found: list[tuple[str, Cycle]] = []
-        for name in samples.keys() | references.keys():
+        for name in dict.fromkeys([*samples, *references]):
             if name in self.joints:
                 found += [(name, cycle) for cycle in self._follow(self.joints[name])]
         self._publications.publish_cycles(found)
