@@ -37,7 +37,7 @@ def measure(damping: float, resolution: float, *, with_velocity: bool = False) -
         rests = [
             rest
             for rest in RestDetector().feed(Batch(time=trajectory.time, position=positions, velocity=velocities))
-            if rest.direction_before
+            if rest.complete and rest.direction_before
         ]
         true = [
             (one.time, other.time)

@@ -23,12 +23,17 @@ def stamp(time: float) -> Time:
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 
-def diagnostic_status(diagnosis: Diagnosis) -> DiagnosticStatus:
-    """A diagnosis as a message."""
+def diagnostic_status(diagnosis: Diagnosis, robot: str = "") -> DiagnosticStatus:
+    """A diagnosis as a message.
+
+    Parameters
+    ----------
+    robot : goes before its names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    """
     return DiagnosticStatus(
         level=bytes([diagnosis.level]),
-        name=diagnosis.name,
-        hardware_id=diagnosis.hardware_id,
+        name=robot + diagnosis.name,
+        hardware_id=robot + diagnosis.hardware_id,
         message=diagnosis.message,
         values=[KeyValue(key=key, value=value) for key, value in diagnosis.values],
     )

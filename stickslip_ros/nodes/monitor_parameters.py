@@ -72,11 +72,20 @@ def check(node: Node, changes: Changes | None = None) -> None:
 
 
 def state_path(node: Node) -> Path | None:
-    """The file that what was learnt is kept in, None for none."""
+    """The file that what was learnt is kept in, None for none.
+
+    Raises
+    ------
+    InvalidParameterError
+        If it is a folder.
+    """
     given = str(node.get_parameter("state_file").value)
     if given == "none":
         return None
-    return Path(given).expanduser() if given else default_path(node.get_fully_qualified_name())
+    path = Path(given).expanduser() if given else default_path(node.get_fully_qualified_name())
+    if path.is_dir():
+        raise InvalidParameterError("state_file", "the name of a file, not of a folder", given)
+    return path
 
 
 def controllers(node: Node, changes: Changes | None = None) -> list[str]:

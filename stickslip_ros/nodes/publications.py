@@ -7,12 +7,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.diagnosis import cycle_diagnostic, joint_diagnostic
+from stickslip_ros.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
@@ -47,6 +47,8 @@ class Publications:
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node, self._clock = node, node.get_clock()
+        space = node.get_namespace().strip("/")
+        self._robot = f"{space}/" if space else ""
         create = node.create_lifecycle_publisher
         self._diagnostics = create(DiagnosticArray, "/diagnostics", 10)
         self._margins = create(Float64MultiArray, "~/margins", 10)
@@ -62,13 +64,15 @@ class Publications:
     def publish_cycles(self, found: Sequence[tuple[str, Cycle]]) -> None:
         """One status for every completed cycle, with the name of its joint."""
         if found:
-            array = DiagnosticArray(status=[diagnostic_status(cycle_diagnostic(name, cycle)) for name, cycle in found])
+            array = DiagnosticArray(
+                status=[diagnostic_status(cycle_diagnostic(name, cycle), self._robot) for name, cycle in found]
+            )
             array.header.stamp = self._clock.now().to_msg()
             self._cycles.publish(array)
 
-    def publish(self, own: DiagnosticStatus, joints: Mapping[str, Findings], *, warn_margin: float) -> None:
+    def publish(self, own: Diagnosis, joints: Mapping[str, Findings], *, warn_margin: float) -> None:
         """The status of the node and of every joint, and the tables."""
-        array = DiagnosticArray(status=[own])
+        array = DiagnosticArray(status=[diagnostic_status(own, self._robot)])
         array.header.stamp = self._clock.now().to_msg()
         rows: list[float] = []
         for name, one in joints.items():
@@ -82,7 +86,7 @@ class Publications:
                 trouble=one.trouble,
                 applied=one.applied,
             )
-            array.status.append(diagnostic_status(diagnosis))
+            array.status.append(diagnostic_status(diagnosis, self._robot))
             rows += margin_row(one.assessment, one.exact, one.trial)
         self._diagnostics.publish(array)
         if not joints:

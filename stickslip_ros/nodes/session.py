@@ -10,13 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from stickslip_ros.diagnosis import value_text
+from stickslip_ros.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.joint_settings import RECOMMENDED
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
@@ -284,9 +283,8 @@ class Session:
             raise RefusedError("; ".join(reasons) or "no joint is watched yet")
         return ramps
 
-    def _own_status(self) -> DiagnosticStatus:
+    def _own_status(self) -> Diagnosis:
         """The node's own health: what it refused, where the gains come from, how it keeps up."""
-        status = DiagnosticStatus(name="stickslip_monitor", hardware_id="stickslip_monitor", level=DiagnosticStatus.OK)
         troubles = [
             f"apply_recommendation: {self._apply.state}" if self._apply.failed else "",
             self._gains.state if self._gains.waiting else "",
@@ -294,21 +292,26 @@ class Session:
             self._keeper.trouble,
             f"refused: {self._refuse.latest}" if self._refuse.latest else "",
         ]
-        status.message = next((trouble for trouble in troubles if trouble), "")
-        if status.message:
-            status.level = DiagnosticStatus.WARN
-        skipped = sum(joint.monitor.learner.skipped for joint in self.joints.values())
+        message = next((trouble for trouble in troubles if trouble), "")
         values: list[tuple[str, object]] = [
             ("joints [1]", len(self.joints)),
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),
             ("apply_recommendation", self._apply.state),
-            ("slips not learnt from, a study being late [1]", skipped),
+            (
+                "slips not learnt from, a study being late [1]",
+                sum(joint.monitor.learner.skipped for joint in self.joints.values()),
+            ),
             *(self._self.values() if self._self is not None else ()),
             *((f"refused: {reason}", count) for reason, count in self._refuse.counts.items()),
         ]
-        status.values = [KeyValue(key=key, value=value_text(value)) for key, value in values]
-        return status
+        return Diagnosis(
+            level=Level.WARN if message else Level.OK,
+            name="stickslip_monitor",
+            hardware_id="stickslip_monitor",
+            message=message,
+            values=tuple((key, value_text(value)) for key, value in values),
+        )
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         for name, joint in self.joints.items():

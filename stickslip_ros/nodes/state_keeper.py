@@ -38,14 +38,13 @@ class StateKeeper:
     def _read(self, path: Path) -> dict[str, JointMemory]:
         try:
             return read_state(path)
-        except StateFileError as error:
+        except (StateFileError, OSError) as error:
+            # What cannot be read now must not be written over either.
             try:
                 aside = set_aside(path)
                 self._log.warning(f"{path} is damaged ({error}); it is kept as {aside}, and learning begins anew")
             except OSError as second:
-                self._log.warning(f"{path} is damaged ({error}), and cannot be set aside: {second}")
-        except OSError as error:
-            self._trouble(f"{path} cannot be read: {error}")
+                self._trouble(f"{path} is damaged ({error}), and cannot be set aside: {second}")
         return {}
 
     def remind(self, joint: WatchedJoint) -> None:

@@ -12,7 +12,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from conftest import ROOT
-from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
 from lifecycle_msgs.msg import Transition
@@ -116,29 +115,21 @@ def test_bounds_hold_against_parameters_and_transitions(ros_domain: int) -> None
 
 
 def test_several_robots_by_namespace(ros_domain: int) -> None:
-    """Issue 7: a monitor a namespace, each with its robot's topics, controller and file, beside each other."""
+    """Issue 7: a monitor a namespace, each with its robot's topics, controller and file; told apart on /diagnostics."""
     with ExitStack() as stack, probe() as one:
-        for number, stiffness in ((1, 630.0), (2, 9000.0)):
-            space = {"__ns": f"/robot{number}"}
-            gains = {"gains.joint1.p": stiffness, "gains.joint1.d": 0.0 if number == 1 else 200.0}
-            stack.enter_context(NodeProcess("simulated_joint", gains, space))
+        for robot, gains in (("robot1", (630.0, 0.0)), ("robot2", (9000.0, 200.0))):
+            space = {"__ns": f"/{robot}"}
+            simulated = {"gains.joint1.p": gains[0], "gains.joint1.d": gains[1]}
+            stack.enter_context(NodeProcess("simulated_joint", simulated, space))
             known = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
-            # Both speak of joint1 on /diagnostics; each has a topic of its own here.
-            remapped = {**space, "/diagnostics": f"/robot{number}/diagnostics"}
-            stack.enter_context(NodeProcess("monitor", {**known, "controller": "simulated_joint"}, remapped))
-        found: dict[int, str] = {}
-
-        def listen(number: int) -> None:
-            def on_message(array: DiagnosticArray) -> None:
-                for status in array.status:
-                    values = {pair.key: pair.value for pair in status.values}
-                    found[number] = values.get("status", found.get(number, ""))
-
-            one.node.create_subscription(DiagnosticArray, f"/robot{number}/diagnostics", on_message, 100)
-
-        listen(1)
-        listen(2)
-        one.wait(lambda: found == {1: "stick_slip", 2: "smooth"}, 60.0, "each robot's own status")
+            stack.enter_context(NodeProcess("monitor", {**known, "controller": "simulated_joint"}, space))
+        one.wait(
+            lambda: one.status("robot1/joint1") == "stick_slip" and one.status("robot2/joint1") == "smooth",
+            60.0,
+            "each robot's own status",
+        )
+        assert {"robot1/stickslip_monitor", "robot2/stickslip_monitor"} <= set(one.diagnostics)
+        assert "joint1" not in one.diagnostics
 
 
 def test_it_is_there_soon(ros_domain: int) -> None:

@@ -104,6 +104,14 @@ def test_a_damaged_file_is_set_aside(ros_domain: int, learnt: JointMonitor) -> N
     assert path.with_name(f"{path.name}.damaged").read_bytes() == bytes(text)
 
 
+def test_a_folder_is_no_file(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 7: refused at the start, and left as it is."""
+    with NodeProcess("monitor", {"state_file": str(tmp_path)}) as monitor:
+        assert monitor.wait(60.0) == 2
+        assert "'state_file' must be the name of a file, not of a folder" in monitor.output()
+    assert tmp_path.is_dir()
+
+
 def test_a_full_disk_is_said_and_costs_nothing_else(ros_domain: int, learnt: JointMonitor, tmp_path: Path) -> None:
     """Issue 7: what was saved before stays, the next save that finds room succeeds; nothing is left lying about."""
     path = tmp_path / "disk" / "state.json"
