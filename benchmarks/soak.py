@@ -15,6 +15,7 @@ from stickslip_ros.cli.processes import NodeProcess, isolate
 
 _JOINTS, _RATE, _STICKING = 7, 1000.0, 1
 _EVERY = 60.0  # [s]
+_STREAM_BEGINS = 8.0  # [s], for the publisher works its motion out first
 
 
 def run(minutes: float) -> None:
@@ -23,6 +24,7 @@ def run(minutes: float) -> None:
     with NodeProcess("monitor", {"joints": "['']"}) as monitor:
         time.sleep(4.0)
         with stream(_JOINTS, _RATE, 60.0 * minutes + 30.0, _STICKING):
+            time.sleep(_STREAM_BEGINS)
             sizes = []
             for minute in range(round(minutes) + 1):
                 if minute:
