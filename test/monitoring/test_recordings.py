@@ -59,7 +59,7 @@ def test_openarm_climbs_stairs_for_two_minutes() -> None:
     """Issue 2: 31 ms sampling with gaps, changing speed, reversals: stick slip for most of the recording."""
     batch = recording("openarm_joint3_tracking")
     _, spent = watch(batch)
-    assert spent[Status.STICK_SLIP] > 0.5 * (batch.time[-1] - batch.time[0])
+    assert spent[Status.STICK_SLIP] > 0.6 * (batch.time[-1] - batch.time[0])
 
 
 def test_fairino_is_silent() -> None:
