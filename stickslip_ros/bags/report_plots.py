@@ -19,10 +19,10 @@ from bokeh.plotting import figure
 from contourpy import contour_generator
 
 from stickslip_ros.bags.analysis import JointAnalysis
-from stickslip_ros.model.extinction_map import extinction_map, map_axes
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.status import Status
+from stickslip_ros.stability_map import map_of, subject_of
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
 _MARKED, _FEW_MARKS = 3000, 150  # cycles at most; from which on their marks are small
@@ -274,22 +274,14 @@ def _band(joint: JointAnalysis, speeds: FloatArray) -> tuple[FloatArray, FloatAr
 
 def map_plot(joint: JointAnalysis) -> Plot | None:
     """Where in the plane of speed and stiffness the joint sticks, where it is, where the advice puts it."""
-    state = joint.assessment
-    believed, gains = state.joint, state.margin_gains
-    if believed is None or gains is None or not math.isfinite(joint.velocity) or not gains.stiffness > 0:
+    subject = subject_of("joint", joint.assessment, joint.velocity)
+    if subject is None:
         return None
-    speed, stiffness = joint.velocity, float(gains.stiffness)
-    advised = state.recommended
-    wanted = advised is not None and advised.found and not (state.recommendation and state.recommendation.keep)
-    target = advised.stiffness if advised is not None and wanted else math.nan
-    if wanted and advised is not None and state.per_inertia:
-        target = stiffness * advised.stiffness_factor
-    velocities, stiffnesses = map_axes(
-        believed, velocity=speed, stiffness=max(stiffness, target) if wanted else stiffness, points=_MAP_POINTS
-    )
-    found = extinction_map(believed, velocities, stiffnesses)
-    total = float(gains.damping) + float(believed.friction.viscous)
-    unit = "1/s², per inertia" if state.per_inertia else "N·m/rad"
+    found = map_of(subject, _MAP_POINTS)
+    velocities, stiffnesses = found.velocity, found.stiffness
+    speed, stiffness = abs(joint.velocity), float(subject.gains.stiffness)
+    total = float(subject.gains.damping) + found.viscous
+    unit = "1/s², per inertia" if subject.per_inertia else "N·m/rad"
     plot = new_figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
     plot.x_range = Range1d(float(velocities[0]), float(velocities[-1]))
     plot.y_range = Range1d(float(stiffnesses[0]), float(stiffnesses[-1]))
@@ -309,10 +301,10 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
                 color=colour, line_dash=dash, line_width=2, legend_label=name,
             )  # fmt: skip
     words = []
-    if wanted and advised is not None:
-        other = total * advised.damping_factor if math.isfinite(advised.damping_factor) else math.nan
-        if math.isfinite(other) and abs(other - total) > 1e-3 * total:
-            lines = _boundary(velocities, stiffnesses, found.exact_damping - other)
+    if subject.advised is not None:
+        target = float(subject.advised.stiffness)
+        if subject.advised_damping is not None:
+            lines = _boundary(velocities, stiffnesses, found.exact_damping - subject.advised_damping)
             if lines:
                 xs, ys = zip(*lines, strict=True)
                 plot.multi_line(

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.cli import paper_figures
-from stickslip_ros.cli.plotting import save
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.extinction_map import extinction_map
+from stickslip_ros.plotting import save
 
 _JOINT = "puma560_joint1"
 

@@ -9,14 +9,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
-from stickslip_ros.cli.plotting import BLUE, GREEN, RED, Curve, Figure, Panel, Region, boundary, save
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map, map_axes
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.plotting import save
+from stickslip_ros.stability_map import MapSubject, map_figure, map_of
 
 _LEAST_POINTS = 100
 
@@ -41,52 +38,9 @@ def run(options: argparse.Namespace) -> int:
     if options.points < _LEAST_POINTS:
         raise InvalidParameterError("--points", f">= {_LEAST_POINTS}", options.points)
     joint, gains, velocity = joint_from(options)
-    velocities, stiffnesses = map_axes(
-        joint,
-        velocity=velocity,
-        stiffness=float(gains.stiffness) if gains.stiffness > 0 else None,
-        points=options.points,
-    )
+    subject = MapSubject(name=options.joint or "joint", joint=joint, gains=gains, velocity=velocity)
     with progress_bar("integrating") as progress:
-        computed = extinction_map(joint, velocities, stiffnesses, workers=os.cpu_count() or 1, progress=progress)
-    figure = map_figure(options.out.stem, options.joint or "joint", joint, gains, velocity, computed)
-    for path in save(figure, options.out.parent):
+        computed = map_of(subject, options.points, workers=os.cpu_count() or 1, progress=progress)
+    for path in save(map_figure(subject, computed, name=options.out.stem), options.out.parent):
         print(path)
     return 0
-
-
-def map_figure(
-    name: str, joint_name: str, joint: Joint, gains: Gains, velocity: float, computed: ExtinctionMap
-) -> Figure:
-    """The map at the gains' damping, with both boundaries and the operating point."""
-    total = float(gains.damping) + float(joint.friction.viscous)
-    x, y = 1e3 * computed.velocity, computed.stiffness
-    exact_inside = computed.exact_damping - total
-    curves = [
-        boundary("boundary of Eq. (43)", x, y, computed.paper_damping - total, BLUE, "-"),
-        boundary("exact boundary", x, y, exact_inside, GREEN, "--"),
-    ]
-    note = "There is no operating point: it needs a speed and a stiffness."
-    if velocity != 0 and gains.stiffness > 0:
-        speed, stiffness = 1e3 * abs(velocity), float(gains.stiffness)
-        label = f"now: {speed:.3g} mrad/s, {stiffness:.4g} N·m/rad"
-        curves.append(Curve(label=label, x=np.array([speed]), y=np.array([stiffness]), colour=RED, style="o"))
-        note = ""
-    panel = Panel(
-        x_label="commanded velocity [mrad/s]",
-        y_label="stiffness $k_p$ [N·m/rad]",
-        curves=tuple(curves),
-        regions=(Region(x=x, y=y, inside=exact_inside, colour=RED),),
-        logarithmic=True,
-        legend="upper right",
-        words=((0.03, 0.04, "shaded: stick slip"),),
-    )
-    return Figure(
-        name=name,
-        title=f"Where {joint_name} sticks and slips at $k_v$ = {float(gains.damping):g} N·m·s/rad",
-        note=(
-            f"(4)-(6) integrated at {computed.exact_damping.size} points; the damping that Eq. (43) asks for is enough "
-            f"at {100 * computed.conservative:.1f} % of them.\n{note}"
-        ),
-        panels=(panel,),
-    )

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,11 +50,12 @@ class ExtinctionMap:
 
 
 def map_axes(
-    joint: Joint, *, velocity: float | None = None, stiffness: float | None = None, points: int = 8000
+    joint: Joint, *, velocity: float | None = None, stiffnesses: Iterable[float] = (), points: int = 8000
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Logarithmic axes of velocity [rad/s] and stiffness [N·m/rad] with about so many points between them.
 
-    They span what Stribeck friction does to the joint, and the operating point if there is one.
+    They span what Stribeck friction does to the joint, and around the operating point's velocity and stiffnesses; of
+    these, what is not positive has no place on the map.
     """
     own = float(stiffness_scale(joint))
     low, high = (share * own for share in _STIFFNESSES)
@@ -62,7 +64,9 @@ def map_axes(
     slow, fast = (share * float(joint.friction.stribeck_velocity) for share in _VELOCITIES)
     if velocity:
         slow, fast = min(slow, abs(velocity) / _ROOM), max(fast, abs(velocity) * _ROOM)
-    if stiffness:
+    for stiffness in stiffnesses:
+        if not stiffness > 0:
+            continue
         low, high = min(low, stiffness / _ROOM), max(high, stiffness * _ROOM)
     columns = max(2, round(math.sqrt(0.8 * points)))
     return np.geomspace(slow, fast, columns), np.geomspace(low, high, max(2, round(points / columns)))

@@ -32,6 +32,10 @@ class Background(Generic[Question, Answer]):
             self._answers[name] = (done.question, done.answer)
         return self._answers.get(name)
 
+    def under_way(self, name: str) -> bool:
+        """Whether a question of this name is being answered."""
+        return self._work.is_under_way((self._kind, name))
+
     def ask(self, name: str, question: Question) -> None:
         """Begin to answer, unless a question of this name is under way: then it is to be asked again."""
         self._work.ask((self._kind, name), self._answer, question)

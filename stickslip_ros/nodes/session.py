@@ -36,6 +36,7 @@ from stickslip_ros.nodes.references import reference_message_type
 from stickslip_ros.nodes.refusals import Refusals
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
 from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.stability_maps import StabilityMaps
 from stickslip_ros.nodes.state_keeper import StateKeeper
 from stickslip_ros.nodes.watched_joint import WatchedJoint
 from stickslip_ros.nodes.watched_joints import WatchedJoints
@@ -88,6 +89,8 @@ class Session:
             self._closing.append(self._gains.close)
             self._publications = Publications(node)
             self._closing.append(self._publications.close)
+            self._maps = StabilityMaps(node, self._work)
+            self._closing.append(self._maps.close)
             self._apply = ApplyService(node, self._begin_applying)
             self._closing.append(self._apply.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
@@ -208,6 +211,7 @@ class Session:
         self._publications.publish(self._own_status(), findings, warn_margin=warn_margin)
         if self._self is not None:
             self._self.note()
+        self._maps.attend(findings, now)
         self._set_advice({name: one.advised for name, one in findings.items()})
         ended = []
         for name, one in findings.items():

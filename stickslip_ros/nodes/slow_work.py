@@ -74,6 +74,10 @@ class SlowWork:
         """Of the process, if it runs."""
         return list((self._pool._processes or {}) if self._pool is not None else {})
 
+    def is_under_way(self, key: Key) -> bool:
+        """Whether the answer of this key is still to come."""
+        return key in self._running and not self._running[key].future.done()
+
     def has_room(self, key: Key) -> bool:
         """Whether a question of this key would be taken; if it is for want of room that it would not, that counts."""
         if key in self._running or self._rests.get(key, 0.0) > monotonic():

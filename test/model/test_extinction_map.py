@@ -42,7 +42,7 @@ def test_eq_43_is_mostly_conservative(puma: Joint) -> None:
 def test_axes_hold_the_operating_point(puma: Joint) -> None:
     """Issue 3: the map is never drawn without the present operating point, and of about as many points as asked for."""
     for velocity, stiffness in ((1e-6, 1e-3), (1.0, 1e7), (-0.005, 2016.0)):
-        speeds, stiffnesses = map_axes(puma, velocity=velocity, stiffness=stiffness, points=2000)
+        speeds, stiffnesses = map_axes(puma, velocity=velocity, stiffnesses=[stiffness], points=2000)
         assert speeds[0] < abs(velocity) < speeds[-1]
         assert stiffnesses[0] < stiffness < stiffnesses[-1]
         assert len(speeds) * len(stiffnesses) == pytest.approx(2000, rel=0.05)

@@ -5,19 +5,22 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
 
 BLUE, RED, GREEN, ORANGE, PURPLE, GREY = "#1f5fa8", "#c0392b", "#2e8b57", "#d9822b", "#7d4fa3", "#777777"
 COLOURS = (BLUE, RED, GREEN, ORANGE, PURPLE, GREY)
+_DOTS = 130  # an inch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +46,14 @@ class Region:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Axes with curves; ``words`` are (x, y, text) in shares of the axes."""
+    """Axes with curves.
+
+    Attributes
+    ----------
+    legend : a place of matplotlib's, or "below" for under the axes.
+    words : (x, y, text) in shares of the axes.
+    right : label of a second scale on the right, and the factor from the left one's values to its own.
+    """
 
     x_label: str
     y_label: str
@@ -54,6 +64,7 @@ class Panel:
     equal: bool = False
     legend: str = "best"
     words: tuple[tuple[float, float, str], ...] = ()
+    right: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,27 +93,36 @@ def save(figure: Figure, folder: Path) -> list[Path]:
     """Write the figure and its numbers; returns the files."""
     import matplotlib
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     folder.mkdir(parents=True, exist_ok=True)
-    count = len(figure.panels)
-    drawing, axes = pyplot.subplots(
-        1, count, figsize=(7.5 if count == 1 else 5.6 * count, 5.6), squeeze=False, layout="constrained"
-    )
-    for panel, axis in zip(figure.panels, axes[0], strict=True):
-        _draw(panel, axis)
-    drawing.suptitle(figure.title, x=0.01, ha="left", fontsize=12)
-    drawing.supxlabel(figure.note, x=0.01, ha="left", fontsize=8, color=GREY)
+    drawing = _drawn(figure)
     files = [folder / f"{figure.name}.{ending}" for ending in ("png", "svg", "csv")]
     # A fixed salt and no date: the same numbers give the same file.
     with matplotlib.rc_context({"svg.hashsalt": figure.name}):
-        drawing.savefig(files[0], dpi=130)
+        drawing.savefig(files[0], dpi=_DOTS)
         drawing.savefig(files[1], metadata={"Date": None})
-    pyplot.close(drawing)
     with files[2].open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(_rows(figure))
     return files
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG image."""
+    image = io.BytesIO()
+    _drawn(figure).savefig(image, dpi=_DOTS, format="png")
+    return image.getvalue()
+
+
+def _drawn(figure: Figure) -> Drawing:
+    # Not by pyplot, which keeps every figure until it is closed.
+    from matplotlib.figure import Figure as NewDrawing
+
+    count = len(figure.panels)
+    drawing = NewDrawing(figsize=(7.5 if count == 1 else 5.6 * count, 5.6), layout="constrained")
+    for number, panel in enumerate(figure.panels, start=1):
+        _draw(panel, drawing.add_subplot(1, count, number))
+    drawing.suptitle(figure.title, x=0.01, ha="left", fontsize=12)
+    drawing.supxlabel(figure.note, x=0.01, ha="left", fontsize=8, color=GREY)
+    return drawing
 
 
 def _draw(panel: Panel, axis: Axes) -> None:
@@ -116,15 +136,30 @@ def _draw(panel: Panel, axis: Axes) -> None:
     for curve in panel.curves:
         if curve.style in ("o", "s", "*"):
             axis.plot(
-                curve.x, curve.y, curve.style, color=curve.colour, markersize=9, markeredgecolor="white",
-                label=curve.label,
+                curve.x, curve.y, curve.style, color=curve.colour, markersize=15 if curve.style == "*" else 9,
+                markeredgecolor="white", label=curve.label,
             )  # fmt: skip
         else:
             axis.plot(curve.x, curve.y, curve.style, color=curve.colour, linewidth=1.6, label=curve.label or None)
+    scales = [axis.xaxis, axis.yaxis]
+    axis.spines[["top", "right"]].set_visible(False)
     if panel.logarithmic:
         axis.set_xscale("log")
         axis.set_yscale("log")
-        for ticks in (axis.xaxis, axis.yaxis):
+    if panel.right is not None:
+        label, factor = panel.right
+
+        def to_right(left: Any) -> Any:
+            return left * factor
+
+        def to_left(right: Any) -> Any:
+            return right / factor
+
+        second = axis.secondary_yaxis("right", functions=(to_right, to_left))
+        second.set_ylabel(label)
+        scales.append(second.yaxis)
+    if panel.logarithmic:
+        for ticks in scales:
             ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             ticks.set_major_formatter("{x:g}")
             ticks.set_minor_formatter(NullFormatter())
@@ -134,11 +169,13 @@ def _draw(panel: Panel, axis: Axes) -> None:
     axis.set_ylabel(panel.y_label)
     axis.set_title(panel.title, fontsize=10)
     axis.grid(alpha=0.25)
-    axis.spines[["top", "right"]].set_visible(False)
     for x, y, text in panel.words:
         axis.text(x, y, text, transform=axis.transAxes, fontsize=9, color=GREY)
     if sum(bool(curve.label) for curve in panel.curves) > 1:
-        axis.legend(frameon=False, fontsize=8.5, loc=panel.legend)
+        if panel.legend == "below":
+            axis.legend(frameon=False, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2)
+        else:
+            axis.legend(frameon=False, fontsize=8.5, loc=panel.legend)
 
 
 def _rows(figure: Figure) -> Iterable[list[object]]:
