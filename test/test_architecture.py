@@ -124,3 +124,15 @@ def test_bad_joint_files_are_refused(tmp_path: Path, change: dict[str, object], 
         load_joint(str(path))
     with pytest.raises(JointFileError, match="No such file"):
         load_joint(str(tmp_path / "other.yaml"))
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "config" / "joints").glob("*.yaml")), ids=lambda path: path.stem)
+def test_known_joints_name_their_sources(path: Path) -> None:
+    """Issue 8: every joint file names its source; what has none is among the assumed."""
+    text = path.read_text(encoding="utf-8")
+    assert re.search(r"^# Source: .{40,}", text, re.MULTILINE)
+    content = yaml.safe_load(text)
+    values = {**content, **content["friction"]}
+    assert set(content["assumed"]) <= set(values)
+    without = {line.split(":")[0].strip() for line in text.splitlines() if "no source" in line and ":" in line}
+    assert without <= set(content["assumed"])

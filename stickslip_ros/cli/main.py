@@ -23,10 +23,11 @@ from stickslip_ros.cli import (
     recommend,
     simulate,
     stability_map,
+    watch,
 )
 from stickslip_ros.errors import StickSlipError
 
-_COMMANDS = (margin, recommend, analyze, identify, stability_map, simulate, convert, figures, demo)
+_COMMANDS = (margin, recommend, analyze, identify, watch, stability_map, simulate, convert, figures, demo)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip watch`: every joint on the graph, live in the terminal: status, speed, damping reserve, slips, advice.
+
+Listens to the topics of the monitors that run, in whatever namespace, and needs nothing else; ROS_DOMAIN_ID counts.
+Worst joints first. Ctrl-C ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import time
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+from stickslip_ros.cli.watch_view import view
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+
+_REFRESH = 0.25  # [s]
+_LONGEST = 60.0  # [s] of motion
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser("watch", help="every joint, live in the terminal", description=__doc__)
+    parser.add_argument("--once", action="store_true", help="print one view and end; so does a pipe")
+    parser.add_argument(
+        "--seconds", type=float, default=10.0, metavar="S", help="of motion to show (default: %(default)g)"
+    )
+    parser.add_argument(
+        "--patience", type=float, default=10.0, metavar="S",
+        help="how long to wait for a monitor before giving up (default: %(default)g)",
+    )  # fmt: skip
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show the view until it is interrupted, or once."""
+    if not 0 < options.seconds <= _LONGEST:
+        raise InvalidParameterError("--seconds", f"> 0 and <= {_LONGEST:g}", options.seconds)
+    if not (math.isfinite(options.patience) and options.patience > 0):
+        raise InvalidParameterError("--patience", "finite and > 0", options.patience)
+    try:
+        from stickslip_ros.cli.watch_listener import WatchListener
+    except ImportError as error:
+        raise StickSlipError(f"watch needs ROS 2 (rclpy): {error}") from error
+    console = Console(highlight=False)
+    listener = WatchListener()
+
+    def shown(height: int | None) -> RenderableType:
+        joints, header = listener.joints(), listener.header()
+        return view(joints, header, duration=options.seconds, width=console.width, height=height)
+
+    try:
+        with console.status("Listening for a monitor"):
+            _wait(listener, options.patience)
+        if options.once or not console.is_terminal:
+            listener.listen(min(options.seconds, options.patience))
+            console.print(shown(None))
+            return 0
+        with Live(shown(console.height), console=console, screen=True, auto_refresh=False) as live:
+            while True:
+                listener.listen(_REFRESH)
+                live.update(shown(console.height), refresh=True)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        listener.close()
+
+
+def _wait(listener: Any, patience: float) -> None:
+    until = time.monotonic() + patience
+    while not listener.joints():
+        listener.listen(0.1)
+        if time.monotonic() > until:
+            heard, domain = listener.header(), os.environ.get("ROS_DOMAIN_ID", "0")
+            raise StickSlipError(
+                f"a monitor runs, but has heard of no joint for {patience:g} s ({heard})"
+                if heard
+                else f"no monitor heard for {patience:g} s in ROS domain {domain}: does one run, in the same domain?"
+            )

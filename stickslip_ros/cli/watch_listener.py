@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What `stickslip watch` hears: every monitor on the graph, in whatever namespace, by its topics alone."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.cli.watch_view import JointView
+from stickslip_ros.diagnosis import Level
+from stickslip_ros.message_content import seconds
+
+_STALE_AFTER = 3.0  # [s] without a status
+_LOOK_EVERY = 1.0  # [s] for monitors that have come since
+_KEPT = 2000  # samples a joint
+_MONITOR, _TOPIC = "stickslip_monitor", "friction"
+
+
+@dataclass
+class _Heard:
+    level: Level = Level.STALE
+    message: str = ""
+    values: dict[str, str] = field(default_factory=dict)
+    at: float = -math.inf
+    history: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_KEPT))
+
+    def number(self, key: str) -> float:
+        try:
+            return float(self.values.get(key, "nan"))
+        except ValueError:
+            return math.nan
+
+
+class WatchListener:
+    """A node that only listens."""
+
+    def __init__(self) -> None:
+        rclpy.init(args=[])
+        self._node = Node("stickslip_watch")
+        self._joints: dict[str, _Heard] = {}
+        self._monitors: dict[str, _Heard] = {}
+        self._topics: set[str] = set()
+        self._look_at = -math.inf
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def listen(self, duration: float) -> None:
+        """Take what comes for so many seconds."""
+        until = time.monotonic() + duration
+        while (left := until - time.monotonic()) > 0:
+            if time.monotonic() >= self._look_at:
+                self._look_at = time.monotonic() + _LOOK_EVERY
+                self._look_for_monitors()
+            rclpy.spin_once(self._node, timeout_sec=min(left, 0.1))
+
+    def _look_for_monitors(self) -> None:
+        """Listen to the positions that monitors publish with the friction."""
+        names = {name for name, _ in self._node.get_topic_names_and_types()}
+        for name in sorted(names - self._topics):
+            monitor, _, last = name.rpartition("/")
+            if last == _TOPIC and f"{monitor}/margins" in names:
+                self._topics.add(name)
+                robot = monitor.rpartition("/")[0].strip("/")
+                self._node.create_subscription(
+                    JointState, name, lambda message, robot=robot: self._on_positions(robot, message), 100
+                )
+
+    def _on_positions(self, robot: str, message: JointState) -> None:
+        now = seconds(message.header.stamp)
+        for name, position in zip(message.name, message.position, strict=False):
+            heard = self._joints.setdefault(f"{robot}/{name}" if robot else name, _Heard())
+            if heard.history and now < heard.history[-1][0]:
+                heard.history.clear()  # a clock set back, or a recording begun again
+            if math.isfinite(position):
+                heard.history.append((now, position))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            robot, _, rest = status.name.rpartition(_MONITOR)
+            if robot and not robot.endswith("/"):
+                continue
+            if rest == "":
+                if status.name.endswith(_MONITOR):
+                    self._note(self._monitors.setdefault(status.name, _Heard()), status)
+            elif rest.startswith(": "):
+                self._note(self._joints.setdefault(status.hardware_id, _Heard()), status)
+
+    @staticmethod
+    def _note(heard: _Heard, status: DiagnosticStatus) -> None:
+        heard.level, heard.message, heard.at = Level(status.level[0]), status.message, time.monotonic()
+        heard.values = {pair.key: pair.value for pair in status.values}
+
+    def joints(self) -> list[JointView]:
+        """What is known of every joint now."""
+        return [self._view(name, heard) for name, heard in self._joints.items() if heard.values]
+
+    @staticmethod
+    def _view(name: str, heard: _Heard) -> JointView:
+        silent = time.monotonic() - heard.at
+        gone = silent > _STALE_AFTER
+        critical = heard.number("critical_damping_ratio [1]")
+        known = heard.values.get("margin applicable") == "true" and critical > 0
+        return JointView(
+            name=name,
+            level=Level.STALE if gone else heard.level,
+            status="no monitor" if gone else heard.values.get("status", "no data"),
+            message=f"no status for {silent:.0f} s: is its monitor running?" if gone else heard.message,
+            velocity=heard.number("velocity [rad/s]"),
+            reserve=heard.number("damping_ratio [1]") / critical - 1.0 if known else math.nan,
+            cycles=int(heard.values.get("cycles [1]", "0")),
+            slip=heard.number("last slip_distance [rad]"),
+            history=np.array(heard.history).reshape(-1, 2),
+        )
+
+    def header(self) -> str:
+        """How the monitors are, in a line."""
+        told = []
+        for name, heard in sorted(self._monitors.items()):
+            if time.monotonic() - heard.at > _STALE_AFTER:
+                told.append(f"{name}: silent")
+                continue
+            rate, late = heard.number("message rate [Hz]"), heard.number("latency from message to status [s]")
+            health = [f"{rate:.0f} messages/s"] if math.isfinite(rate) else []
+            health += [f"status after {1e3 * late:.0f} ms"] if math.isfinite(late) else []
+            health += [heard.message] if heard.message else []
+            told.append(f"{name}: {', '.join(health) or 'no messages yet'}")
+        return "\n".join(told)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip watch`: what it shows, and the command in a real terminal over real DDS."""
+
+from __future__ import annotations
+
+import math
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import time
+from io import StringIO
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.cli.watch_view import JointView, sparkline, view
+from stickslip_ros.diagnosis import Level
+
+COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch"]
+
+
+def joint(name: str, level: Level = Level.OK, **more: object) -> JointView:
+    history = np.array([[0.0, 0.0], [10.0, 0.1]])
+    plain = {"status": "smooth", "message": "", "velocity": 0.01, "reserve": 0.5, "cycles": 0, "slip": math.nan}
+    return JointView(**{"name": name, "level": level, "history": history, **plain, **more})
+
+
+def text(joints: list[JointView], height: int | None = None, width: int = 100) -> str:
+    out = StringIO()
+    console = Console(file=out, width=width, color_system=None)
+    console.print(view(joints, "monitor", duration=10.0, width=width, height=height))
+    return out.getvalue()
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 100.0), st.floats(-1e3, 1e3)), max_size=40),
+    st.floats(0.1, 60.0),
+    st.integers(1, 60),
+)
+def test_a_sparkline_is_as_wide_as_asked(rows: list[tuple[float, float]], duration: float, width: int) -> None:
+    """Issue 8: whatever a joint did, its line has one character a share of the time."""
+    history = np.array(sorted(dict(rows).items())).reshape(-1, 2)
+    assert len(sparkline(history, duration, width)) == width
+
+
+def test_a_sparkline_shows_a_staircase() -> None:
+    """Issue 8: steps show as peaks, rests as the lowest bar, times before the first sample as blanks."""
+    time_ = np.linspace(0.0, 8.0, 801)
+    line = sparkline(np.column_stack((time_, np.floor(time_ / 2.0 + 0.5))), 10.0, 40)
+    assert line[:8] == " " * 8
+    assert line.count("█") == 4
+    assert set(line[8:]) == {"▁", "█"}
+
+
+def test_the_worst_joints_come_first_and_say_why() -> None:
+    """Issue 8: what sticks is on top, with its message; what is well takes one line."""
+    shown = text([joint("a"), joint("b", Level.ERROR, status="stick_slip", message="raise the damping")])
+    assert shown.index("stick_slip") < shown.index("smooth")
+    assert "b: raise the damping" in shown
+    assert "+50 %" in shown
+
+
+def test_sixty_joints_fit_a_terminal() -> None:
+    """Issue 8: the view is no higher than the terminal, and says how many joints it leaves out."""
+    joints = [joint(f"joint{n}", Level.WARN if n % 2 else Level.OK, message="thin") for n in range(60)]
+    shown = text(joints, height=24)
+    assert len(shown.splitlines()) <= 24
+    assert re.search(r"… and \d+ more", shown)
+    assert len(text(joints).splitlines()) > 90, "without a height all is shown"
+    assert max(map(len, text(joints, height=24, width=80).splitlines())) <= 80
+
+
+@pytest.mark.parametrize(("option", "value"), [("--seconds", "0"), ("--seconds", "inf"), ("--patience", "nan")])
+def test_bad_usage_is_refused(option: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 8: a wrong number is named, with what would be right."""
+    assert main(["watch", option, value]) == 2
+    assert f"'{option}' must be" in capsys.readouterr().err
+
+
+def test_without_a_monitor_it_says_what_to_look_at(ros_domain: int) -> None:
+    """Issue 8: nobody there: one line with the domain, exit status 2."""
+    done = subprocess.run([*COMMAND, "--patience", "1"], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert f"no monitor heard for 1 s in ROS domain {ros_domain}" in done.stderr
+
+
+def test_watch_over_dds(ros_domain: int) -> None:
+    """Issue 8: joints of two robots from topics alone; once into a pipe, and live in a terminal until Ctrl-C."""
+    parameters = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
+    space = {"__ns": "/robot1"}
+    with (
+        NodeProcess("simulated_joint", {}),
+        NodeProcess("simulated_joint", {"profile.joint1": "hold"}, space),
+        NodeProcess("monitor", {**parameters, "controller": "/simulated_joint"}),
+        NodeProcess("monitor", parameters, space),
+    ):
+        until = time.monotonic() + 120.0
+        while True:
+            done = subprocess.run([*COMMAND, "--once"], capture_output=True, text=True, timeout=120, check=False)
+            if "■ stick_slip" in done.stdout and "robot1/joint1" in done.stdout:
+                break
+            assert time.monotonic() < until, done.stdout + done.stderr
+        assert re.search(r"^joint1 +■ stick_slip +[ ▁▂▃▄▅▆▇█]*[▂▃▄▅▆▇█]", done.stdout, re.MULTILINE), done.stdout
+        assert re.search(r"^robot1/joint1 +. at_rest", done.stdout, re.MULTILINE), done.stdout
+        assert "robot1/stickslip_monitor: " in done.stdout
+        assert "joint1: stick_slip; " in done.stdout
+        assert _live() == 0
+
+
+def _live() -> int:
+    """Exit status of the live view in a terminal of its own, interrupted once it has shown something."""
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "24"}
+    with subprocess.Popen(COMMAND, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
+        os.close(theirs)
+        seen, until = b"", time.monotonic() + 60.0
+        while seen.count(b"stick_slip") < 4:
+            seen += os.read(ours, 65536)
+            assert time.monotonic() < until, seen.decode(errors="replace")
+        process.send_signal(signal.SIGINT)
+        while True:
+            try:
+                if not os.read(ours, 65536):
+                    break
+            except OSError:
+                break  # the terminal's other end is closed
+        os.close(ours)
+        return process.wait(30.0)
