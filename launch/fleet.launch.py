@@ -8,25 +8,21 @@ Each keeps what it learnt in a file of its own. One monitor can watch several ro
 names: remap their joint_states to one topic.
 """
 
-from pathlib import Path
-
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
 
 
-def monitors(context: LaunchContext) -> list[Node]:
-    """The nodes; the controller's name is relative to each robot's namespace."""
+def monitors(context: LaunchContext) -> list[IncludeLaunchDescription]:
+    """The monitors; the controller's name is relative to each robot's namespace."""
     robots = [robot.strip() for robot in LaunchConfiguration("robots").perform(context).split(",")]
-    controller = LaunchConfiguration("controller").perform(context)
+    monitor = f"{get_package_share_directory('stickslip_ros')}/launch/monitor.launch.py"
+    passed_on = {name: LaunchConfiguration(name) for name in ("params_file", "controller")}
     return [
-        Node(
-            package="stickslip_ros",
-            executable="monitor",
-            namespace=robot,
-            parameters=[LaunchConfiguration("params_file"), *([{"controller": controller}] if controller else [])],
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource(monitor), launch_arguments={"namespace": robot, **passed_on}.items()
         )
         for robot in robots
         if robot
@@ -34,14 +30,13 @@ def monitors(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    share = Path(get_package_share_directory("stickslip_ros"))
     return LaunchDescription(
         [
             DeclareLaunchArgument("robots", description="namespaces, joined by commas: robot1,robot2"),
             DeclareLaunchArgument(
                 "params_file",
-                default_value=str(share / "config" / "monitor.yaml"),
-                description="parameters of the monitors",
+                default_value="",
+                description="parameters of the monitors; none: every joint heard of, friction learnt",
             ),
             DeclareLaunchArgument(
                 "controller", default_value="", description="node in each namespace whose gains are followed"

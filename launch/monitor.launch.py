@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The monitor beside a robot's controller."""
+"""The monitor beside a robot's controller.
 
-from pathlib import Path
+    ros2 launch stickslip_ros monitor.launch.py controller:=/pid_controller params_file:=my_joints.yaml
 
-from ament_index_python.packages import get_package_share_directory
+All names are relative to `namespace`, unless they begin with a slash.
+"""
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
@@ -13,30 +15,41 @@ from launch_ros.actions import Node
 
 def monitor(context: LaunchContext) -> list[Node]:
     """The node; without a controller here, that of the parameter file counts."""
-    controller = LaunchConfiguration("controller").perform(context)
+    params_file, controller = (LaunchConfiguration(name).perform(context) for name in ("params_file", "controller"))
+    topics = ("joint_states", "joint_references", "pd_gains")
     return [
         Node(
             package="stickslip_ros",
             executable="monitor",
             namespace=LaunchConfiguration("namespace"),
-            parameters=[LaunchConfiguration("params_file"), *([{"controller": controller}] if controller else [])],
+            parameters=[
+                *filter(None, [params_file]),
+                {"use_sim_time": LaunchConfiguration("use_sim_time").perform(context).lower() == "true"},
+                *([{"controller": controller}] if controller else []),
+            ],
+            remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
         )
     ]
 
 
 def generate_launch_description() -> LaunchDescription:
-    share = Path(get_package_share_directory("stickslip_ros"))
     return LaunchDescription(
         [
             DeclareLaunchArgument(
                 "params_file",
-                default_value=str(share / "config" / "monitor.yaml"),
-                description="parameters of the monitor",
+                default_value="",
+                description="parameters, a copy of config/monitor.yaml; none: every joint heard of, friction learnt",
             ),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot"),
             DeclareLaunchArgument(
                 "controller", default_value="", description="node whose gains are followed, e.g. /pid_controller"
             ),
+            DeclareLaunchArgument("joint_states", default_value="joint_states", description="topic of the motion"),
+            DeclareLaunchArgument(
+                "joint_references", default_value="joint_references", description="topic of the desired motion"
+            ),
+            DeclareLaunchArgument("pd_gains", default_value="pd_gains", description="topic of gains"),
+            DeclareLaunchArgument("use_sim_time", default_value="false", description="true where /clock is the time"),
             OpaqueFunction(function=monitor),
         ]
     )

@@ -22,6 +22,7 @@ from stickslip_ros.message_content import seconds
 _STALE_AFTER = 3.0  # [s] without a status
 _LOOK_EVERY = 1.0  # [s] for monitors that have come since
 _KEPT = 2000  # samples a joint
+_SET_BACK = 1.0  # [s] from which on stamps of before are another story
 _MONITOR, _TOPIC = "stickslip_monitor", "friction"
 
 
@@ -82,9 +83,11 @@ class WatchListener:
         now = seconds(message.header.stamp)
         for name, position in zip(message.name, message.position, strict=False):
             heard = self._joints.setdefault(f"{robot}/{name}" if robot else name, _Heard())
-            if heard.history and now < heard.history[-1][0]:
-                heard.history.clear()  # a clock set back, or a recording begun again
-            if math.isfinite(position):
+            before = heard.history[-1][0] if heard.history else -math.inf
+            if now < before - _SET_BACK:
+                heard.history.clear()
+                before = -math.inf
+            if now > before and math.isfinite(position):
                 heard.history.append((now, position))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

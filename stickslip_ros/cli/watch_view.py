@@ -18,11 +18,11 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _LEAST_WIDTH, _MOST_WIDTH = 12, 60  # of a sparkline
-_OTHER_COLUMNS, _LONGEST_NAME = 62, 28
+_OTHER_COLUMNS, _LONGEST_NAME = 48, 28
 _STYLES = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "bold red", Level.STALE: "dim"}
 _MARKS = {Level.OK: "●", Level.WARN: "▲", Level.ERROR: "■", Level.STALE: "○"}
 _WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
-_FRAME = 6  # lines of the view that are no joint's
+_FRAME = 7  # lines of the view that are no joint's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,11 +81,11 @@ def view(
     table = Table(box=None, pad_edge=False, header_style="dim", collapse_padding=True)
     table.add_column("joint", no_wrap=True, max_width=_LONGEST_NAME)
     table.add_column("status", no_wrap=True)
-    table.add_column(f"speed, last {duration:g} s", no_wrap=True, min_width=line)
-    table.add_column("told [rad/s]", justify="right", no_wrap=True)
-    table.add_column("reserve", justify="right", no_wrap=True)
-    table.add_column("cycles", justify="right", no_wrap=True)
-    table.add_column("slip [rad]", justify="right", no_wrap=True)
+    table.add_column(f"speed,\nlast {duration:g} s", no_wrap=True, min_width=line)
+    table.add_column("told\n\\[rad/s]", justify="right", no_wrap=True)
+    table.add_column("reserve\n\\[%]", justify="right", no_wrap=True)
+    table.add_column("cycles\n\\[1]", justify="right", no_wrap=True)
+    table.add_column("slip\n\\[rad]", justify="right", no_wrap=True)
     for joint in ordered:
         style = _STYLES[joint.level]
         table.add_row(
@@ -116,5 +116,5 @@ def _reserve(value: float) -> Text:
     """Whether, by Eq. (43), there is more damping than is needed, in per cent."""
     if math.isnan(value):
         return Text("-")
-    text = f"{100 * value:+.0f} %" if value < 10 else "> 1000 %"
+    text = f"{100 * value:+.0f}" if value < 10 else "> 1000"
     return Text(text, style="green" if value > 0 else "red")

@@ -45,6 +45,10 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
     except (StickSlipError, ParameterException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except Exception:
+        # A signal while the node is being made, or ended, makes its next publication fail: that is no error either.
+        if rclpy.ok():
+            raise
     finally:
         rclpy.try_shutdown()
     return 0
