@@ -6,11 +6,11 @@ STAMP := $(VENV)/.installed
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check docs bench coverage pictures linkcheck clean
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
-test: check
+test: check docs
 	@sh tools/install_test_packages.sh
 	$(BIN)/python -m pytest $(TESTS)
 
@@ -18,6 +18,21 @@ check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/interrogate --quiet stickslip_ros benchmarks
+
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+
+linkcheck: $(STAMP)
+	$(BIN)/python -m sphinx -q -b linkcheck docs docs/_build/linkcheck
+
+# Needs chromium; RECORDINGS is a folder of real ones, for the pictures of docs/detection.md.
+pictures: $(STAMP)
+	$(BIN)/python docs/draw_pictures.py $(RECORDINGS)
+
+# Of this process: what runs in processes of its own (nodes, commands over DDS) is not counted.
+coverage: $(STAMP)
+	$(BIN)/python -m pytest --cov=stickslip_ros --cov-report=term $(TESTS)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
@@ -30,4 +45,4 @@ $(STAMP): setup.py
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build install log *.egg-info
+	rm -rf $(VENV) build docs/_build install log *.egg-info

@@ -13,16 +13,21 @@ SHARE = Path("share") / PACKAGE
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"]
 DASK = ["dask", "distributed"]
 PARQUET = ["pyarrow"]
+DOCS = ["furo", "latex2mathml", "myst-parser", "sphinx"]
 TEST = [
     *DASK,
     *PARQUET,
+    *DOCS,
     "catkin-pkg",
     "colcon-common-extensions",
     "colcon-ros",
     "hypothesis",
+    "interrogate",
     "mcap-ros2-support",
     "mypy==2.4.1",
+    "pre-commit",
     "pytest",
+    "pytest-cov",
     "ruff==0.17.5",
     "selenium",
     "types-PyYAML",
@@ -67,7 +72,7 @@ setup(
         "setuptools",
         "zstandard",
     ],
-    extras_require={"ros": ROS_WHEELS, "dask": DASK, "parquet": PARQUET, "test": TEST},
+    extras_require={"ros": ROS_WHEELS, "dask": DASK, "parquet": PARQUET, "docs": DOCS, "test": TEST},
     zip_safe=False,
     maintainer="The stickslip_ros developers",
     maintainer_email="stickslip-ros@example.org",

@@ -75,3 +75,7 @@ def _map() -> None:
         f"Eq. (43) is conservative at       {100 * computed.conservative:8.1f} % of the map's points (its k_v is "
         f"enough); its rho_c, where > 0, is at least the exact one at {100 * enough:.1f} %"
     )
+
+
+if __name__ == "__main__":
+    run()

@@ -30,3 +30,7 @@ def run() -> None:
         f"JointMonitor, 1 joint at 1 kHz    {duration / taken:8.0f} x real time, {1e6 * taken / count:.2f} us a sample"
     )
     print(f"simulation, 1 joint at 1 kHz      {duration / simulated:8.0f} x real time")
+
+
+if __name__ == "__main__":
+    run()

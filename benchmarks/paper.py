@@ -38,3 +38,7 @@ def run() -> None:
         f"margin of Eq. (43), arrays        {1e-6 / closed:8.2f} million points a second, "
         f"{by_quadrature / closed:6.0f} x scipy.integrate.quad"
     )
+
+
+if __name__ == "__main__":
+    run()

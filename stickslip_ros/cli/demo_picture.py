@@ -67,7 +67,7 @@ def draw(data: DemoData, path: Path, *, title: str, gains_changed_at: float | No
         panel.fill_between(times, values, 0.0, where=values <= 0, color=RED, alpha=0.25, linewidth=0, step="post")
         panel.step(times, values, where="post", color=BLUE, linewidth=1.4)
         smallest = np.min(np.abs(values[values != 0]), initial=1.0)
-        panel.set_yscale("symlog", linthresh=max(smallest, 1e-4), linscale=0.4)
+        panel.set_yscale("symlog", linthresh=max(smallest, 1e-4), linscale=1.0)
         panel.set_ylabel("energy margin of\nEq. (43) [$M \\dot{x}_s^2$]")
         panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=GREEN)
         panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=RED)

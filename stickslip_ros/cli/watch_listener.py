@@ -46,16 +46,16 @@ class WatchListener:
 
     def __init__(self) -> None:
         rclpy.init(args=[])
-        self._node = Node("stickslip_watch")
+        self.node = Node("stickslip_watch")
         self._joints: dict[str, _Heard] = {}
         self._monitors: dict[str, _Heard] = {}
         self._topics: set[str] = set()
         self._look_at = -math.inf
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
 
     def close(self) -> None:
         """Leave the graph."""
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.try_shutdown()
 
     def listen(self, duration: float) -> None:
@@ -65,17 +65,17 @@ class WatchListener:
             if time.monotonic() >= self._look_at:
                 self._look_at = time.monotonic() + _LOOK_EVERY
                 self._look_for_monitors()
-            rclpy.spin_once(self._node, timeout_sec=min(left, 0.1))
+            rclpy.spin_once(self.node, timeout_sec=min(left, 0.1))
 
     def _look_for_monitors(self) -> None:
         """Listen to the positions that monitors publish with the friction."""
-        names = {name for name, _ in self._node.get_topic_names_and_types()}
+        names = {name for name, _ in self.node.get_topic_names_and_types()}
         for name in sorted(names - self._topics):
             monitor, _, last = name.rpartition("/")
             if last == _TOPIC and f"{monitor}/margins" in names:
                 self._topics.add(name)
                 robot = monitor.rpartition("/")[0].strip("/")
-                self._node.create_subscription(
+                self.node.create_subscription(
                     JointState, name, lambda message, robot=robot: self._on_positions(robot, message), 100
                 )
 
@@ -115,14 +115,16 @@ class WatchListener:
         silent = time.monotonic() - heard.at
         gone = silent > _STALE_AFTER
         critical = heard.number("critical_damping_ratio [1]")
-        known = heard.values.get("margin applicable") == "true" and critical > 0
+        # A joint whose friction has no time to rise needs no damping: its reserve is boundless.
+        reserve = heard.number("damping_ratio [1]") / critical - 1.0 if critical > 0 else math.inf
+        known = heard.values.get("margin applicable") == "true"
         return JointView(
             name=name,
             level=Level.STALE if gone else heard.level,
             status="no monitor" if gone else heard.values.get("status", "no data"),
             message=f"no status for {silent:.0f} s: is its monitor running?" if gone else heard.message,
             velocity=heard.number("velocity [rad/s]"),
-            reserve=heard.number("damping_ratio [1]") / critical - 1.0 if known else math.nan,
+            reserve=reserve if known else math.nan,
             cycles=int(heard.values.get("cycles [1]", "0")),
             slip=heard.number("last slip_distance [rad]"),
             history=np.array(heard.history).reshape(-1, 2),

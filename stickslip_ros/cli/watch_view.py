@@ -47,19 +47,20 @@ class JointView:
     history: FloatArray
 
 
-def sparkline(history: FloatArray, duration: float, width: int) -> str:
+def sparkline(history: FloatArray, duration: float, width: int, *, told: float = 0.0) -> str:
     """The speed over the last seconds, each character the mean over its share; blank where nothing is known.
 
     Parameters
     ----------
     history : times [s] and positions [rad], of shape (n, 2).
+    told : the commanded speed [rad/s], which is at half height at most: even motion then looks like no peak.
     """
     if len(history) < 2:
         return " " * width
     edges = history[-1, 0] + np.linspace(-duration, 0.0, width + 1)
     places = np.interp(edges, history[:, 0], history[:, 1], left=math.nan)
     speeds = np.abs(np.diff(places)) / (duration / width)
-    largest = np.nanmax(speeds, initial=0.0)
+    largest = max(np.nanmax(speeds, initial=0.0), 2.0 * told)
     heights = np.zeros(width, dtype=int) if largest == 0 else np.nan_to_num(np.ceil(speeds / largest * 7)).astype(int)
     return "".join(
         " " if math.isnan(speed) else _BARS[1 + height] for speed, height in zip(speeds, heights, strict=True)
@@ -88,10 +89,11 @@ def view(
     table.add_column("slip\n\\[rad]", justify="right", no_wrap=True)
     for joint in ordered:
         style = _STYLES[joint.level]
+        speeds = sparkline(joint.history, duration, line, told=_known(abs(joint.velocity)))
         table.add_row(
             Text(joint.name),
             Text(f"{_MARKS[joint.level]} {joint.status}", style=style),
-            Text(sparkline(joint.history, duration, line), style="red" if joint.level is Level.ERROR else "cyan"),
+            Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
             _number(joint.velocity),
             _reserve(joint.reserve),
             str(joint.cycles),
@@ -106,6 +108,10 @@ def view(
         words.append(f"{joint.name}: ", style=_STYLES[joint.level])
         parts.append(words.append(joint.message))
     return Group(*parts)
+
+
+def _known(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
 
 
 def _number(value: float) -> str:

@@ -175,6 +175,7 @@ def roughness(vector):
 
 @njit(cache=True, fastmath=True)
 def multiply(matrix, vector, result):
+    """Product of a matrix and a vector, into ``result``."""
     for i in range(ROWS):
         total = 0.0
         for j in range(COLUMNS):
