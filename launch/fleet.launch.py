@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""One monitor for each of several robots, by namespace: /robot1/joint_states, /robot1/pid_controller, …
+"""One monitor for each of several robots, by namespace: /robot1/joint_states, /robot2/joint_states, and so on.
 
     ros2 launch stickslip_ros fleet.launch.py robots:=robot1,robot2 controller:=pid_controller
 

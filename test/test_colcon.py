@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,15 +15,19 @@ import pytest
 from conftest import ROOT
 from nodes.support_ros import probe
 
+COLCON = Path(sys.executable).with_name("colcon")
 TRACKED = [
     "package.xml",
     "setup.py",
     "setup.cfg",
+    "pyproject.toml",
     "resource",
     "stickslip_ros",
     "config",
     "launch",
+    "policies",
     "examples",
+    "test",
     "LICENSE",
 ]
 
@@ -39,20 +44,29 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copytree(path, source / name, ignore=shutil.ignore_patterns("__pycache__"))
         elif path.exists():
             shutil.copy(path, source / name)
-    colcon = Path(sys.executable).with_name("colcon")
-    listed = subprocess.run([colcon, "list"], cwd=folder, capture_output=True, text=True, timeout=120, check=True)
+    listed = subprocess.run([COLCON, "list"], cwd=folder, capture_output=True, text=True, timeout=120, check=True)
     assert "(ros.ament_python)" in listed.stdout
-    built = subprocess.run(
-        [colcon, "build"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        env={**os.environ, "PYTHONWARNINGS": "ignore", "PATH": f"{colcon.parent}:{os.environ['PATH']}"},
-    )
-    assert built.returncode == 0, built.stdout + built.stderr
+    run_colcon(folder, "build")
     return folder / "install" / "stickslip_ros"
+
+
+def run_colcon(folder: Path, *arguments: str) -> str:
+    """What colcon prints, which must end well."""
+    environment = {**os.environ, "PYTHONWARNINGS": "ignore", "PATH": f"{COLCON.parent}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        [COLCON, *arguments], cwd=folder, capture_output=True, text=True, timeout=300, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_colcon_test_is_green(workspace: Path) -> None:
+    """Issue 8: `colcon test` finds the tests and runs them; two quick files of them here."""
+    folder = workspace.parents[1]
+    run_colcon(folder, "test", "--pytest-args", "test/test_launch.py", "test/test_diagnosis.py")
+    summary = re.search(r"Summary: (\d+) tests, 0 errors, 0 failures", run_colcon(folder, "test-result", "--all"))
+    assert summary is not None
+    assert int(summary.group(1)) > 5
 
 
 def test_the_install_space_is_what_ros2_looks_for(workspace: Path) -> None:
@@ -61,7 +75,14 @@ def test_the_install_space_is_what_ros2_looks_for(workspace: Path) -> None:
         assert os.access(workspace / "lib" / "stickslip_ros" / name, os.X_OK)
     assert (workspace / "share" / "ament_index" / "resource_index" / "packages" / "stickslip_ros").exists()
     share = workspace / "share" / "stickslip_ros"
-    for name in ("package.xml", "config/monitor.yaml", "config/joints/puma560_joint1.yaml", "launch/demo.launch.py"):
+    for name in (
+        "package.xml",
+        "config/monitor.yaml",
+        "config/joints/puma560_joint1.yaml",
+        "launch/demo.launch.py",
+        "config/views/foxglove.json",
+        "policies/stickslip_monitor.policy.xml",
+    ):
         assert (share / name).exists()
     site = next(workspace.glob("lib/python*/site-packages"))
     for name in ("style.css", "page.js"):
