@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,40 +14,30 @@ import numpy as np
 
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring import _motion_kernel as kernel
-from stickslip_ros.monitoring.advice_limits import Circumstances, Condition
-from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
+from stickslip_ros.monitoring.advice_limits import Circumstances
+from stickslip_ros.monitoring.adviser import Adviser
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
-from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
+from stickslip_ros.monitoring.belief import uncertainty_of
 from stickslip_ros.monitoring.detection import Cycle, CycleDetector
-from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.friction_learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.motion import MotionRecord
+from stickslip_ros.monitoring.outlook import Outlook
 from stickslip_ros.monitoring.rests import RestDetector
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
+from stickslip_ros.monitoring.segments import SILENCE, STATUS_OF, Segments
 from stickslip_ros.monitoring.slip_windows import slip_window
 from stickslip_ros.monitoring.status import Finding, Segment, Status
 
 _RECENT_CYCLES = 5
-_SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
 _RECENT = 1.0  # [s] over which the largest errors are taken
 _NOW = 0.1  # [s] over which the present velocity is taken
 _REMEMBERED = 50.0  # [s] before now, from which a slip is learnt
 _LONGEST_PART = 8.0  # [s] of samples that are followed at once; shorter than what the buffer holds beyond that
 _SEGMENTS_KEPT = 10_000
 _TRAVELLED = 10.0  # bands, from which on a reference has left a joint at rest behind
-
-_STATUS_OF = {
-    kernel.TOO_FEW: Status.NOT_JUDGED,
-    kernel.STICKS: Status.STICK_SLIP,
-    kernel.AT_REST: Status.AT_REST,
-    kernel.REVERSING: Status.NOT_JUDGED,
-    kernel.TOO_SHORT: Status.NOT_JUDGED,
-    kernel.DIPS: Status.AT_RISK,
-    kernel.MOVES: Status.SMOOTH,
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,16 +89,11 @@ class JointMonitor:
         self._studies_at_once, self._at_arrest = studies_at_once, at_arrest
         self.learner = FrictionLearner(joint, self.options.memory)
         self._gains_since = -math.inf
-        self._belief: Belief | None = None
-        self._disbelief = ""
-        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
+        self._outlook = Outlook(adviser)
         self._filter = SampleFilter()
-        self._adviser = adviser or CachingAdviser()
-        self._advice: Advice | None = None
         self.cycle_count = 0
         self._last_cycle: Cycle | None = None
-        self.segments: deque[Segment] = deque(maxlen=segments_kept)
-        self._segment_from = math.nan  # where the last segment began [rad]
+        self._segments = Segments(segments_kept)
         self._begin()
 
     @property
@@ -155,7 +140,7 @@ class JointMonitor:
         self.begin_anew()
         self.cycle_count = 0
         self._last_cycle = None
-        self.segments.clear()
+        self._segments.all.clear()
         self.learner.reset()
 
     def memory(self) -> JointMemory:
@@ -169,6 +154,11 @@ class JointMonitor:
         """
         self.cycle_count, self._last_cycle = memory.cycles, memory.last_cycle
         return self.learner.remember(memory.friction)
+
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """The past as stretches of one status each, oldest first."""
+        return self._segments.all
 
     @property
     def last_time(self) -> float:
@@ -187,14 +177,14 @@ class JointMonitor:
     def process(self, batch: Batch) -> list[Cycle]:
         """Take samples and return the cycles that they complete, oldest first; how they are batched is no matter."""
         cycles: list[Cycle] = []
-        if kernel.unbroken(batch.time, batch.position, self._motion.last_time, _SILENCE, LARGEST):
+        if kernel.unbroken(batch.time, batch.position, self._motion.last_time, SILENCE, LARGEST):
             self._filter.pass_on(batch)
             for short in _short_parts(batch):
                 cycles += self._follow(short)
             return cycles
         for restart, piece in self._filter.split(batch):
             for number, part in enumerate(_without_silences(piece)):
-                begins = number > 0 or restart or part.time[0] - self._motion.last_time > _SILENCE
+                begins = number > 0 or restart or part.time[0] - self._motion.last_time > SILENCE
                 if begins and math.isfinite(self._motion.last_time):
                     cycles += self.finish()
                     self._begin()
@@ -278,30 +268,11 @@ class JointMonitor:
         if not len(rows):
             return
         codes = rows[:, kernel.CODE].astype(int)
-        if len(rows) == 1 and codes[0] != kernel.MOVES:
-            self._extend_segments(rows, _STATUS_OF[int(codes[0])])
-            return
-        thin = np.zeros(len(rows), dtype=bool)
         moves = np.flatnonzero(codes == kernel.MOVES)
         if len(moves):
             reserves, _ = self._damping_reserves(rows[moves, kernel.VELOCITY])
-            thin[moves] = reserves < self.options.warn_margin
-        codes[thin] = kernel.DIPS
-        silent = rows[1:, kernel.BEGIN] - rows[:-1, kernel.END] >= _SILENCE
-        edges = [0, *(np.flatnonzero(np.diff(codes).astype(bool) | silent) + 1).tolist(), len(rows)]
-        for begin, end in pairwise(edges):
-            self._extend_segments(rows[begin:end], _STATUS_OF[int(codes[begin])])
-
-    def _extend_segments(self, rows: FloatArray, status: Status) -> None:
-        start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
-        last = self.segments[-1] if self.segments else None
-        if last is not None and last.status is status and 0.0 <= start - last.end < _SILENCE:
-            start = last.start
-            self.segments.pop()
-        else:
-            self._segment_from = float(rows[0, kernel.FROM])
-        velocity = (float(rows[-1, kernel.TO]) - self._segment_from) / (end - start) if end > start else 0.0
-        self.segments.append(Segment(start=start, end=end, status=status, velocity=velocity))
+            codes[moves[reserves < self.options.warn_margin]] = kernel.DIPS
+        self._segments.extend(rows, codes)
 
     def finding(self) -> Finding:
         """What the motion shows at the last sample."""
@@ -313,7 +284,7 @@ class JointMonitor:
         return self._in_words(code, first, second)
 
     def _in_words(self, code: int, first: float, second: float) -> Finding:
-        reason, status = "", _STATUS_OF[code]
+        reason, status = "", STATUS_OF[code]
         if code == kernel.TOO_FEW:
             reason = "too few samples"
         elif code == kernel.STICKS:
@@ -349,22 +320,8 @@ class JointMonitor:
         return float(reserves[0]), source
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, str]:
-        """Relative damping reserves at velocities [rad/s], and by which condition; infinite where not known."""
-        reserves = np.full(len(velocities), np.inf)
-        if self.options.limits.condition is Condition.EXACT:
-            # Worked out with the advice, if at all: an integration is too long for every batch of samples.
-            if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
-                reserves[:] = self._advice.recommendation.reserve
-            return reserves, "exactly"
-        belief, _ = self._believe()
-        known = np.isfinite(velocities)
-        if belief is not None and known.any():
-            margin = stability_margin(belief.joint, belief.gains, velocities[known])
-            critical = np.asarray(margin.critical_damping_ratio)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                found = np.asarray(margin.damping_ratio) / critical - 1.0
-            reserves[known] = np.where(np.asarray(margin.applicable) & (critical > 0), found, np.inf)
-        return reserves, "by Eq. (43)"
+        self._believe()
+        return self._outlook.damping_reserves(velocities, self.options.limits.condition)
 
     def velocity(self) -> tuple[float, str]:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
@@ -379,44 +336,8 @@ class JointMonitor:
         mean = self._motion.mean_velocity(window)
         return mean, "mean motion" if math.isfinite(mean) else ""
 
-    def _believe(self) -> tuple[Belief | None, str]:
-        """What to compute with: the same as before until something has changed that matters."""
-        basis = (self.learner.estimate, self._joint, self._gains)
-        if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
-            return self._belief, self._disbelief
-        belief, self._disbelief = believed(*basis)
-        if belief is None or self._belief is None or not much_the_same(belief, self._belief):
-            self._belief = belief
-        self._basis = basis
-        return self._belief, self._disbelief
-
-    def _margin(self, velocity: float) -> tuple[StabilityMargin | None, str, Belief | None]:
-        belief, reason = self._believe()
-        if belief is None:
-            return None, reason, None
-        if not math.isfinite(velocity):
-            return None, "the commanded velocity is not known", belief
-        margin = stability_margin(belief.joint, belief.gains, velocity)
-        return margin, str(margin.reason or ""), belief
-
-    def _advise(self, belief: Belief, velocity: float, tracking_error: float, velocity_error: float) -> Advice | None:
-        """Advice on the joint as it is believed to be."""
-        question = AdviceQuestion(
-            joint=belief.joint,
-            gains=belief.gains,
-            velocity=abs(velocity),
-            limits=self.options.limits,
-            uncertainty=belief.uncertainty,
-            circumstances=Circumstances(
-                conditions=self.options.conditions,
-                sample_rate=self._sample_rate(),
-                tracking_error=tracking_error,
-                velocity_error=velocity_error,
-            ),
-            gains_known=belief.gains_known,
-        )
-        self._advice = self._adviser(question)
-        return self._advice
+    def _believe(self) -> None:
+        self._outlook.follow(self.learner.estimate, self._joint, self._gains)
 
     def _sample_rate(self) -> float:
         return 1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan
@@ -426,10 +347,18 @@ class JointMonitor:
         velocity, source = self.velocity() if velocity is None else (velocity, "given")
         advice, trial_margin = None, None
         tracking_error, velocity_error = self._motion.errors(_RECENT)
-        margin, reason, belief = self._margin(velocity)
+        self._believe()
+        belief = self._outlook.belief
+        margin, reason = self._outlook.margin(velocity)
         std = probability = math.nan
         if margin is not None and belief is not None:
-            advice = self._advise(belief, velocity, tracking_error, velocity_error)
+            circumstances = Circumstances(
+                conditions=self.options.conditions,
+                sample_rate=self._sample_rate(),
+                tracking_error=tracking_error,
+                velocity_error=velocity_error,
+            )
+            advice = self._outlook.advise(belief, velocity, self.options.limits, circumstances)
             std, probability = uncertainty_of(margin, belief, velocity)
             if self.options.trial is not None and belief.gains_known:
                 trial_margin = stability_margin(belief.joint, self.options.trial, velocity)
@@ -478,6 +407,6 @@ def _short_parts(batch: Batch) -> Iterator[Batch]:
 
 def _without_silences(batch: Batch) -> list[Batch]:
     """The samples cut at long silences, after each of which the motion is followed anew."""
-    cuts = np.flatnonzero(np.diff(batch.time) > _SILENCE) + 1
+    cuts = np.flatnonzero(np.diff(batch.time) > SILENCE) + 1
     edges = [0, *cuts.tolist(), len(batch)]
     return [batch.where(slice(begin, end)) for begin, end in pairwise(edges)]

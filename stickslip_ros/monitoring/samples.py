@@ -75,13 +75,11 @@ LARGEST = 1e12  # no joint's position and no clock's time; the arithmetic stays 
 class SampleFilter:
     """Keeps samples in strict order of time, with finite time and position, and counts what it drops.
 
-    ``dropped`` maps a reason to how often it occurred; ``restarts`` counts how often time went back so
-    far that another recording, or a loop of the same, must have begun.
+    ``dropped`` maps a reason to how often it occurred.
     """
 
     last_time: float = -np.inf
     dropped: dict[str, int] = field(default_factory=dict)
-    restarts: int = 0
     _backward: int = 0
 
     def pass_on(self, batch: Batch) -> None:
@@ -126,7 +124,6 @@ class SampleFilter:
                     self._count("stamp goes backwards", 1)
                     continue
                 begins.append(index)
-                self.restarts += 1
             keep[index] = True
             self._backward = 0
             self.last_time = time

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the equations expect of a joint: which friction to believe in, its margin, and the advice that follows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
+from stickslip_ros.monitoring.belief import Belief, believed, much_the_same
+from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.samples import FloatArray
+
+
+class Outlook:
+    """See the module; :meth:`follow` says what is known now.
+
+    Parameters
+    ----------
+    adviser : answers questions for advice, or returns None as long as it is at work; by default it answers at once.
+
+    Attributes
+    ----------
+    belief : joint and gains to compute with, None if they are not known; disbelief : what is missing then.
+    """
+
+    def __init__(self, adviser: Adviser | None = None) -> None:
+        self._adviser = adviser or CachingAdviser()
+        self._advice: Advice | None = None
+        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
+        self.belief: Belief | None = None
+        self.disbelief = ""
+
+    def follow(self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None) -> None:
+        """Believe the same as before until something has changed that matters."""
+        basis = (estimate, configured, gains)
+        if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
+            return
+        belief, self.disbelief = believed(*basis)
+        if belief is None or self.belief is None or not much_the_same(belief, self.belief):
+            self.belief = belief
+        self._basis = basis
+
+    def margin(self, velocity: float) -> tuple[StabilityMargin | None, str]:
+        """The margin at a velocity [rad/s], or None; and why there is none, or it does not apply."""
+        if self.belief is None:
+            return None, self.disbelief
+        if not math.isfinite(velocity):
+            return None, "the commanded velocity is not known"
+        margin = stability_margin(self.belief.joint, self.belief.gains, velocity)
+        return margin, str(margin.reason or "")
+
+    def advise(
+        self, belief: Belief, velocity: float, limits: AdviceLimits, circumstances: Circumstances
+    ) -> Advice | None:
+        """Advice on the joint as it is believed to be, None as long as it is being worked out."""
+        question = AdviceQuestion(
+            joint=belief.joint,
+            gains=belief.gains,
+            velocity=abs(velocity),
+            limits=limits,
+            uncertainty=belief.uncertainty,
+            circumstances=circumstances,
+            gains_known=belief.gains_known,
+        )
+        self._advice = self._adviser(question)
+        return self._advice
+
+    def damping_reserves(self, velocities: FloatArray, condition: Condition) -> tuple[FloatArray, str]:
+        """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
+        reserves = np.full(len(velocities), np.inf)
+        if condition is Condition.EXACT:
+            # Worked out with the advice, if at all: an integration is too long for every batch of samples.
+            if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
+                reserves[:] = self._advice.recommendation.reserve
+            return reserves, "exactly"
+        known = np.isfinite(velocities)
+        if self.belief is not None and known.any():
+            margin = stability_margin(self.belief.joint, self.belief.gains, velocities[known])
+            critical = np.asarray(margin.critical_damping_ratio)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = np.asarray(margin.damping_ratio) / critical - 1.0
+            reserves[known] = np.where(np.asarray(margin.applicable) & (critical > 0), found, np.inf)
+        return reserves, "by Eq. (43)"

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A joint's past as stretches of one status each, from the slices of time that are judged one by one."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.monitoring import _motion_kernel as kernel
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.status import Segment, Status
+
+SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
+STATUS_OF = {
+    kernel.TOO_FEW: Status.NOT_JUDGED,
+    kernel.STICKS: Status.STICK_SLIP,
+    kernel.AT_REST: Status.AT_REST,
+    kernel.REVERSING: Status.NOT_JUDGED,
+    kernel.TOO_SHORT: Status.NOT_JUDGED,
+    kernel.DIPS: Status.AT_RISK,
+    kernel.MOVES: Status.SMOOTH,
+}
+
+
+class Segments:
+    """See the module.
+
+    Parameters
+    ----------
+    kept : the latest ones; None for all.
+
+    Attributes
+    ----------
+    all : oldest first.
+    """
+
+    def __init__(self, kept: int | None) -> None:
+        self.all: deque[Segment] = deque(maxlen=kept)
+        self._from = math.nan  # where the last segment began [rad]
+
+    def extend(self, rows: FloatArray, codes: NDArray[np.int_]) -> None:
+        """Go on with slices of time, one or more, as the compiled path reports them, and what each shows."""
+        if len(rows) == 1:
+            self._extend(rows, STATUS_OF[int(codes[0])])
+            return
+        silent = rows[1:, kernel.BEGIN] - rows[:-1, kernel.END] >= SILENCE
+        edges = [0, *(np.flatnonzero(np.diff(codes).astype(bool) | silent) + 1).tolist(), len(rows)]
+        for begin, end in pairwise(edges):
+            self._extend(rows[begin:end], STATUS_OF[int(codes[begin])])
+
+    def _extend(self, rows: FloatArray, status: Status) -> None:
+        start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
+        last = self.all[-1] if self.all else None
+        if last is not None and last.status is status and 0.0 <= start - last.end < SILENCE:
+            start = last.start
+            self.all.pop()
+        else:
+            self._from = float(rows[0, kernel.FROM])
+        velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
+        self.all.append(Segment(start=start, end=end, status=status, velocity=velocity))
