@@ -90,14 +90,17 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
     if subject.on_the_map:
         speed, note = 1e3 * abs(subject.velocity), ""
 
-        def point(word: str, gains: Gains, colour: str, style: str) -> Curve:
-            label = f"{word}: $k_p$ = {float(gains.stiffness):.4g} {stiffness_unit}, $k_v$ = {float(gains.damping):.3g}"
-            where = np.array([speed]), np.array([float(gains.stiffness)])
-            return Curve(label=label, x=where[0], y=where[1], colour=colour, style=style)
+        def point(label: str, gains: Gains, colour: str, style: str) -> Curve:
+            return Curve(
+                label=label, x=np.array([speed]), y=np.array([float(gains.stiffness)]), colour=colour, style=style
+            )
 
+        now = f"now: {speed:.3g} mrad/s, {float(subject.gains.stiffness):.4g} {stiffness_unit}"
         if subject.advised is not None:
-            curves.append(point("advised", subject.advised, GREEN, "*"))
-        curves.append(point("now", subject.gains, RED, "o"))
+            stiffness, damping = float(subject.advised.stiffness), float(subject.advised.damping)
+            advised = f"advised: {stiffness:.4g} {stiffness_unit}, {damping:.3g} {damping_unit}"
+            curves.append(point(advised, subject.advised, GREEN, "*"))
+        curves.append(point(now, subject.gains, RED, "o"))
     panel = Panel(
         x_label="commanded velocity [mrad/s]",
         y_label=f"stiffness $k_p$ [{stiffness_unit}{', per inertia' if subject.per_inertia else ''}]",

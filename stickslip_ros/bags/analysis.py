@@ -5,26 +5,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from stickslip_ros.bags.bag import Bag
+from stickslip_ros.bags.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
 from stickslip_ros.bags.topics import TopicChoice, Topics, find_topics
-from stickslip_ros.bags.traces import JointTraces
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.joint_settings import JointSettings
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
-from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection import Cycle
-from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.status import Segment, Status
 from stickslip_ros.parameter_file import Parameters
 from stickslip_ros.recordings import RecordingError
 
@@ -32,16 +25,6 @@ _MOST_JOINTS = 256  # names come from the file; their number is bounded
 _AT_ONCE = 8000  # samples of a joint that are followed at once
 _TRACED_AT_ONCE = 8.0  # [s]
 _BEYOND = 5.0  # [s] after the end asked for, from which on nothing more is read
-# What a recording as a whole is called, the first of these that it has for a time.
-_WORST_FIRST = (
-    Status.STICK_SLIP,
-    Status.AT_RISK,
-    Status.SMOOTH,
-    Status.NOT_JUDGED,
-    Status.AT_REST,
-    Status.UNKNOWN,
-)
-_LEAST_TIME = 0.5  # [s] without a break, from which on a status says something of a recording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,58 +58,6 @@ class AnalysisOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointAnalysis:
-    """What a recording shows of one joint.
-
-    Attributes
-    ----------
-    samples : how many were used. start, end : stamps of the first and the last one [s].
-    status : the worst one that lasted; reason : why, "" where the status says it all.
-    segments : stretches of one status; cycles : all that were found.
-    velocity : at which margin and advice are worked out [rad/s], NaN if the joint did not move.
-    assessment : what is known at the end. exact : verdict by integration.
-    settings : what was given of the joint. traces : for drawing, None unless asked for.
-    """
-
-    name: str
-    samples: int
-    start: float
-    end: float
-    status: Status
-    reason: str
-    segments: tuple[Segment, ...]
-    cycles: tuple[Cycle, ...]
-    velocity: float
-    assessment: Assessment
-    exact: ExactVerdict
-    settings: JointSettings
-    traces: JointTraces | None
-
-    @property
-    def duration(self) -> float:
-        """From the first sample to the last [s]."""
-        return self.end - self.start
-
-    @property
-    def usual_slip(self) -> float:
-        """Median slip distance [rad]; NaN without cycles."""
-        slips = sorted(abs(cycle.slip_distance) for cycle in self.cycles)
-        return slips[len(slips) // 2] if slips else math.nan
-
-    @property
-    def reserve(self) -> float:
-        """Relative damping reserve ρ/ρ_c − 1 by Eq. (43); NaN where there is none."""
-        margin = self.assessment.margin
-        if margin is None or not margin.applicable or not float(margin.critical_damping_ratio) > 0:
-            return math.nan
-        return float(margin.damping_ratio) / float(margin.critical_damping_ratio) - 1.0
-
-    def time_in(self, status: Status) -> float:
-        """How long the joint was in a status [s]."""
-        return sum(segment.end - segment.start for segment in self.segments if segment.status is status)
-
-
-@dataclass(frozen=True, kw_only=True)
 class BagAnalysis:
     """What a recording shows.
 
@@ -146,127 +77,6 @@ class BagAnalysis:
 Progress = Callable[[int, int], None]
 # Called after every piece with the monitors by joint, the cycles found in it, and log time less stamp.
 Watcher = Callable[["dict[str, FollowedJoint]", "dict[str, list[Cycle]]", float], None]
-
-
-class FollowedJoint:
-    """One joint while its recording is read."""
-
-    def __init__(self, name: str, parameters: Parameters, *, with_traces: bool, at_once: int) -> None:
-        self.name = name
-        self._at_once = at_once
-        self.settings = parameters.settings_of(name)
-        self.monitor = JointMonitor(
-            self.settings.joint, self.settings.gains, self.settings.options,
-            studies_at_once=True, segments_kept=None, at_arrest=True,  # as the node has it
-        )  # fmt: skip
-        self.cycles: list[Cycle] = []
-        self._pairing = ReferencePairing()
-        self._samples = 0
-        self._start = math.nan
-        self._traces = JointTraces() if with_traces else None
-
-    def take(self, samples: FloatArray | None, references: FloatArray | None) -> list[Cycle]:
-        """Take samples and references; returns the cycles found meanwhile."""
-        if references is not None:
-            self._pairing.add_references(references)
-        if samples is not None:
-            rows = samples.copy()
-            rows[:, 3] *= self.settings.effort_scale
-            self._pairing.add_samples(rows)
-        # Many samples at once cost less; what is found does not depend on it.
-        return self._follow(self._pairing.take()) if self._pairing.waiting >= self._at_once else []
-
-    def change_gains(self, gains: Gains) -> list[Cycle]:
-        """From now on these gains are in force, in the controller's units; returns the cycles found meanwhile."""
-        found = self._follow(self._pairing.take())
-        self.monitor.gains = self.settings.to_si(gains)
-        return found
-
-    def end(self) -> list[Cycle]:
-        """No more samples come; returns the cycles that they complete."""
-        found = self._follow(self._pairing.take(all_of_them=True))
-        closing = self.monitor.finish()
-        if self._traces is not None and closing:
-            self._traces.add(None, closing, self.monitor)
-        self.cycles += closing
-        return found + closing
-
-    def _follow(self, batch: Batch | None) -> list[Cycle]:
-        if batch is None:
-            return []
-        finite = np.isfinite(batch.time)
-        if math.isnan(self._start) and finite.any():
-            self._start = float(batch.time[finite][0])
-        self._samples += len(batch)
-        found = self.monitor.process(batch)
-        if self._traces is not None:
-            self._traces.add(batch, found, self.monitor)
-        self.cycles += found
-        return found
-
-    def analysis(self) -> JointAnalysis:
-        """What has been found, after the last samples."""
-        segments = tuple(self.monitor.segments)
-        status = overall_status(segments)
-        velocity = judged_velocity(segments, status, self.cycles)
-        assessment = self.monitor.assessment(velocity)
-        exact = ExactVerdict(smooth=None, reason=assessment.margin_reason)
-        if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
-            conditions = self.settings.options.conditions
-            exact = exact_verdict(assessment.joint, assessment.margin_gains, velocity, conditions)
-        dropped = "; ".join(f"{reason} ({count})" for reason, count in assessment.dropped.items())
-        return JointAnalysis(
-            name=self.name,
-            samples=self._samples - sum(assessment.dropped.values()),
-            start=self._start,
-            end=assessment.time,
-            status=status,
-            reason=_reason(status, assessment, dropped),
-            segments=segments,
-            cycles=tuple(self.cycles),
-            velocity=velocity,
-            assessment=assessment,
-            exact=exact,
-            settings=self.settings,
-            traces=self._traces,
-        )
-
-
-def _reason(status: Status, assessment: Assessment, dropped: str) -> str:
-    if status is assessment.finding.status:
-        return assessment.finding.reason
-    return dropped if status is Status.UNKNOWN else ""
-
-
-def overall_status(segments: Sequence[Segment]) -> Status:
-    """The worst status that lasted for a time without a break; if none did, the worst that occurred."""
-    for least in (_LEAST_TIME, 0.0):
-        for status in _WORST_FIRST:
-            if any(one.end - one.start > least for one in segments if one.status is status):
-                return status
-    return segments[-1].status if segments else Status.UNKNOWN
-
-
-def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
-    """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested.
-
-    Of stick slip that of the cycles: a stretch of it may hold several speeds, and turns.
-    """
-    if status is Status.STICK_SLIP and cycles:
-        return _usual([cycle.mean_speed for cycle in cycles], [cycle.period for cycle in cycles])
-    for wanted in dict.fromkeys((status, *_WORST_FIRST[:4])):
-        chosen = [segment for segment in segments if segment.status is wanted and segment.velocity != 0.0]
-        lengths = [segment.end - segment.start for segment in chosen]
-        if sum(lengths) > 0.0:
-            return _usual([abs(segment.velocity) for segment in chosen], lengths)
-    return math.nan
-
-
-def _usual(values: Sequence[float], weights: Sequence[float]) -> float:
-    """Weighted median."""
-    order = np.argsort(values)
-    sums = np.cumsum(np.asarray(weights)[order])
-    return float(np.asarray(values)[order][int(np.searchsorted(sums, 0.5 * sums[-1]))])
 
 
 def analyze(

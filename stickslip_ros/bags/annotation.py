@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.analysis import FollowedJoint
+from stickslip_ros.bags.joint_analysis import FollowedJoint
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.bags import words
-from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
+from stickslip_ros.bags.analysis import BagAnalysis
 from stickslip_ros.bags.html_page import YEAR_2001, anchor, drawn, write_page
+from stickslip_ros.bags.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.estimation import NAMES
 from stickslip_ros.monitoring.status import Status
 

@@ -12,9 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from stickslip_ros.bags import words
-from stickslip_ros.bags.analysis import BagAnalysis, JointAnalysis
+from stickslip_ros.bags.analysis import BagAnalysis
 from stickslip_ros.bags.fleet import Answer
 from stickslip_ros.bags.fleet_table import by_joint, rows_of
+from stickslip_ros.bags.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.status import Status
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}

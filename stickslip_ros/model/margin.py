@@ -54,6 +54,14 @@ class StabilityMargin:
     steady_stribeck: Real
     natural_frequency: Real
 
+    @property
+    def damping_reserve(self) -> Real:
+        """ρ/ρ_c − 1: relative damping in excess of what Eq. (43) asks for; ∞ where it asks for none, NaN as the others."""
+        damping, critical = np.asarray(self.damping_ratio), np.asarray(self.critical_damping_ratio)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
+        return reserve if reserve.ndim else float(reserve)
+
 
 def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:
     """Why Eq. (43) does not apply, element by element; None where it does. The last check listed wins."""

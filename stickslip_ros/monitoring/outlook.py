@@ -82,8 +82,6 @@ class Outlook:
         known = np.isfinite(velocities)
         if self.belief is not None and known.any():
             margin = stability_margin(self.belief.joint, self.belief.gains, velocities[known])
-            critical = np.asarray(margin.critical_damping_ratio)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                found = np.asarray(margin.damping_ratio) / critical - 1.0
-            reserves[known] = np.where(np.asarray(margin.applicable) & (critical > 0), found, np.inf)
+            found = np.asarray(margin.damping_reserve)
+            reserves[known] = np.where(np.isnan(found), np.inf, found)
         return reserves, "by Eq. (43)"

@@ -19,6 +19,7 @@ KINDS = ("p", "i", "d")
 _REREAD = 1.0  # [s]
 _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
+_LOOK_EVERY = 1.0  # [s] at the graph, while the controller is missing
 _NAMED = 6  # other nodes that are named where a controller is missing
 
 
@@ -53,6 +54,7 @@ class ControllerGains:
         self._silent = 0
         self._asked_at = -math.inf
         self._appeared_at = math.inf
+        self._look_at = -math.inf
         self.state = f"waiting for {controller}"
         self.waiting = True
 
@@ -62,7 +64,9 @@ class ControllerGains:
         if not self.parameters.ready():
             self._appeared_at = math.inf
             self._asked_at = -math.inf
-            self._says(f"waiting for {self.name}{self._others()}", waiting=True)
+            if not self.waiting or now >= self._look_at:
+                self._look_at = now + _LOOK_EVERY
+                self._says(f"waiting for {self.name}{self._others()}", waiting=True)
             return
         self._appeared_at = min(self._appeared_at, now)
         interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD

@@ -103,3 +103,14 @@ def test_factors_lead_to_the_boundary(
         if 0 < factor < math.inf:
             assert at(**{key: factor * 1.001}) >= 0 or at(**{key: factor * (1 + 1e-9)}) > 0
             assert at(**{key: factor * (1 - 1e-6)}) <= 0
+
+
+def test_damping_reserve(puma: Joint) -> None:
+    """Issue 8: 0 on the boundary, −1 without damping, ∞ where none is needed, NaN where the equation does not apply."""
+    speeds = np.array([0.005, 0.005, 0.5, 0.0])
+    plain = stability_margin(puma, Gains(stiffness=630.0), 0.005)
+    needed = plain.critical_damping_ratio * 2 * np.sqrt(630.0 * puma.inertia) - puma.friction.viscous
+    dampings = np.array([needed, -puma.friction.viscous, 0.0, 0.0])
+    found = stability_margin(puma, Gains(stiffness=np.array([630.0, 630.0, 6300.0, 630.0]), damping=dampings), speeds)
+    assert found.damping_reserve == pytest.approx([0.0, -1.0, np.inf, np.nan], abs=1e-12, nan_ok=True)
+    assert isinstance(plain.damping_reserve, float)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from support_ros import Probe, probe
 
-from stickslip_ros.bags.analysis import AnalysisOptions, JointAnalysis, analyze
+from stickslip_ros.bags.analysis import AnalysisOptions, analyze
+from stickslip_ros.bags.joint_analysis import JointAnalysis
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.known_joints import load_joint
