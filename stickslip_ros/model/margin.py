@@ -56,7 +56,7 @@ class StabilityMargin:
 
     @property
     def damping_reserve(self) -> Real:
-        """ρ/ρ_c − 1: relative damping in excess of what Eq. (43) asks for; ∞ where it asks for none, NaN as the others."""
+        """ρ/ρ_c − 1: damping in excess of what Eq. (43) asks for; ∞ where it asks for none, NaN as the others."""
         damping, critical = np.asarray(self.damping_ratio), np.asarray(self.critical_damping_ratio)
         with np.errstate(divide="ignore", invalid="ignore"):
             reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
