@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from catkin_pkg.changelog import get_changelog_from_path
+from catkin_pkg.package import parse_package
 from conftest import ROOT
 
 import stickslip_ros
@@ -86,6 +88,17 @@ def test_versions_agree() -> None:
     in_manifest = ET.parse(ROOT / "package.xml").getroot().findtext("version")
     in_changelog = re.search(r"^(\d+\.\d+\.\d+)", (ROOT / "CHANGELOG.rst").read_text(), re.MULTILINE).group(1)
     assert in_setup == in_manifest == stickslip_ros.__version__ == in_changelog
+
+
+def test_a_release_tool_reads_manifest_and_changelog() -> None:
+    """Issue 8: package.xml is valid without a warning; bloom finds this version's date and notes in the changelog."""
+    warnings: list[str] = []
+    parse_package(str(ROOT / "package.xml")).validate(warnings=warnings)
+    assert not warnings
+    version, date, notes = next(iter(get_changelog_from_path(str(ROOT)).foreach_version()))
+    assert version == stickslip_ros.__version__
+    assert date is not None
+    assert notes
 
 
 def test_every_source_file_names_its_licence() -> None:

@@ -123,7 +123,7 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
                 if how in ("file", "monitor"):
                     (folder / rest).write_text(block.code)
                 if how == "monitor":
-                    check_monitor_parameters(content["stickslip_monitor"]["ros__parameters"])
+                    check_monitor_parameters(content["/**"]["ros__parameters"])
 
 
 def run(code: str, folder: Path, environment: dict[str, str], status: int) -> str:
