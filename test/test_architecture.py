@@ -149,3 +149,15 @@ def test_known_joints_name_their_sources(path: Path) -> None:
     assert set(content["assumed"]) <= set(values)
     without = {line.split(":")[0].strip() for line in text.splitlines() if "no source" in line and ":" in line}
     assert without <= set(content["assumed"])
+
+
+def test_the_forms_for_contributors_are_sound() -> None:
+    """Issue 8: pre-commit takes its configuration; every issue form says what it is, and what it asks for."""
+    command = [sys.executable, "-m", "pre_commit", "validate-config", ROOT / ".pre-commit-config.yaml"]
+    subprocess.run(command, check=True, timeout=60)
+    forms = [path for path in (ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml") if path.stem != "config"]
+    assert len(forms) >= 3
+    for path in forms:
+        form = yaml.safe_load(path.read_text(encoding="utf-8"))
+        assert {"name", "description", "body"} <= set(form)
+        assert len({part["id"] for part in form["body"]}) == len(form["body"])
