@@ -88,7 +88,8 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         curves.append(boundary("exact, with the advised damping", x, y, inside, GREEN, ":"))
     note = "There is no operating point: it needs a speed and a stiffness."
     if subject.on_the_map:
-        speed, note = 1e3 * abs(subject.velocity), ""
+        speed = 1e3 * abs(subject.velocity)
+        note = "Drawn without the integral action, which has no place in Eq. (43)." if subject.gains.integral else ""
 
         def point(label: str, gains: Gains, colour: str, style: str) -> Curve:
             return Curve(

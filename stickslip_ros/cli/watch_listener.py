@@ -92,12 +92,11 @@ class WatchListener:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            robot, _, rest = status.name.rpartition(_MONITOR)
-            if robot and not robot.endswith("/"):
+            robot, named, rest = status.name.rpartition(_MONITOR)
+            if not named or (robot and not robot.endswith("/")):
                 continue
-            if rest == "":
-                if status.name.endswith(_MONITOR):
-                    self._note(self._monitors.setdefault(status.name, _Heard()), status)
+            if not rest:
+                self._note(self._monitors.setdefault(status.name, _Heard()), status)
             elif rest.startswith(": "):
                 self._note(self._joints.setdefault(status.hardware_id, _Heard()), status)
 

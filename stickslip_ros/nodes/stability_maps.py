@@ -12,16 +12,15 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage
 
-from stickslip_ros.monitoring.status import Status
 from stickslip_ros.nodes.background import Background
 from stickslip_ros.nodes.publications import Findings
 from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.watched_joint import WORTH_CHANGING
 from stickslip_ros.stability_map import MapSubject, picture, subject_of
 
 _ASK_EVERY = 10.0  # [s] a joint
 _TO_BE_SEEN = 0.03  # relative change of a number that shows in a picture
 _LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_WORTH_A_PICTURE = (Status.STICK_SLIP, Status.AT_RISK)
 
 
 class StabilityMaps:
@@ -68,7 +67,7 @@ class StabilityMaps:
     def _due(self, name: str, one: Findings, now: float) -> MapSubject | None:
         """What to draw of a joint, None if it needs no picture, or no other one."""
         known = self._pictures.latest(name)
-        if known is None and one.assessment.finding.status not in _WORTH_A_PICTURE:
+        if known is None and one.assessment.finding.status not in WORTH_CHANGING:
             return None
         if one.silent_for is not None or now - self._asked_at.get(name, -math.inf) < _ASK_EVERY:
             return None

@@ -19,7 +19,7 @@ from stickslip_ros.monitoring.status import Status
 from stickslip_ros.nodes.gain_bounds import GainBounds
 
 _GAINS_KEPT = 16
-_WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
+WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
 
 
 @dataclass
@@ -81,12 +81,12 @@ class WatchedJoint:
     def being_advised(self, assessment: Assessment) -> bool:
         """Whether advice that would be applied is being worked out."""
         status = assessment.finding.status
-        return status in _WORTH_CHANGING and assessment.margin is not None and assessment.advice is None
+        return status in WORTH_CHANGING and assessment.margin is not None and assessment.advice is None
 
     def why_not_applied(self, assessment: Assessment, *, has_controller: bool) -> str:
         """Why the advice cannot be applied, or ""; SI units."""
         recommendation, status = assessment.recommendation, assessment.finding.status
-        if status not in _WORTH_CHANGING:
+        if status not in WORTH_CHANGING:
             return f"{self.name} is {status.value}, which no gains have to change"
         if recommendation is None:
             return f"{self.name} has no advice: {assessment.margin_reason or 'it is being worked out'}"
