@@ -12,6 +12,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -41,7 +42,7 @@ class DemoListener:
     """Listens to joint, monitor and diagnostics; all waiting is bounded."""
 
     def __init__(self, joint: str) -> None:
-        rclpy.init(args=[])
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.node = Node("stickslip_demo")
         self.joint = joint
         self.data = DemoData()

@@ -13,6 +13,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.watch_view import JointView
@@ -45,7 +46,8 @@ class WatchListener:
     """A node that only listens."""
 
     def __init__(self) -> None:
-        rclpy.init(args=[])
+        # Ctrl-C is the command's: rclpy's own handler would end the context in the middle of a call.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.node = Node("stickslip_watch")
         self._joints: dict[str, _Heard] = {}
         self._monitors: dict[str, _Heard] = {}

@@ -120,18 +120,26 @@ def _live() -> int:
     """Exit status of the live view in a terminal of its own, interrupted once it has shown something."""
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "24"}
-    with subprocess.Popen(COMMAND, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
+    command = [*COMMAND, "--patience", "60"]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
         os.close(theirs)
-        seen, until = b"", time.monotonic() + 60.0
-        while seen.count(b"stick_slip") < 4:
-            seen += os.read(ours, 65536)
+        seen, until = b"", time.monotonic() + 90.0
+        while (new := _read(ours)) and seen.count(b"stick_slip") < 4:
+            seen += new
             assert time.monotonic() < until, seen.decode(errors="replace")
         process.send_signal(signal.SIGINT)
-        while True:
-            try:
-                if not os.read(ours, 65536):
-                    break
-            except OSError:
-                break  # the terminal's other end is closed
+        while new := _read(ours):
+            seen += new
         os.close(ours)
-        return process.wait(30.0)
+        status = process.wait(30.0)
+    assert seen.count(b"stick_slip") >= 4, seen.decode(errors="replace")
+    assert b"Traceback" not in seen, seen.decode(errors="replace")
+    return status
+
+
+def _read(terminal: int) -> bytes:
+    """What comes next; nothing once the other end is closed, which Linux calls an error."""
+    try:
+        return os.read(terminal, 65536)
+    except OSError:
+        return b""
