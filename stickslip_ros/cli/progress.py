@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""A progress bar on stderr, so that stdout stays the answer's."""
+"""A progress bar on stderr, so that stdout stays the answer's; and an end of long work on Ctrl-C, whenever it comes."""
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -16,6 +19,34 @@ def progress_bar(text: str) -> Iterator[Callable[[int, int], None]]:
     """A bar that is told what is done and of how much; nothing is drawn where stderr is no terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with _interrupts() as came, bar as progress:
         task = progress.add_task(text, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+        def tell(done: int, total: int) -> None:
+            if came:
+                came.clear()
+                raise KeyboardInterrupt
+            progress.update(task, completed=done, total=total)
+
+        yield tell
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """SIGINTs that came meanwhile: Python drops the exception of one that comes in a finalizer or a callback from C."""
+    came: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield came
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, before)
