@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> None:
         "--seconds", type=float, default=10.0, metavar="S", help="of motion to show (default: %(default)g)"
     )
     parser.add_argument(
-        "--patience", type=float, default=10.0, metavar="S",
+        "--patience", type=float, default=30.0, metavar="S",
         help="how long to wait for a monitor before giving up (default: %(default)g)",
     )  # fmt: skip
     parser.set_defaults(run=run)
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         with console.status("Listening for a monitor"):
             _wait(listener, options.patience)
         if options.once or not console.is_terminal:
-            listener.listen(min(options.seconds, options.patience))
+            listener.listen(options.seconds)
             console.print(shown(None))
             return 0
         with Live(shown(console.height), console=console, screen=True, auto_refresh=False) as live:

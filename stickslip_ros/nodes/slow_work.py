@@ -21,6 +21,8 @@ _NICE = 10  # what else runs on the robot comes first
 _MOST_WAITING = 64  # questions; further ones are skipped until there is room
 _REST = 5.0  # [s] before a question of a key is taken again, where the last one could not be answered
 
+_LAST_WAIT = 0.5  # [s] for the pool's thread to end; it takes milliseconds
+
 Key = tuple[str, str]
 
 
@@ -144,10 +146,14 @@ class SlowWork:
         if self._pool is None:
             return
         processes = list((self._pool._processes or {}).values())
+        manager: Any = self._pool._executor_manager_thread
         self._pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             with contextlib.suppress(OSError, ValueError):
                 process.kill()
+        if manager is not None:
+            # While it closes its pipes, the end of Python would stumble over them, and hang.
+            manager.join(_LAST_WAIT)
         self._pool = None
 
 
