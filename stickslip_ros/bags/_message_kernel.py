@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from stickslip_ros.compilation import helper, kernel
 
 MESSAGE = 0x05
 _HEADER = 9  # opcode and length
@@ -16,7 +17,7 @@ OPCODE, OFFSET, LENGTH, CHANNEL, LOG_TIME = range(5)
 COLUMNS = 5
 
 
-@njit(cache=True)
+@helper()
 def _number(buffer, at, size):
     """A little-endian number; what does not fit an int64 comes out negative."""
     value = np.int64(0)
@@ -25,7 +26,7 @@ def _number(buffer, at, size):
     return value
 
 
-@njit(cache=True)
+@kernel()
 def walk(buffer, start, largest, table):
     """List the records that lie wholly in ``buffer[start:]``.
 
@@ -43,38 +44,45 @@ def walk(buffer, start, largest, table):
         content = at + _HEADER
         if content + length > size:
             return count, at, _HEADER + length, True
-        row = table[count]
-        row[OPCODE], row[OFFSET], row[LENGTH], row[CHANNEL], row[LOG_TIME] = opcode, content, length, -1, 0
+        table[count, OPCODE] = opcode
         if opcode == MESSAGE:
-            row[OFFSET], row[LENGTH] = content + _MESSAGE_HEADER, length - _MESSAGE_HEADER
-            row[CHANNEL], row[LOG_TIME] = _number(buffer, content, 2), _number(buffer, content + 6, 8)
+            table[count, OFFSET], table[count, LENGTH] = content + _MESSAGE_HEADER, length - _MESSAGE_HEADER
+            table[count, CHANNEL], table[count, LOG_TIME] = _number(buffer, content, 2), _number(buffer, content + 6, 8)
+        else:
+            table[count, OFFSET], table[count, LENGTH], table[count, CHANNEL], table[count, LOG_TIME] = (
+                content,
+                length,
+                -1,
+                0,
+            )
         count += 1
         at = content + length
     return count, at, 0, True
 
 
-@njit(cache=True)
+@kernel()
 def matching(buffer, offsets, lengths, template, mask, least, most):
     """Which messages agree with a template in all bytes that a mask of 0 and 255 leaves, and have its length."""
     matches = np.zeros(offsets.shape[0], dtype=np.bool_)
     for n in range(offsets.shape[0]):
         if lengths[n] < least or lengths[n] > most:
             continue
-        message = buffer[offsets[n] : offsets[n] + template.shape[0]]
+        begin = offsets[n]
         # Without a way out of the loop it compares many bytes at once.
         differs = np.uint8(0)
         for k in range(template.shape[0]):
-            differs |= (message[k] ^ template[k]) & mask[k]
+            differs |= (buffer[begin + k] ^ template[k]) & mask[k]
         matches[n] = differs == 0
     return matches
 
 
-@njit(cache=True)
+@kernel()
 def gather(buffer, offsets, places, sizes, out):
     """Copy parts of every message, one after the other, into its row of bytes."""
     for n in range(offsets.shape[0]):
-        row, to = out[n], 0
+        to = 0
         for p in range(places.shape[0]):
             begin = offsets[n] + places[p]
-            row[to : to + sizes[p]] = buffer[begin : begin + sizes[p]]
+            for k in range(sizes[p]):
+                out[n, to + k] = buffer[begin + k]
             to += sizes[p]

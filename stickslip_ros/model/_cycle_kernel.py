@@ -8,8 +8,8 @@ The arrays of points are ρ, F*_s∞, ξ˙_d, τ*, γ*, of one length each.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip_ros.compilation import helper, inlined, kernel
 from stickslip_ros.model._slip_kernel import (
     ARRESTED,
     TOO_ROUGH,
@@ -37,7 +37,7 @@ _BISECTIONS = 8
 _LEAST_RATIO = 1e-6  # a damping ratio that is none
 
 
-@njit(cache=True)
+@helper()
 def _cycle(level, point, prepared, tolerance, record):
     """One cycle from breakaway at ``level``, with steps as short as the tolerance asks for.
 
@@ -45,82 +45,76 @@ def _cycle(level, point, prepared, tolerance, record):
     and the rows recorded.
     """
     damping_ratio, stribeck, velocity, lag, rise_time = point
-    ends, duration, end, shape, distance, rows = slip(level, velocity, damping_ratio, lag, prepared, tolerance, record)
-    while ends == TOO_ROUGH and tolerance < np.inf:
-        # Steps as short as they may be are taken as they are.
-        tolerance = tolerance if shorten(prepared) else np.inf
+    while True:
         ends, duration, end, shape, distance, rows = slip(
             level, velocity, damping_ratio, lag, prepared, tolerance, record
         )
+        if ends != TOO_ROUGH or not tolerance < np.inf:
+            break
+        # Steps as short as they may be are taken as they are.
+        tolerance = tolerance if shorten(prepared) else np.inf
     if ends != ARRESTED:
         return ends, duration, np.nan, np.nan, np.nan, np.nan, rows
     dwell, following = stick(end, shape, level, velocity, damping_ratio, stribeck, rise_time)
     return ends, duration, distance, dwell, level * shape, following, rows
 
 
-@njit(cache=True)
-def _store(row, duration, distance, dwell, level, arrested):
-    row[SLIP_DURATION] = duration
-    row[SLIP_DISTANCE] = distance
-    row[DWELL] = dwell
-    row[BREAKAWAY_LEVEL] = level
-    row[ARREST_LEVEL] = arrested
-
-
-@njit(cache=True)
+@helper()
 def _feasible(damping_ratio, stribeck, velocity):
     """Whether a slip takes a bearable number of steps."""
     return max(np.sqrt(velocity), stribeck) < _SHARPEST and damping_ratio <= LARGEST_DAMPING_RATIO
 
 
-@njit(cache=True, nogil=True)
-def cycles(damping_ratios, stribecks, velocities, lags, rise_times, levels, refinement, tolerance, summaries):
-    """Fill ``summaries`` (points, cycles, CYCLE_COLUMNS), NaN from where the cycle has died out."""
-    nothing = np.empty((0, 4))
+@kernel(nogil=True)
+def cycles(
+    damping_ratios, stribecks, velocities, lags, rise_times, levels, refinement, tolerance, summaries, record, rows
+):
+    """Fill ``summaries`` (points, cycles, CYCLE_COLUMNS), NaN from where the cycle has died out.
+
+    Where there is room in ``rows``, ``record`` takes the slips of one point, ``rows[n]`` rows up to the end of slip n,
+    and a slip that does not end has a summary too, with its duration alone. Returns the number of slips of the last
+    point, that one included.
+    """
+    recorded = rows.shape[0]
+    total = slips = 0
     for i in range(damping_ratios.shape[0]):
-        summaries[i] = np.nan
+        for n in range(summaries.shape[1]):
+            for column in range(CYCLE_COLUMNS):
+                summaries[i, n, column] = np.nan
+        slips = 0
         point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
-        if not _feasible(point[0], point[1], point[2]):
+        if recorded == 0 and not _feasible(point[0], point[1], point[2]):
             continue
         prepared = prepare(point[0], point[1], point[2], point[3], refinement)
         level = levels[i]
         for n in range(summaries.shape[1]):
-            ends, duration, distance, dwell, arrested, following, _ = _cycle(level, point, prepared, tolerance, nothing)
+            ends, duration, distance, dwell, arrested, following, count = _cycle(
+                level, point, prepared, tolerance, record[total:]
+            )
+            total += count
+            slips = n + 1
+            if recorded > 0:
+                rows[n] = total
+            if ends != ARRESTED and recorded == 0:
+                break
+            summaries[i, n, SLIP_DURATION] = duration
+            summaries[i, n, SLIP_DISTANCE] = distance
+            summaries[i, n, DWELL] = dwell
+            summaries[i, n, BREAKAWAY_LEVEL] = level
+            summaries[i, n, ARREST_LEVEL] = arrested
             if ends != ARRESTED:
                 break
-            _store(summaries[i, n], duration, distance, dwell, level, arrested)
             level = following
+    return slips
 
 
-@njit(cache=True, nogil=True)
-def trajectory(
-    damping_ratio, stribeck, velocity, lag, rise_time, level, refinement, tolerance, summaries, record, rows
-):
-    """Cycles of one point with the slips recorded; ``rows[n]`` rows after slip n. Returns the number of slips."""
-    point = (damping_ratio, stribeck, velocity, lag, rise_time)
-    prepared = prepare(damping_ratio, stribeck, velocity, lag, refinement)
-    total = 0
-    summaries[:] = np.nan
-    for n in range(summaries.shape[0]):
-        ends, duration, distance, dwell, arrested, following, count = _cycle(
-            level, point, prepared, tolerance, record[total:]
-        )
-        total += count
-        rows[n] = total
-        _store(summaries[n], duration, distance, dwell, level, arrested)
-        if ends != ARRESTED:
-            return n + 1
-        level = following
-    return summaries.shape[0]
-
-
-@njit(cache=True)
-def _gain(level, point, prepared):
+@inlined()
+def _gain(level, point, prepared, nothing):
     """By how much the next breakaway level exceeds this one; NaN if the slip does not end in an arrest."""
-    return _cycle(level, point, prepared, _VERDICT_TOLERANCE, np.empty((0, 4)))[5] - level
+    return _cycle(level, point, prepared, _VERDICT_TOLERANCE, nothing)[5] - level
 
 
-@njit(cache=True)
+@helper()
 def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
     """Whether the breakaway levels, begun at full static friction, come to rest, or go up and down for ever.
 
@@ -133,13 +127,14 @@ def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
         return UNKNOWN
     prepared = prepare(damping_ratio, stribeck, velocity, lag, 1.0)
     point = (damping_ratio, stribeck, velocity, lag, rise_time)
+    nothing = np.empty((0, 4))
     level = stribeck
     oldest = older = newest = np.nan
     oldest_gain = older_gain = newest_gain = np.nan
     plain, turns = 3, 0
     for _ in range(_MOST_CYCLES):
         oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
-        newest, newest_gain = level, _gain(level, point, prepared)
+        newest, newest_gain = level, _gain(level, point, prepared, nothing)
         if np.isnan(newest_gain):
             return DIES
         if abs(newest_gain) <= _FIXED * newest:
@@ -153,12 +148,12 @@ def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
         if turns > _MOST_TURNS:
             return PERSISTS
         if abs(ratio) < _CONTRACTS:
-            if _converges(newest, newest_gain, ratio, point, prepared):
+            if _converges(newest, newest_gain, ratio, point, prepared, nothing):
                 return PERSISTS
             plain = 2
         elif ratio > 0.0 and newest_gain < 0.0:
             closest, gain = _closest_approach(
-                oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared
+                oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared, nothing
             )
             if gain >= 0.0:
                 return PERSISTS
@@ -168,15 +163,15 @@ def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
     return PERSISTS
 
 
-@njit(cache=True)
-def _converges(level, gain, ratio, point, prepared):
+@inlined()
+def _converges(level, gain, ratio, point, prepared, nothing):
     """Whether levels that change by this ratio lead to a fixed point that attracts: found by the secant rule."""
     before, gain_before = level, gain
     level += gain / (1.0 - ratio)
     for _ in range(_SECANT_STEPS):
         if not level > 0.0 or level == before:
             return False
-        gain = _gain(level, point, prepared)
+        gain = _gain(level, point, prepared, nothing)
         if np.isnan(gain):
             return False
         slope = 1.0 + (gain_before - gain) / (before - level)
@@ -191,8 +186,8 @@ def _converges(level, gain, ratio, point, prepared):
     return False
 
 
-@njit(cache=True)
-def _closest_approach(oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared):
+@inlined()
+def _closest_approach(oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared, nothing):
     """Level below the newest at which the gain is largest, by successive parabolas, and the gain there.
 
     Stops at the first level whose gain is not negative; NaN if there is no such level.
@@ -204,11 +199,11 @@ def _closest_approach(oldest, oldest_gain, older, older_gain, newest, newest_gai
         top = 0.5 * (b + c) - 0.5 * slope / curvature if curvature < 0.0 else np.nan
         if not 0.0 < top < newest:
             return np.nan, np.nan
-        gain = _gain(top, point, prepared)
+        gain = _gain(top, point, prepared, nothing)
         if np.isnan(gain):
             return np.nan, np.nan
         if gain >= 0.0:
-            caught = _catches(top, gain, newest, newest_gain, point, prepared)
+            caught = _catches(top, gain, newest, newest_gain, point, prepared, nothing)
             return (top, gain) if caught else (np.nan, np.nan)
         if abs(top - c) <= 1e-3 * (newest - top):
             return top, gain
@@ -216,8 +211,8 @@ def _closest_approach(oldest, oldest_gain, older, older_gain, newest, newest_gai
     return np.nan, np.nan
 
 
-@njit(cache=True)
-def _catches(low, low_gain, high, high_gain, point, prepared):
+@inlined()
+def _catches(low, low_gain, high, high_gain, point, prepared, nothing):
     """Whether levels that fall from ``high``, where the gain is negative, come to rest above ``low``, where it is not.
 
     They do if the fixed point between attracts; it does not where a slip's end only grazes zero velocity.
@@ -225,7 +220,7 @@ def _catches(low, low_gain, high, high_gain, point, prepared):
     start = high
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        gain = _gain(middle, point, prepared)
+        gain = _gain(middle, point, prepared, nothing)
         if np.isnan(gain):
             return False
         if gain >= 0.0:
@@ -236,25 +231,22 @@ def _catches(low, low_gain, high, high_gain, point, prepared):
     return abs(slope) < 1.0 and high < start
 
 
-@njit(cache=True, nogil=True)
-def persistence(damping_ratios, stribecks, velocities, lags, rise_times, verdicts):
-    """Fill ``verdicts`` with PERSISTS, DIES or UNKNOWN."""
-    for i in range(damping_ratios.shape[0]):
-        verdicts[i] = _persists(damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
-
-
-@njit(cache=True, nogil=True)
-def critical_damping_ratios(stribecks, velocities, lags, rise_times, guesses, largest, tolerance, found):
+@kernel(nogil=True)
+def extinction(damping_ratios, stribecks, velocities, lags, rise_times, guesses, largest, tolerance, found):
     """Fill ``found`` with the damping ratio at which the cycle just dies out, bisected to a relative tolerance.
 
     0 where it dies undamped, NaN where even ``largest`` does not end it or the integration is refused.
-    ``guesses`` > 0 say where to look first.
+    ``guesses`` > 0 say where to look first. Where there is no room for guesses, the question is of the damping ratios
+    themselves, and the answer PERSISTS, DIES or UNKNOWN.
     """
     for i in range(stribecks.shape[0]):
-        found[i] = _critical(stribecks[i], velocities[i], lags[i], rise_times[i], guesses[i], largest, tolerance)
+        if guesses.shape[0] == 0:
+            found[i] = _persists(damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
+        else:
+            found[i] = _critical(stribecks[i], velocities[i], lags[i], rise_times[i], guesses[i], largest, tolerance)
 
 
-@njit(cache=True)
+@inlined()
 def _critical(stribeck, velocity, lag, rise_time, guess, largest, tolerance):
     undamped = _persists(0.0, stribeck, velocity, lag, rise_time)
     if undamped != PERSISTS:

@@ -14,7 +14,8 @@ force balance, both to round-off.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from stickslip_ros.compilation import helper, inlined, kernel
 
 # Indices of the state vector.
 TIME, POSITION, VELOCITY, INTEGRAL, DIRECTION, EVENT_TIME, LEVEL, HISTORY_HEAD, HISTORY_COUNT, HISTORY_CURSOR = range(
@@ -33,14 +34,14 @@ BREAKAWAY, ARREST = 1.0, -1.0
 _MOST_EVENTS = 64  # in one sampling period
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _risen(level: float, stribeck: float, rise_time: float, dwell: float) -> float:
     if rise_time <= 0.0:
         return stribeck
     return level + (stribeck - level) * dwell / (dwell + rise_time)
 
 
-@njit(cache=True, error_model="numpy")
+@inlined()
 def _lagged_velocity(time, state, history):
     """Velocity at ``time`` from the ring; the cursor only moves forward."""
     count = int(state[HISTORY_COUNT])
@@ -51,25 +52,24 @@ def _lagged_velocity(time, state, history):
     while cursor + 2 < head and history[(cursor + 1) % capacity, 0] <= time:
         cursor += 1
     state[HISTORY_CURSOR] = cursor
-    left = history[cursor % capacity]
-    right = history[(cursor + 1) % capacity]
-    width = right[0] - left[0]
+    left, right = cursor % capacity, (cursor + 1) % capacity
+    width = history[right, 0] - history[left, 0]
     if width <= 0.0:
-        return left[1]
-    s = (time - left[0]) / width
+        return history[left, 1]
+    s = (time - history[left, 0]) / width
     r = 1.0 - s
-    return r * r * ((1.0 + 2.0 * s) * left[1] + s * width * left[2]) + s * s * (
-        (3.0 - 2.0 * s) * right[1] - r * width * right[2]
+    return r * r * ((1.0 + 2.0 * s) * history[left, 1] + s * width * history[left, 2]) + s * s * (
+        (3.0 - 2.0 * s) * history[right, 1] - r * width * history[right, 2]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _instant_shape(velocity, parameters):
     ratio = velocity / parameters[STRIBECK_VELOCITY]
     return 1.0 / (1.0 + ratio * ratio)
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _shape(time, velocity, state, history, parameters, delayed):
     """Ψ of Eq. (5)."""
     if delayed:
@@ -79,7 +79,7 @@ def _shape(time, velocity, state, history, parameters, delayed):
     return _instant_shape(velocity, parameters)
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _control(position, velocity, integral, reference, reference_velocity, parameters):
     return (
         parameters[STIFFNESS] * (reference - position)
@@ -88,7 +88,7 @@ def _control(position, velocity, integral, reference, reference_velocity, parame
     )
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _acceleration(position, velocity, integral, reference, reference_velocity, shape, state, parameters):
     """Acceleration of Eq. (4), sliding in the direction of the state."""
     direction = state[DIRECTION]
@@ -97,7 +97,7 @@ def _acceleration(position, velocity, integral, reference, reference_velocity, s
     return force / parameters[INERTIA]
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _slide(step, reference, reference_velocity, shape_0, shape_1, shape_2, state, parameters, delayed, out):
     """One Runge-Kutta step; writes position, velocity, integral to ``out``. Reference at the step's start."""
     x, v, z = state[POSITION], state[VELOCITY], state[INTEGRAL]
@@ -122,7 +122,7 @@ def _slide(step, reference, reference_velocity, shape_0, shape_1, shape_2, state
     out[2] = z + step / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _remember(time, velocity, acceleration, state, history):
     head = int(state[HISTORY_HEAD])
     slot = head % history.shape[0]
@@ -133,7 +133,7 @@ def _remember(time, velocity, acceleration, state, history):
     state[HISTORY_COUNT] = min(state[HISTORY_COUNT] + 1, history.shape[0])
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _excess(dwell, time, start, reference, reference_velocity, state, parameters):
     """Applied force less what static friction can hold, at ``time``; > 0 breaks away. Sign of the force second."""
     elapsed = time - start
@@ -149,7 +149,7 @@ def _excess(dwell, time, start, reference, reference_velocity, state, parameters
     return abs(force) - parameters[COULOMB] - level, 1.0 if force >= 0.0 else -1.0
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _record(events, count, time, kind, state):
     if count < events.shape[0]:
         events[count, 0] = time
@@ -160,7 +160,7 @@ def _record(events, count, time, kind, state):
     return count + 1
 
 
-@njit(cache=True, error_model="numpy")
+@inlined()
 def _stick_until(end, reference, reference_velocity, state, parameters, events, count):
     """Advance a stuck joint to ``end`` or to its breakaway; returns the events' count and the first acceleration."""
     start = state[TIME]
@@ -205,114 +205,110 @@ def _stick_until(end, reference, reference_velocity, state, parameters, events, 
     return count, 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def advance(state, history, parameters, step, period, references, reference_velocities, samples, events):
+@helper()
+def advance_period(state, history, parameters, step, period_end, reference_now, velocity_d, out, events, count):
+    """Integrate one joint to ``period_end``, its reference at ``reference_now`` and moving on with ``velocity_d``.
+
+    ``out`` is room for three numbers. Returns the number of events so far, of which ``count`` came before.
+    """
+    delayed = parameters[LAG] > 1e-3 * step
+    longest = min(step, parameters[LAG]) if delayed else step
+    before, period_start = count, state[TIME]
+    while state[TIME] < period_end - 1e-12:
+        time = state[TIME]
+        reference = reference_now + velocity_d * (time - period_start)
+        if state[DIRECTION] == 0.0:
+            if count - before >= _MOST_EVENTS:
+                # Ever shorter hops, without end: the joint creeps, and rests as far as can be seen.
+                state[TIME] = period_end
+                continue
+            count, acceleration = _stick_until(period_end, reference, velocity_d, state, parameters, events, count)
+            if state[DIRECTION] != 0.0:
+                _remember(state[TIME], 0.0, acceleration, state, history)
+            continue
+        size = min(longest, period_end - time)
+        if delayed:
+            memory_begins = state[EVENT_TIME] + parameters[LAG]
+            if time < memory_begins - 1e-12 and time + size > memory_begins:
+                size = memory_begins - time
+        direction = state[DIRECTION]
+        shape_0 = _shape(time, state[VELOCITY], state, history, parameters, delayed)
+        shape_1 = _shape(time + 0.5 * size, 0.0, state, history, parameters, delayed) if delayed else 1.0
+        shape_2 = _shape(time + size, 0.0, state, history, parameters, delayed) if delayed else 1.0
+        _slide(size, reference, velocity_d, shape_0, shape_1, shape_2, state, parameters, delayed, out)
+        if out[1] * direction < 0.0:
+            low, high = 0.0, size
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                if delayed:
+                    shape_1 = _shape(time + 0.5 * middle, 0.0, state, history, parameters, delayed)
+                    shape_2 = _shape(time + middle, 0.0, state, history, parameters, delayed)
+                _slide(middle, reference, velocity_d, shape_0, shape_1, shape_2, state, parameters, delayed, out)
+                if out[1] * direction < 0.0:
+                    high = middle
+                else:
+                    low = middle
+            state[TIME] = time + high
+            state[LEVEL] *= _shape(state[TIME], 0.0, state, history, parameters, delayed)
+            state[POSITION], state[VELOCITY], state[INTEGRAL] = out[0], 0.0, out[2]
+            state[EVENT_TIME] = state[TIME]
+            count = _record(events, count, state[TIME], ARREST, state)
+            state[DIRECTION] = 0.0
+            continue
+        state[TIME] = time + size
+        state[POSITION], state[VELOCITY], state[INTEGRAL] = out[0], out[1], out[2]
+        shape_2 = _shape(state[TIME], state[VELOCITY], state, history, parameters, delayed)
+        acceleration = _acceleration(
+            out[0], out[1], out[2], reference + velocity_d * size, velocity_d, shape_2, state, parameters
+        )
+        _remember(state[TIME], out[1], acceleration, state, history)
+    state[TIME] = period_end
+    return count
+
+
+@kernel(nogil=True)
+def advance(
+    state, history, parameters, held, sampled, delayed, step, period, references, reference_velocities, samples, events
+):
     """Integrate one joint over as many sampling periods as there are references.
 
     ``references[i]`` is the desired position at the start of period i, which moves on with
     ``reference_velocities[i]`` during it. Writes to ``samples[i]`` the position, velocity and control
     effort at the end of period i; returns the number of events, of which as many as fit stand in
     ``events``.
-    """
-    count = 0
-    delayed = parameters[LAG] > 1e-3 * step
-    longest = min(step, parameters[LAG]) if delayed else step
-    out = np.empty(3)
-    origin = state[TIME]
-    for i in range(references.shape[0]):
-        period_start = origin + i * period
-        period_end = origin + (i + 1) * period
-        velocity_d = reference_velocities[i]
-        before = count
-        while state[TIME] < period_end - 1e-12:
-            time = state[TIME]
-            reference = references[i] + velocity_d * (time - period_start)
-            if state[DIRECTION] == 0.0:
-                if count - before >= _MOST_EVENTS:
-                    # Ever shorter hops, without end: the joint creeps, and rests as far as can be seen.
-                    state[TIME] = period_end
-                    continue
-                count, acceleration = _stick_until(period_end, reference, velocity_d, state, parameters, events, count)
-                if state[DIRECTION] != 0.0:
-                    _remember(state[TIME], 0.0, acceleration, state, history)
-                continue
-            size = min(longest, period_end - time)
-            if delayed:
-                memory_begins = state[EVENT_TIME] + parameters[LAG]
-                if time < memory_begins - 1e-12 and time + size > memory_begins:
-                    size = memory_begins - time
-            direction = state[DIRECTION]
-            shape_0 = _shape(time, state[VELOCITY], state, history, parameters, delayed)
-            shape_1 = _shape(time + 0.5 * size, 0.0, state, history, parameters, delayed) if delayed else 1.0
-            shape_2 = _shape(time + size, 0.0, state, history, parameters, delayed) if delayed else 1.0
-            _slide(size, reference, velocity_d, shape_0, shape_1, shape_2, state, parameters, delayed, out)
-            if out[1] * direction < 0.0:
-                low, high = 0.0, size
-                for _ in range(60):
-                    middle = 0.5 * (low + high)
-                    if delayed:
-                        shape_1 = _shape(time + 0.5 * middle, 0.0, state, history, parameters, delayed)
-                        shape_2 = _shape(time + middle, 0.0, state, history, parameters, delayed)
-                    _slide(middle, reference, velocity_d, shape_0, shape_1, shape_2, state, parameters, delayed, out)
-                    if out[1] * direction < 0.0:
-                        high = middle
-                    else:
-                        low = middle
-                state[TIME] = time + high
-                state[LEVEL] *= _shape(state[TIME], 0.0, state, history, parameters, delayed)
-                state[POSITION], state[VELOCITY], state[INTEGRAL] = out[0], 0.0, out[2]
-                state[EVENT_TIME] = state[TIME]
-                count = _record(events, count, state[TIME], ARREST, state)
-                state[DIRECTION] = 0.0
-                continue
-            state[TIME] = time + size
-            state[POSITION], state[VELOCITY], state[INTEGRAL] = out[0], out[1], out[2]
-            shape_2 = _shape(state[TIME], state[VELOCITY], state, history, parameters, delayed)
-            acceleration = _acceleration(
-                out[0], out[1], out[2], reference + velocity_d * size, velocity_d, shape_2, state, parameters
-            )
-            _remember(state[TIME], out[1], acceleration, state, history)
-        state[TIME] = period_end
-        samples[i, 0] = state[POSITION]
-        samples[i, 1] = state[VELOCITY]
-        samples[i, 2] = _control(
-            state[POSITION],
-            state[VELOCITY],
-            state[INTEGRAL],
-            references[i] + velocity_d * period,
-            velocity_d,
-            parameters,
-        )
-    return count
 
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def advance_sampled(
-    state, history, parameters, held, delayed, step, period, references, reference_velocities, samples, events
-):
-    """As :func:`advance`, with a controller that samples at the start of each period and holds its effort.
-
-    ``held`` keeps the effort last computed, which a delayed controller applies one period later, and the
+    A controller that is ``sampled`` does so at the start of each period and holds its effort, which is what ``samples``
+    then have. ``held`` keeps the effort last computed, which a delayed controller applies one period later, and the
     controller's own integral.
     """
-    count = 0
     plant = parameters.copy()
-    plant[STIFFNESS] = plant[DAMPING] = plant[INTEGRAL_GAIN] = 0.0
+    if sampled:
+        plant[STIFFNESS] = plant[DAMPING] = plant[INTEGRAL_GAIN] = 0.0
+    count = np.int64(0)
+    applied, origin, out = 0.0, state[TIME], np.empty(3)
     for i in range(references.shape[0]):
-        error = references[i] - state[POSITION]
-        held[1] += error * period
-        effort = (
-            parameters[STIFFNESS] * error
-            + parameters[DAMPING] * (reference_velocities[i] - state[VELOCITY])
-            + parameters[INTEGRAL_GAIN] * held[1]
+        reference, velocity_d = references[i], reference_velocities[i]
+        if sampled:
+            error = reference - state[POSITION]
+            held[1] += error * period
+            effort = (
+                parameters[STIFFNESS] * error
+                + parameters[DAMPING] * (velocity_d - state[VELOCITY])
+                + parameters[INTEGRAL_GAIN] * held[1]
+            )
+            applied = held[0] if delayed else effort
+            held[0] = effort
+            plant[LOAD] = parameters[LOAD] - applied
+        count = advance_period(
+            state, history, plant, step, origin + (i + 1) * period, reference, velocity_d, out, events, count
         )
-        applied = held[0] if delayed else effort
-        held[0] = effort
-        plant[LOAD] = parameters[LOAD] - applied
-        one = slice(i, i + 1)
-        count += advance(
-            state, history, plant, step, period, references[one], reference_velocities[one], samples[one],
-            events[min(count, events.shape[0]) :],
-        )  # fmt: skip
-        samples[i, 2] = applied
+        samples[i, 0] = state[POSITION]
+        samples[i, 1] = state[VELOCITY]
+        samples[i, 2] = (
+            applied
+            if sampled
+            else _control(
+                state[POSITION], state[VELOCITY], state[INTEGRAL], reference + velocity_d * period, velocity_d, plant
+            )
+        )
     return count

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from stickslip_ros.compilation import helper, inlined
 
 POINTS = 8  # Gauss points of a step
 _SERIES_TERMS = 18
@@ -26,7 +27,7 @@ _HIGHEST = (
 END_POSITION, END_VELOCITY, ROWS, COLUMNS = POINTS, POINTS + 1, POINTS + 2, POINTS + 2
 
 
-@njit(cache=True)
+@helper()
 def _responses(time, damping_ratio, out):
     """G_m(t) = Σ_n a_n t^(n+m)/(n+m)!, m = 0 … POINTS + 1, with a_n the impulse response's Taylor coefficients.
 
@@ -56,51 +57,54 @@ def _responses(time, damping_ratio, out):
         out[m] = power - twice * out[m + 1] - out[m + 2]
 
 
-@njit(cache=True)
-def _velocity_row(time, step, damping_ratio, responses, row):
-    """Row that gives the velocity ``time`` after a step's start; fills ``responses`` on the way."""
+@helper()
+def _velocity_row(time, step, damping_ratio, responses, matrices, which, row):
+    """Row of a matrix that gives the velocity ``time`` after a step's start; fills ``responses`` on the way."""
     _responses(time, damping_ratio, responses)
-    row[0] = -responses[1]
-    row[1] = responses[0]
-    _force_columns(step, responses, 1, row)
-
-
-@njit(cache=True)
-def _force_columns(step, responses, order, row):
+    matrices[which, row, 0] = -responses[1]
+    matrices[which, row, 1] = responses[0]
     for j in range(POINTS):
-        row[2 + j] = 0.0
+        matrices[which, row, 2 + j] = 0.0
     scale = 1.0
     for k in range(POINTS):
-        value = scale * responses[k + order]
+        value = scale * responses[k + 1]
         for j in range(POINTS):
-            row[2 + j] -= value * _LAGRANGE[k, j]
+            matrices[which, row, 2 + j] -= value * _LAGRANGE[k, j]
         scale *= (k + 1) / step
 
 
-@njit(cache=True)
-def fill_matrix(step, damping_ratio, matrix):
-    """The matrix of one step."""
+@helper()
+def fill_matrix(step, damping_ratio, matrices, which):
+    """The matrix of one step, one of several."""
     responses = np.empty(POINTS + 2)
-    for i in range(POINTS):
-        _velocity_row(NODES[i] * step, step, damping_ratio, responses, matrix[i])
-    _velocity_row(step, step, damping_ratio, responses, matrix[END_VELOCITY])
-    row = matrix[END_POSITION]
-    row[0] = responses[0] + 2.0 * damping_ratio * responses[1]
-    row[1] = responses[1]
-    _force_columns(step, responses, 2, row)
+    for i in range(POINTS + 1):
+        if i < POINTS:
+            _velocity_row(NODES[i] * step, step, damping_ratio, responses, matrices, which, i)
+        else:
+            _velocity_row(step, step, damping_ratio, responses, matrices, which, i + 1)
+    matrices[which, END_POSITION, 0] = responses[0] + 2.0 * damping_ratio * responses[1]
+    matrices[which, END_POSITION, 1] = responses[1]
+    for j in range(POINTS):
+        matrices[which, END_POSITION, 2 + j] = 0.0
+    scale = 1.0
+    for k in range(POINTS):
+        value = scale * responses[k + 2]
+        for j in range(POINTS):
+            matrices[which, END_POSITION, 2 + j] -= value * _LAGRANGE[k, j]
+        scale *= (k + 1) / step
 
 
-@njit(cache=True)
-def fill_lagged(step, lag, damping_ratio, lagged):
+@helper()
+def fill_lagged(step, lag, damping_ratio, lagged, which):
     """Rows that give the velocity one lag before each Gauss point, where that is inside the step."""
     responses = np.empty(POINTS + 2)
     for i in range(POINTS):
         time = NODES[i] * step - lag
         if time >= 0.0:
-            _velocity_row(time, step, damping_ratio, responses, lagged[i])
+            _velocity_row(time, step, damping_ratio, responses, lagged, which, i)
 
 
-@njit(cache=True)
+@helper()
 def fit_friction(vector, step, coefficients):
     """Coefficients of the friction's interpolating polynomial in t^k/k!."""
     scale = 1.0
@@ -112,7 +116,7 @@ def fit_friction(vector, step, coefficients):
         scale *= (k + 1) / step
 
 
-@njit(cache=True)
+@helper()
 def inside(time, damping_ratio, position, velocity, coefficients, responses):
     """Position, velocity, acceleration and friction ``time`` after the start of a step."""
     _responses(time, damping_ratio, responses)
@@ -129,7 +133,7 @@ def inside(time, damping_ratio, position, velocity, coefficients, responses):
     return new_position, new_velocity, -new_position - twice * new_velocity - friction, friction
 
 
-@njit(cache=True)
+@helper()
 def crossing(low, high, damping_ratio, position, velocity, coefficients, target, responses):
     """Time inside a step at which the velocity falls through a target."""
     width = high - low
@@ -151,7 +155,7 @@ def crossing(low, high, damping_ratio, position, velocity, coefficients, target,
     return time
 
 
-@njit(cache=True)
+@inlined()
 def find_dip(high, damping_ratio, position, velocity, coefficients, responses):
     """Time inside a step at which the acceleration rises through zero."""
     low = 0.0
@@ -164,7 +168,7 @@ def find_dip(high, damping_ratio, position, velocity, coefficients, responses):
     return high
 
 
-@njit(cache=True)
+@helper()
 def roughness(vector):
     """Highest Legendre coefficient of the friction's polynomial: what a step that is too long leaves over."""
     total = 0.0
@@ -173,11 +177,11 @@ def roughness(vector):
     return abs(total)
 
 
-@njit(cache=True, fastmath=True)
-def multiply(matrix, vector, result):
-    """Product of a matrix and a vector, into ``result``."""
+@helper(fastmath=True)
+def multiply(matrices, which, vector, result):
+    """Product of one of several matrices and a vector, into ``result``."""
     for i in range(ROWS):
         total = 0.0
         for j in range(COLUMNS):
-            total += matrix[i, j] * vector[j]
+            total += matrices[which, i, j] * vector[j]
         result[i] = total

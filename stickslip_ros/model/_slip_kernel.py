@@ -20,8 +20,8 @@ map from one breakaway level to the next.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model._linear_step import (
     AT_END,
     COLUMNS,
@@ -54,7 +54,7 @@ _REMEMBERED = 256
 _MOST_PERIODS = 500
 
 
-@njit(cache=True)
+@helper()
 def prepare(damping_ratio, stribeck, velocity, lag, refinement):
     """Workspace of one parameter point, whose steps :func:`slip` may shorten.
 
@@ -79,7 +79,7 @@ def prepare(damping_ratio, stribeck, velocity, lag, refinement):
     )
 
 
-@njit(cache=True)
+@inlined()
 def shorten(prepared):
     """Halve the steps that divide the lag; False if they are as short as they may be."""
     steps, _, _, filled, ring, _ = prepared
@@ -91,7 +91,7 @@ def shorten(prepared):
     return True
 
 
-@njit(cache=True)
+@helper()
 def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
     """One slip from breakaway at ``level``.
 
@@ -108,15 +108,16 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
     start = 2.0 * damping_ratio * velocity - level
     position, speed = start, -velocity
     time, acceleration = 0.0, 0.0
-    step, halving = longest, 0
-    index = 0
-    recorded = 0
-    if not filled[0]:
-        _fill(0, longest, lag, lag_steps, damping_ratio, matrices, lagged_rows, filled)
+    step = longest
+    # Of a type from the start: a constant would have what it is passed to compiled once more, for the constant.
+    halving = index = recorded = np.int64(0)
+    if not filled[halving]:
+        _fill(halving, longest, lag, lag_steps, damping_ratio, matrices, lagged_rows, filled)
     if lag_steps == 0 and lag > 0.0:
-        coefficients[:] = 0.0
+        for j in range(POINTS):
+            coefficients[j] = 0.0
         coefficients[0] = level
-        _remember(latest, 0, 0.0, position, speed, coefficients)
+        _remember(latest, index, time, position, speed, coefficients)
         position, speed, acceleration, _ = inside(lag, damping_ratio, position, speed, coefficients, responses)
         time = lag
         index = 1
@@ -138,7 +139,7 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
                     vector[2 + j] = level * ring[slot, j]
                 if roughness(vector) > rough:
                     return TOO_ROUGH, time, position, 0.0, 0.0, recorded
-            multiply(matrices[0], vector, result)
+            multiply(matrices, halving, vector, result)
             for j in range(POINTS):
                 v = velocity + result[j]
                 ring[slot, j] = 1.0 / (1.0 + v * v)
@@ -148,14 +149,14 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
                 if not filled[halving]:
                     _fill(halving, step, lag, lag_steps, damping_ratio, matrices, lagged_rows, filled)
                 solved = _iterate(
-                    time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows[halving], latest, index,
-                    vector, responses,
+                    time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows, halving, latest, index,
+                    vector, responses, coefficients,
                 )  # fmt: skip
                 left_over = roughness(vector)
                 if (solved and left_over <= rough) or halving + 1 == _MOST_HALVINGS:
                     break
                 halving += 1
-            multiply(matrices[halving], vector, result)
+            multiply(matrices, halving, vector, result)
             if lag > 0.0:
                 fit_friction(vector, step, coefficients)
                 _remember(latest, index, time, position, speed, coefficients)
@@ -217,36 +218,40 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
     return UNDECIDED, time, position, 0.0, 0.0, recorded
 
 
-@njit(cache=True)
+@helper()
 def _fill(halving, step, lag, lag_steps, damping_ratio, matrices, lagged_rows, filled):
-    fill_matrix(step, damping_ratio, matrices[halving])
+    fill_matrix(step, damping_ratio, matrices, halving)
     if lag_steps == 0:
-        fill_lagged(step, lag, damping_ratio, lagged_rows[halving])
+        fill_lagged(step, lag, damping_ratio, lagged_rows, halving)
     filled[halving] = True
 
 
-@njit(cache=True)
+@helper()
 def _remember(latest, index, time, position, speed, coefficients):
-    row = latest[index % latest.shape[0]]
-    row[0] = time
-    row[1] = position
-    row[2] = speed
-    for k in range(POINTS):  # a slice would cost two seconds of compilation
-        row[3 + k] = coefficients[k]
+    row = index % latest.shape[0]
+    latest[row, 0] = time
+    latest[row, 1] = position
+    latest[row, 2] = speed
+    for k in range(POINTS):
+        latest[row, 3 + k] = coefficients[k]
 
 
-@njit(cache=True)
-def _remembered(latest, index, time, damping_ratio, responses):
-    """Velocity at a time before step ``index``."""
+@inlined()
+def _remembered(latest, index, time, damping_ratio, responses, coefficients):
+    """Velocity at a time before step ``index``; ``coefficients`` are overwritten."""
     back = index - 1
     oldest = max(index - latest.shape[0], 0)
     while back > oldest and latest[back % latest.shape[0], 0] > time:
         back -= 1
-    row = latest[back % latest.shape[0]]
-    return inside(max(time - row[0], 0.0), damping_ratio, row[1], row[2], row[3:], responses)[1]
+    row = back % latest.shape[0]
+    for k in range(POINTS):
+        coefficients[k] = latest[row, 3 + k]
+    return inside(
+        max(time - latest[row, 0], 0.0), damping_ratio, latest[row, 1], latest[row, 2], coefficients, responses
+    )[1]
 
 
-@njit(cache=True)
+@inlined()
 def _first_not_above_zero(velocity, result):
     """Fractions of the step between which the velocity is first seen not to be positive; -1 if it stays so."""
     before = 0.0
@@ -257,7 +262,7 @@ def _first_not_above_zero(velocity, result):
     return before, 1.0 if velocity + result[END_VELOCITY] <= 0.0 else -1.0
 
 
-@njit(cache=True)
+@helper()
 def _record(record, row, time, position, velocity, shape):
     record[row, 0] = time
     record[row, 1] = position
@@ -265,16 +270,17 @@ def _record(record, row, time, position, velocity, shape):
     record[row, 3] = shape
 
 
-@njit(cache=True)
+@inlined()
 def _iterate(
-    time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows, latest, index, vector, responses
-):
+    time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows, halving, latest, index, vector,
+    responses, coefficients,
+):  # fmt: skip
     """Fill in the friction at the Gauss points of a step longer than the lag; False if it does not settle."""
     first = POINTS
     for j in range(POINTS):
         shift = NODES[j] * step - lag
         if shift < 0.0:
-            lagged = velocity + _remembered(latest, index, time + shift, damping_ratio, responses)
+            lagged = velocity + _remembered(latest, index, time + shift, damping_ratio, responses, coefficients)
         else:
             first = min(first, j)
             lagged = velocity + vector[1] + acceleration * shift
@@ -284,7 +290,7 @@ def _iterate(
         for j in range(first, POINTS):
             lagged = velocity
             for k in range(COLUMNS):
-                lagged += lagged_rows[j, k] * vector[k]
+                lagged += lagged_rows[halving, j, k] * vector[k]
             friction = level / (1.0 + lagged * lagged)
             change = max(change, abs(friction - vector[2 + j]))
             vector[2 + j] = friction
@@ -293,7 +299,7 @@ def _iterate(
     return False
 
 
-@njit(cache=True)
+@inlined()
 def stick(end, shape, level, velocity, damping_ratio, stribeck, rise_time):
     """Dwell after an arrest, and the level at the next breakaway: Eq. (6) met by the applied force.
 

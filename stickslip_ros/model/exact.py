@@ -29,6 +29,7 @@ from stickslip_ros.model.simulation import point_arrays
 LARGEST_DAMPING_RATIO: float = kernel.LARGEST_DAMPING_RATIO
 _TOLERANCE = 1e-3
 _CHUNK = 64
+_NO_GUESSES = np.empty(0)
 _VELOCITY_DECADES = (-3.0, 3.0)
 _STIFFNESS_RANGE = 1e8
 _LARGEST_STRIBECK = 30.0
@@ -51,8 +52,8 @@ def cycle_persists(groups: DimensionlessGroups) -> float | NDArray[np.float64]:
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
     shape, points = point_arrays(groups)
-    verdicts = np.empty(points[0].size, dtype=np.int64)
-    kernel.persistence(*points, verdicts)
+    verdicts = np.empty(points[0].size)
+    kernel.extinction(*points, _NO_GUESSES, LARGEST_DAMPING_RATIO, _TOLERANCE, verdicts)
     answers = np.where(verdicts == kernel.UNKNOWN, np.nan, verdicts == kernel.PERSISTS)
     return float(answers[0]) if shape == () else answers.reshape(shape)
 
@@ -87,15 +88,15 @@ def exact_critical_damping_ratio(
         **{**vars(groups), "natural_frequency": np.nan, "damping_ratio": np.zeros(np.shape(groups.damping_ratio))}
     )
     shape, points = point_arrays(undamped)
-    _, stribecks, velocities, lags, rise_times = points
+    undamped_ratios, stribecks, velocities, lags, rise_times = points
     paper = np.asarray(critical_damping_ratio(undamped), dtype=float)
     guesses = np.broadcast_to(np.where((paper > 0) & np.isfinite(paper), paper, 0.3), shape).ravel()
     found = np.empty(stribecks.size)
 
     def work(part: slice) -> int:
-        kernel.critical_damping_ratios(
-            stribecks[part], velocities[part], lags[part], rise_times[part], guesses[part].copy(),
-            LARGEST_DAMPING_RATIO, tolerance, found[part],
+        kernel.extinction(
+            undamped_ratios[part], stribecks[part], velocities[part], lags[part], rise_times[part],
+            guesses[part].copy(), LARGEST_DAMPING_RATIO, tolerance, found[part],
         )  # fmt: skip
         return found[part].size
 

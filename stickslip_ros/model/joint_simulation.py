@@ -155,13 +155,10 @@ class JointSimulation:
         start = self.time
         samples = np.empty((references.size, 3))
         events = np.empty((8 * references.size + 16, kernel.EVENT_COLUMNS))
-        motion = (step, period, references, reference_velocities, samples, events)
-        if self.sampled:
-            count = kernel.advance_sampled(
-                self._state, self._history, parameters, self._held, self.control_delay, *motion
-            )
-        else:
-            count = kernel.advance(self._state, self._history, parameters, *motion)
+        count = kernel.advance(
+            self._state, self._history, parameters, self._held, self.sampled, self.control_delay,
+            step, period, references, reference_velocities, samples, events,
+        )  # fmt: skip
         return Trajectory(
             time=start + period * np.arange(1.0, references.size + 1.0),
             position=samples[:, 0],

@@ -22,6 +22,7 @@ from stickslip_ros.model.friction import Real
 TOLERANCE = 1e-8
 _PLOT_REFINEMENT = 8.0
 _ROWS_A_CYCLE = 4096
+_NO_RECORD = (np.empty((0, 4)), np.empty(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +91,7 @@ def simulate_cycles(
         require_not_negative("level", level)
     start = points[1] if level is None else np.broadcast_to(np.asarray(level, dtype=float), shape).ravel().copy()
     summaries = np.empty((points[0].size, count, kernel.CYCLE_COLUMNS))
-    kernel.cycles(*points, start, float(step_refinement), float(tolerance), summaries)
+    kernel.cycles(*points, start, float(step_refinement), float(tolerance), summaries, *_NO_RECORD)
     return _cycles(summaries.reshape(*shape, count, kernel.CYCLE_COLUMNS))
 
 
@@ -99,14 +100,13 @@ def simulate_trajectory(groups: DimensionlessGroups, count: int, *, level: float
     shape, points = point_arrays(groups)
     if shape != ():
         raise InvalidParameterError("groups", "scalars", shape)
-    values = [float(array[0]) for array in points]
-    summaries = np.empty((count, kernel.CYCLE_COLUMNS))
+    start = points[1] if level is None else np.array([float(level)])
+    found = np.empty((1, count, kernel.CYCLE_COLUMNS))
     record = np.empty((count * _ROWS_A_CYCLE, 4))
     rows = np.zeros(count, dtype=np.int64)
-    slips = kernel.trajectory(
-        *values, values[1] if level is None else float(level), _PLOT_REFINEMENT, TOLERANCE, summaries, record, rows
-    )
-    damping_ratio, _, velocity, _, _ = values
+    slips = kernel.cycles(*points, start, _PLOT_REFINEMENT, TOLERANCE, found, record, rows)
+    summaries = found[0]
+    damping_ratio, velocity = float(points[0][0]), float(points[2][0])
     pieces: list[NDArray[np.float64]] = []
     clock, begin = 0.0, 0
     for slip in range(slips):

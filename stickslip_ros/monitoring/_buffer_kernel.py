@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from stickslip_ros.compilation import kernel
 
 
-@njit(cache=True)
+@kernel()
 def store(columns, known, at, begin, count, time, position, velocity, effort, reference, reference_velocity):
     """Copy samples into the columns of a block, but those that have nothing to say yet."""
     for number, values in enumerate((time, position, velocity, effort, reference, reference_velocity)):
@@ -19,5 +20,8 @@ def store(columns, known, at, begin, count, time, position, velocity, effort, re
             if not some:
                 continue
             known[number] = True
-            columns[number, :at] = np.nan
-        columns[number, at : at + count] = values[begin : begin + count]
+            for n in range(at):
+                columns[number, n] = np.nan
+        # An assignment of slices takes ten times as long to compile.
+        for n in range(count):
+            columns[number, at + n] = values[begin + n]

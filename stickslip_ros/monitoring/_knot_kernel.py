@@ -11,7 +11,8 @@ faster again. Whether a spell was a stick is decided by :mod:`stickslip_ros.moni
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from stickslip_ros.compilation import helper, inlined, kernel
 
 BLOCK = 32
 RING = 4096
@@ -54,6 +55,7 @@ KNOT_COLUMNS = 8
 ) = range(28)
 STATE_SIZE = 28
 
+_LATEST, _ORDERED = 0, 1  # rows of the noise of the blocks
 SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
 _REVERSALS_KEPT = 27  # of the 30 of a block; the three largest are left out as impulses
 _REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
@@ -67,31 +69,32 @@ _LEAVING_SHARE = 0.2
 _MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
 
 
-@njit(cache=True)
+@inlined()
 def _upper_quartile(noise, noises):
     """The upper quartile of the latest values: the new one, and those kept in the order of time and in their own."""
-    latest, ordered = noises[0], noises[1]
     count = 0
-    while count < BLOCKS_KEPT and not np.isnan(ordered[count]):
+    while count < BLOCKS_KEPT and not np.isnan(noises[_ORDERED, count]):
         count += 1
     if count == BLOCKS_KEPT:
         # The oldest one goes.
-        place = np.searchsorted(ordered, latest[-1])
-        for i in range(place, count - 1):
-            ordered[i] = ordered[i + 1]
         count -= 1
+        place = 0
+        while noises[_ORDERED, place] < noises[_LATEST, count]:
+            place += 1
+        for i in range(place, count):
+            noises[_ORDERED, i] = noises[_ORDERED, i + 1]
     for i in range(count, 0, -1):
-        latest[i] = latest[i - 1]
-    latest[0] = noise
+        noises[_LATEST, i] = noises[_LATEST, i - 1]
+    noises[_LATEST, 0] = noise
     place = count
-    while place > 0 and ordered[place - 1] > noise:
-        ordered[place] = ordered[place - 1]
+    while place > 0 and noises[_ORDERED, place - 1] > noise:
+        noises[_ORDERED, place] = noises[_ORDERED, place - 1]
         place -= 1
-    ordered[place] = noise
-    return ordered[(3 * (count + 1)) // 4]
+    noises[_ORDERED, place] = noise
+    return noises[_ORDERED, (3 * (count + 1)) // 4]
 
 
-@njit(cache=True)
+@helper()
 def measure_block(block, state, smallest, noises):
     """Update resolution and noise from one block of raw positions, and from these the band.
 
@@ -99,7 +102,9 @@ def measure_block(block, state, smallest, noises):
     that two odd values do no harm. Noise is taken from steps that turn back at once, which steady
     motion, however fast, does not do; the upper quartile over the last blocks, because motion hides it.
     """
-    largest = max(state[LARGEST], np.max(np.abs(block)))
+    largest = state[LARGEST]
+    for i in range(block.shape[0]):
+        largest = max(largest, abs(block[i]))
     state[LARGEST] = largest
     for i in range(1, block.shape[0]):
         step = abs(block[i] - block[i - 1])
@@ -129,15 +134,17 @@ def measure_block(block, state, smallest, noises):
     state[BAND] = max(state[RESOLUTION], _BANDS_PER_NOISE * state[NOISE], 4.0 * _ROUNDING * largest, 1e-15)
 
 
-@njit(cache=True)
+@helper()
 def _median(a, b, c):
     return max(min(a, b), min(max(a, b), c))
 
 
-@njit(cache=True)
+@inlined()
 def _set_knot(time, position, step, reference, effort, state, knots):
     """Append a knot; ``step`` is the signed change of the reading since the last one."""
     head = int(state[HEAD])
+    # Rows of the ring. A view of a row costs a hundredth of a second to compile wherever it is taken.
+    new, last, one_before = head % RING, (head - 1) % RING, max(head - 2, 0) % RING
     resolution = state[RESOLUTION]
     sign = 1.0 if step > 0.0 else -1.0
     knot_time, knot_position = time, position
@@ -146,52 +153,50 @@ def _set_knot(time, position, step, reference, effort, state, knots):
             # One count: the joint stood on the border between two readings, in between two samples.
             knot_time = 0.5 * (state[LAST_TIME] + time)
             knot_position = position - 0.5 * sign * resolution
-        last = knots[(head - 1) % RING]
-        last[FLAT_END] = max(state[LAST_TIME], last[TIME])
-        last[REFERENCE_FLAT_END] = state[LAST_REFERENCE]
-        last[EFFORT_FLAT_END] = state[LAST_EFFORT]
-        last[SLOWEST] = state[SLOWEST_VELOCITY]
+        knots[last, FLAT_END] = max(state[LAST_TIME], knots[last, TIME])
+        knots[last, REFERENCE_FLAT_END] = state[LAST_REFERENCE]
+        knots[last, EFFORT_FLAT_END] = state[LAST_EFFORT]
+        knots[last, SLOWEST] = state[SLOWEST_VELOCITY]
     state[SLOWEST_VELOCITY] = np.nan
-    knot = knots[head % RING]
-    knot[TIME] = knot_time
-    knot[POSITION] = knot_position
-    knot[FLAT_END] = knot_time
-    knot[REFERENCE] = reference
-    knot[REFERENCE_FLAT_END] = reference
-    knot[EFFORT_FLAT_END] = effort
-    knot[SLOWEST] = np.nan
-    knot[SPEED] = 0.0
+    knots[new, TIME] = knot_time
+    knots[new, POSITION] = knot_position
+    knots[new, FLAT_END] = knot_time
+    knots[new, REFERENCE] = reference
+    knots[new, REFERENCE_FLAT_END] = reference
+    knots[new, EFFORT_FLAT_END] = effort
+    knots[new, SLOWEST] = np.nan
+    knots[new, SPEED] = 0.0
     if head > 0:
+        before = last
         if abs(step) >= _STEPS_OF_SPEED * state[BAND]:
-            before = knots[(head - 1) % RING]
-            gap = knot_time - before[TIME]
+            gap = knot_time - knots[last, TIME]
             if state[UPDATE] == 0.0:
                 state[UPDATE] = time - state[LAST_TIME]
             held = gap <= _HELD * state[UPDATE]
-            elapsed = gap if held else max(time - before[FLAT_END], state[UPDATE])
+            elapsed = gap if held else max(time - knots[last, FLAT_END], state[UPDATE])
             # A running median, in steps of a tenth.
             state[UPDATE] *= 1.1 if gap > state[UPDATE] else 1.0 / 1.1
         else:
             # Over two gaps, because single counts come in whole samples.
-            before = knots[max(head - 2, 0) % RING]
-            elapsed = knot_time - before[TIME]
+            before = one_before
+            elapsed = knot_time - knots[before, TIME]
         if elapsed > 0.0:
-            knot[SPEED] = (knot_position - before[POSITION]) / elapsed
+            knots[new, SPEED] = (knot_position - knots[before, POSITION]) / elapsed
     state[LEVEL] = position
     state[SIGN] = sign
     state[HEAD] = head + 1
 
 
-@njit(cache=True)
+@inlined()
 def _follow_spell(state, knots):
     """Update the spell with the gap that the newest knot has ended; True when a spell is complete."""
     newest = int(state[HEAD]) - 1
     if newest < 1:
         return False
-    gap = knots[(newest - 1) % RING]
-    flat = gap[FLAT_END] - gap[TIME]
-    speed = abs(knots[newest % RING][SPEED])
-    step = abs(knots[newest % RING][POSITION] - gap[POSITION])
+    now, gap = newest % RING, (newest - 1) % RING
+    flat = knots[gap, FLAT_END] - knots[gap, TIME]
+    speed = abs(knots[now, SPEED])
+    step = abs(knots[now, POSITION] - knots[gap, POSITION])
     large = step >= _STEPS_OF_SPEED * state[BAND]
     # A flat of few updates before a large step is a sensor that repeats itself.
     stood = flat > (_HELD - 1.0) * state[UPDATE] if large else flat > 0.0
@@ -202,7 +207,7 @@ def _follow_spell(state, knots):
             return False
         _begin_spell(newest - 1, flat, state, knots)
         return False
-    time = knots[newest % RING][TIME]
+    time = knots[now, TIME]
     left = _has_left(time, state)
     if left and stood and state[BAND] < SLOW * state[PEAK_AFTER] * flat:
         return True
@@ -218,7 +223,7 @@ def _follow_spell(state, knots):
     return speed >= 0.4 * state[PEAK] or speed < 0.5 * state[PEAK_AFTER] or after >= _KNOTS_TO_WAIT
 
 
-@njit(cache=True)
+@helper()
 def _has_left(time, state):
     """Whether the motion since the longest gap is much faster than that gap, and not slow beside the last motion.
 
@@ -233,53 +238,51 @@ def _has_left(time, state):
     return state[PEAK_AFTER] >= _LEAVING_SHARE * state[PEAK] * np.exp(-(time - state[SPELL_TIME]) / memory)
 
 
-@njit(cache=True)
+@helper()
 def _begin_spell(gap, flat, state, knots):
     state[LONGEST_GAP] = gap
     state[LONGEST_TIME] = flat
     state[PEAK_AFTER] = 0.0
     state[IN_SPELL] = 1.0
-    state[SPELL_TIME] = knots[gap % RING][TIME]
+    state[SPELL_TIME] = knots[gap % RING, TIME]
 
 
-@njit(cache=True)
+@kernel()
 def close_spell(state, knots):
     """Begin anew after a spell; the newest gap may be the first of the next one."""
     newest = int(state[HEAD]) - 1
-    gap = knots[(newest - 1) % RING]
-    flat = gap[FLAT_END] - gap[TIME]
-    state[MOTION_TIME] = knots[int(state[LONGEST_GAP]) % RING][FLAT_END]
+    gap = (newest - 1) % RING
+    flat = knots[gap, FLAT_END] - knots[gap, TIME]
+    state[MOTION_TIME] = knots[int(state[LONGEST_GAP]) % RING, FLAT_END]
     state[PEAK] = state[PEAK_AFTER]
     state[IN_SPELL] = 0.0
     if newest - 1 > state[LONGEST_GAP] and flat > 0.0 and state[BAND] < SLOW * state[PEAK] * flat:
         _begin_spell(newest - 1, flat, state, knots)
 
 
-@njit(cache=True)
-def take(count, sample, state, knots):
+@helper()
+def take(count, now, raw, pace_now, travel, effort_now, state, knots):
     """Take sample number ``count``; True if it completes a spell.
 
-    ``sample`` is time, position, velocity, travel of the reference and effort. The longest gap of a completed spell
-    stands in the state (``LONGEST_GAP``), its surroundings in the ring of knots.
+    It is time, position, velocity, travel of the reference and effort. The longest gap of a completed spell stands in
+    the state (``LONGEST_GAP``), its surroundings in the ring of knots.
     """
     # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
-    raw, pace_now = sample[1], sample[2]
     position = _median(raw, state[MEDIAN_1], state[MEDIAN_2]) if count >= 2 else state[MEDIAN_1]
     time, reference, effort = state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT]
     state[MEDIAN_2], state[MEDIAN_1] = state[MEDIAN_1], raw
-    state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT] = sample[0], sample[3], sample[4]
+    state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT] = now, travel, effort_now
     if count == 0:
         return False
     complete = False
-    if state[HEAD] == 0.0:
-        _set_knot(time, position, 0.0, reference, effort, state, knots)
-        state[SIGN] = 0.0
-    else:
-        step = position - state[LEVEL]
-        same = step * state[SIGN] >= 0.0
-        needed = state[BAND] if same else 2.0 * state[BAND]
-        if abs(step) >= needed * (1.0 - 1e-6):
-            _set_knot(time, position, step, reference, effort, state, knots)
+    first = state[HEAD] == 0.0
+    step = 0.0 if first else position - state[LEVEL]
+    needed = state[BAND] if step * state[SIGN] >= 0.0 else 2.0 * state[BAND]
+    if first or abs(step) >= needed * (1.0 - 1e-6):
+        _set_knot(time, position, step, reference, effort, state, knots)
+        if first:
+            state[SIGN] = 0.0
+        else:
             complete = _follow_spell(state, knots)
     # The slowest that a velocity sensor saw since the last knot, impulses left out.
     pace = abs(_median(pace_now, state[VELOCITY_1], state[VELOCITY_2])) if count >= 2 else np.nan

@@ -7,8 +7,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stickslip_ros.compilation import helper
+from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.model import _joint_kernel as kernel
 
 # Indices of the parameter vector.
@@ -23,14 +24,14 @@ FOUND_COLUMNS = 4
 _NO_RETURN = 100.0  # levels
 
 
-@njit(cache=True, error_model="numpy")
+@helper()
 def _at(time, node, times, values):
     """A value at ``time`` on the line through a node and the next."""
     share = (time - times[node]) / (times[node + 1] - times[node])
     return values[node] + (values[node + 1] - values[node]) * share
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def simulate_windows(
     parameters, directions, starts, gains, edges, times, references, forces, step, positions, velocities, found
 ):
@@ -54,9 +55,8 @@ def simulate_windows(
         room = max(room, 2 * int(parameters[LAG] / step) + 64 + edges[n + 1] - edges[n])
     history = np.zeros((room, 3))
     events = np.zeros((4, kernel.EVENT_COLUMNS))
-    sample = np.zeros((1, 3))
-    reference = np.zeros(1)
-    speed = np.zeros(1)
+    out = np.empty(3)
+    before = np.int64(0)
     for n in range(directions.shape[0]):
         first, last = edges[n], edges[n + 1] - 1
         rest, begin, level = starts[n, POSITION], starts[n, BREAKAWAY], starts[n, LEVEL]
@@ -73,7 +73,8 @@ def simulate_windows(
         coulomb = 2.0 * abs(kinetic) + _NO_RETURN * level
         back = directions[n] * (coulomb - kinetic)
         plant[kernel.COULOMB] = coulomb
-        state[:] = 0.0
+        for i in range(kernel.STATE_SIZE):
+            state[i] = 0.0
         state[kernel.TIME] = begin
         state[kernel.POSITION] = rest
         state[kernel.DIRECTION] = directions[n]
@@ -88,19 +89,17 @@ def simulate_windows(
         found[n, ARREST] = math.nan
         while node < last:
             time = state[kernel.TIME]
-            speed[0] = (references[node + 1] - references[node]) / (times[node + 1] - times[node])
-            reference[0] = references[node] + speed[0] * (time - times[node])
+            speed = (references[node + 1] - references[node]) / (times[node + 1] - times[node])
+            reference = references[node] + speed * (time - times[node])
             plant[kernel.LOAD] = -_at(0.5 * (time + times[node + 1]), node, times, forces) - back
-            count = kernel.advance(
-                state, history, plant, step, times[node + 1] - time, reference, speed, sample, events
+            count = kernel.advance_period(
+                state, history, plant, step, times[node + 1], reference, speed, out, events, before
             )
             for i in range(min(count, events.shape[0])):
                 if events[i, 1] == kernel.ARREST:
                     found[n, ARREST], found[n, ARREST_POSITION] = events[i, 0], events[i, 3]
                     found[n, REMAINS] = events[i, 4] / level
             node += 1
-            # The kernel keeps time by adding periods.
-            state[kernel.TIME] = times[node]
             positions[node], velocities[node] = state[kernel.POSITION], state[kernel.VELOCITY]
         if math.isnan(found[n, ARREST]):
             ratio = velocities[last] / parameters[STRIBECK_VELOCITY]
