@@ -2,17 +2,39 @@
 # Copyright 2026 The stickslip_ros developers
 """The exceptions of the package: each message names the value and what would be right."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 
 class StickSlipError(Exception):
     """Base of every error that the package raises on purpose."""
 
 
 class InvalidParameterError(StickSlipError, ValueError):
-    """A parameter is outside the range in which the physics means something."""
+    """A parameter is outside the range in which the physics means something.
+
+    Attributes
+    ----------
+    name : of the parameter, as those who raise know it; :meth:`as_typed` makes it the user's.
+    """
 
     def __init__(self, name: str, requirement: str, value: object) -> None:
-        self.name = name
+        self.name, self.requirement, self.value = name, requirement, value
         super().__init__(f"{name!r} must be {requirement}: {value}")
+
+    def as_typed(self, names: Sequence[str], values: Sequence[object] = ()) -> InvalidParameterError:
+        """The same error in the words of who typed the value.
+
+        Parameters
+        ----------
+        names : of the parameters or options that the value was made of. values : theirs, in the units they were
+            typed in; none: that of the error.
+        """
+        error = InvalidParameterError(names[0], self.requirement, self.value)
+        shown = " and ".join(map(str, values)) if values else self.value
+        error.args = (f"{' and '.join(map(repr, names))} must be {self.requirement}: {shown}",)
+        return error
 
 
 class UnknownJointError(StickSlipError, KeyError):

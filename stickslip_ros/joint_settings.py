@@ -8,19 +8,20 @@ Gains, their limits and the advice are in the controller's units, of which one i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, TypeVar
 
-from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.known_joints import load_joint
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.known_joints import KnownJoint, load_joint
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.advice import Kind
 from stickslip_ros.monitoring.advice_limits import AdviceLimits, Condition
 from stickslip_ros.monitoring.assessment import MonitorOptions
+from stickslip_ros.parameter_values import ParameterValues
 
 FRICTION_UNITS = {
     "coulomb": "N*m",
@@ -229,34 +230,51 @@ class JointSettings:
         return _scaled(gains, 1.0 / self.gain_scale)
 
 
-def settings_of(name: str, get: Getter) -> JointSettings:
+def settings_of(name: str, get: Getter, typed: Callable[[str], str] = str) -> JointSettings:
     """What the parameters that ``get`` gives by name say of a joint.
+
+    Parameters
+    ----------
+    typed : the name by which a parameter was given, where that is another one.
 
     Raises
     ------
     StickSlipError
-        If they make no joint; the text names the value.
+        If they make no joint; the text names the parameter and the value, as they were typed.
     """
+    values = ParameterValues(get, typed)
+    with values.refused_as_typed(_made_of(name)):
+        return _settings(name, values)
 
-    def value(parameter: str) -> float:
-        found = get(parameter)
-        if isinstance(found, bool) or not isinstance(found, (int, float)):
-            raise InvalidParameterError(parameter, "a number", found)
-        return float(found)
 
+def _made_of(name: str) -> dict[str, tuple[str, ...]]:
+    """The parameters that fields are made of, where they have other names."""
+    return {
+        "slowest_velocity": (f"slowest_velocity.{name}",),
+        "stiffness_range": (f"limits.{name}.p_min", f"limits.{name}.p_max"),
+        "damping_range": (f"limits.{name}.d_min", f"limits.{name}.d_max"),
+        "damping_ratio_range": (f"limits.{name}.damping_ratio_min", f"limits.{name}.damping_ratio_max"),
+        "bandwidth": (f"limits.{name}.bandwidth",),
+        "effort": (f"limits.{name}.effort",),
+        "load": (f"load.{name}",),
+        "controller_period": (f"controller_period.{name}",),
+        "inertia": (f"inertia.{name}",),
+        **{key: (f"friction.{name}.{key}",) for key in FRICTION_UNITS},
+    }
+
+
+def _settings(name: str, values: ParameterValues) -> JointSettings:
+    value = values.number
     scale, effort_scale = value(f"gain_scale.{name}"), value(f"effort_scale.{name}")
     require_positive(f"gain_scale.{name}", scale)
     if not math.isfinite(effort_scale) or effort_scale == 0.0:
         raise InvalidParameterError(f"effort_scale.{name}", "finite and not zero", effort_scale)
-    gains = _gains(*(value(f"gains.{name}.{key}") for key in ("p", "i", "d")))
-    trial = _gains(value(f"trial.{name}.p"), math.nan, value(f"trial.{name}.d"))
-    slowest = value(f"slowest_velocity.{name}")
     limits = AdviceLimits(
         wanted_margin=value("wanted_margin"),
         confidence=value("confidence"),
-        condition=choice(Condition, "condition", get("condition")),
-        steady_sliding=bool(get("steady_sliding")),
-        slowest_velocity=None if math.isnan(slowest) else slowest,
+        condition=choice(Condition, "condition", values["condition"]),
+        steady_sliding=values.flag("steady_sliding"),
+        slowest_velocity=values.number_if_set(f"slowest_velocity.{name}"),
         stiffness_range=(scale * value(f"limits.{name}.p_min"), scale * value(f"limits.{name}.p_max")),
         damping_range=(scale * value(f"limits.{name}.d_min"), scale * value(f"limits.{name}.d_max")),
         damping_ratio_range=(
@@ -270,43 +288,52 @@ def settings_of(name: str, get: Getter) -> JointSettings:
     conditions = Conditions(
         load=value(f"load.{name}"),
         controller_period=value(f"controller_period.{name}"),
-        control_delay=bool(get(f"control_delay.{name}")),
+        control_delay=values.flag(f"control_delay.{name}"),
     )
     options = MonitorOptions(
         warn_margin=value("warn_margin"),
         least_motion=value("least_motion"),
-        learn=bool(get("learn")),
+        learn=values.flag("learn"),
         memory=value("memory"),
         limits=limits,
-        variant=choice(Kind, "variant", get("variant")),
+        variant=choice(Kind, "variant", values["variant"]),
         conditions=conditions,
-        trial=None if trial is None else _scaled(trial, scale),
+        trial=_gains("trial", name, RECOMMENDED, scale, values),
     )
     return JointSettings(
-        joint=_joint(name, get, value),
-        gains=None if gains is None else _scaled(gains, scale),
+        joint=_joint(name, values),
+        gains=_gains("gains", name, GAIN_UNITS, scale, values),
         options=options,
         gain_scale=scale,
         effort_scale=effort_scale,
     )
 
 
-def _joint(name: str, get: Getter, value: Callable[[str], float]) -> Joint | None:
-    model = str(get(f"model.{name}"))
-    known = load_joint(model) if model else None
-    if known is not None and known.per_inertia:
-        raise InvalidParameterError(f"model.{name}", "a joint whose inertia is known", model)
-    inertia = value(f"inertia.{name}")
-    friction = {key: value(f"friction.{name}.{key}") for key in FRICTION_UNITS}
-    given = {key: number for key, number in friction.items() if not math.isnan(number)}
+def _joint(name: str, values: ParameterValues) -> Joint | None:
+    model = str(values[f"model.{name}"])
+    known = _known_joint(f"model.{name}", model) if model else None
+    inertia = values.number_if_set(f"inertia.{name}")
+    friction = {key: values.number_if_set(f"friction.{name}.{key}") for key in FRICTION_UNITS}
+    given = {key: number for key, number in friction.items() if number is not None}
     if known is not None:
         base = {key: getattr(known.joint.friction, key) for key in FRICTION_UNITS}
         return Joint(
-            inertia=known.joint.inertia if math.isnan(inertia) else inertia, friction=Friction(**{**base, **given})
+            inertia=known.joint.inertia if inertia is None else inertia, friction=Friction(**{**base, **given})
         )
-    if not math.isnan(inertia) and {"stribeck", "stribeck_velocity"} <= set(given):
-        return Joint(inertia=inertia, friction=Friction(**given))
-    return None
+    # What is given is looked at even where it makes no joint yet.
+    whole = {"stribeck": 0.0, "stribeck_velocity": 1.0, **given}
+    joint = Joint(inertia=1.0 if inertia is None else inertia, friction=Friction(**whole))
+    return joint if inertia is not None and {"stribeck", "stribeck_velocity"} <= set(given) else None
+
+
+def _known_joint(parameter: str, model: str) -> KnownJoint:
+    try:
+        known = load_joint(model)
+    except StickSlipError as error:
+        raise StickSlipError(f"{parameter}: {error}") from error
+    if known.per_inertia:
+        raise InvalidParameterError(parameter, "a joint whose inertia is known", model)
+    return known
 
 
 def choice(words: type[Choice], name: str, word: object) -> Choice:
@@ -323,11 +350,16 @@ def choice(words: type[Choice], name: str, word: object) -> Choice:
         raise InvalidParameterError(name, f"one of {', '.join(one.value for one in words)}", word) from error
 
 
-def _gains(p: float, i: float, d: float) -> Gains | None:
-    """Gains, of which NaN are not set; None without a stiffness."""
-    if math.isnan(p):
+def _gains(group: str, name: str, keys: Iterable[str], scale: float, values: ParameterValues) -> Gains | None:
+    """Gains in SI units; those that are not set are 0, but without a stiffness there are none."""
+    given = {key: values.number_if_set(f"{group}.{name}.{key}") for key in keys}
+    for key, number in given.items():
+        if number is not None and not math.isfinite(number * scale):
+            raise InvalidParameterError(f"{group}.{name}.{key}", f"finite, times gain_scale.{name}", number)
+    if given["p"] is None:
         return None
-    return Gains(stiffness=p, damping=0.0 if math.isnan(d) else d, integral=0.0 if math.isnan(i) else i)
+    gains = Gains(stiffness=given["p"], damping=given.get("d") or 0.0, integral=given.get("i") or 0.0)
+    return _scaled(gains, scale)
 
 
 def _scaled(gains: Gains, scale: float) -> Gains:

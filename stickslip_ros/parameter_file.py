@@ -69,7 +69,12 @@ class Parameters:
         for spec in PER_JOINT:
             every, own = spec.name.format(joint="*"), spec.name.format(joint=joint)
             values[own] = self.given.get(own, self.given.get(every, spec.default))
-        return settings_of(joint, values.__getitem__)
+
+        def typed(own: str) -> str:
+            every = own.replace(f".{joint}", ".*", 1)
+            return every if own not in self.given and every in self.given else own
+
+        return settings_of(joint, values.__getitem__, typed)
 
 
 def _read(path: Path) -> dict[str, Any]:

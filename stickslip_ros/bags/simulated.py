@@ -83,6 +83,9 @@ def write_simulation(
     require_positive("duration", duration)
     require_positive("rate", rate)
     require_not_negative("jitter", jitter)
+    require_not_negative("start", start)
+    if seed < 0:
+        raise InvalidParameterError("seed", ">= 0", seed)
     if not joints:
         raise InvalidParameterError("joints", "at least one", dict(joints))
     if jitter * rate > 0.2:

@@ -11,7 +11,8 @@ from typing import Any
 
 from stickslip_ros.bags.analysis import AnalysisOptions
 from stickslip_ros.bags.topics import TopicChoice
-from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.known_joints import load_joint
 from stickslip_ros.parameter_file import Parameters
 
 _EVERY = "*"
@@ -54,6 +55,10 @@ def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOption
     given: dict[str, Any] = {}
     for text in options.model:
         joint, name = _of_joint(text)
+        try:
+            load_joint(name)
+        except StickSlipError as error:
+            raise StickSlipError(f"--model {text}: {error}") from error
         given[f"model.{joint}"] = name
     for text in options.gains:
         joint, values = _of_joint(text)

@@ -25,7 +25,7 @@ from stickslip_ros.cli import (
     stability_map,
     watch,
 )
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
 _COMMANDS = (margin, recommend, analyze, identify, watch, stability_map, simulate, convert, figures, demo)
 
@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit status."""
     options = build_parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        return _run(options)
     except BrokenPipeError:
         return 0
     except (StickSlipError, OSError) as error:
@@ -58,6 +58,18 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run a command; what it refuses has the names of the options that were typed."""
+    try:
+        return int(options.run(options))
+    except InvalidParameterError as error:
+        # Of a field that is no option of the same name, the command tells which options it is made of.
+        names = getattr(options, "made_of", {}).get(error.name)
+        if names is None and getattr(options, error.name, None) is not None:
+            names = (f"--{error.name.replace('_', '-')}",)
+        raise error.as_typed(names) if names else error from error
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from stickslip_ros.as_json import margin_json, recommendation_json
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant, recommend
@@ -52,13 +53,13 @@ def add_parser(commands: Any) -> None:
         bounds.add_argument(f"--least-{name}", type=float, metavar="X", default=least, help=f"[{unit}]{default}")
         bounds.add_argument(f"--largest-{name}", type=float, metavar="X", default=largest, help=f"[{unit}]")
     bounds.add_argument("--bandwidth", type=float, metavar="W", default=math.inf, help="crossover frequency [rad/s]")
-    bounds.add_argument("--sample-rate", type=float, metavar="F", default=math.nan, help="of the controller [Hz]")
+    bounds.add_argument("--sample-rate", type=float, metavar="F", help="of the controller [Hz]")
     bounds.add_argument(
         "--samples-per-period", type=float, metavar="N", default=defaults.samples_per_period,
         help="in a period of the crossover frequency (default %(default)s)",
     )  # fmt: skip
     bounds.add_argument("--effort", type=float, metavar="T", default=math.inf, help="at the error of now [N·m]")
-    bounds.add_argument("--tracking-error", type=float, metavar="X", default=math.nan, help="of now [rad]")
+    bounds.add_argument("--tracking-error", type=float, metavar="X", help="of now [rad]")
     beyond = parser.add_argument_group("beyond the paper, for the exact condition")
     beyond.add_argument("--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s]")
     beyond.add_argument("--control-delay", action="store_true", help="the effort takes effect one period late")
@@ -67,17 +68,27 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--what-if", metavar="p=P,d=D", help="the margin with other gains beside the present one")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run)
+    parser.set_defaults(
+        run=run,
+        made_of={
+            f"{name}_range": (f"--least-{name.replace('_', '-')}", f"--largest-{name.replace('_', '-')}")
+            for name in ("stiffness", "damping", "damping_ratio")
+        },
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the advice; exit status 0 if there are gains, 1 if no gains within the bounds reach the wanted margin."""
     joint, gains, velocity = joint_from(options)
     limits = _limits(options)
+    if options.sample_rate is not None:
+        require_positive("sample_rate", options.sample_rate)
+    if options.tracking_error is not None:
+        require_not_negative("tracking_error", options.tracking_error)
     circumstances = Circumstances(
         conditions=Conditions(controller_period=options.controller_period, control_delay=options.control_delay),
-        sample_rate=options.sample_rate,
-        tracking_error=options.tracking_error,
+        sample_rate=math.nan if options.sample_rate is None else options.sample_rate,
+        tracking_error=math.nan if options.tracking_error is None else options.tracking_error,
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
     factors = options.factors or bool(options.joint and load_joint(options.joint).per_inertia)

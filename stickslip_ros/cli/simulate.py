@@ -44,7 +44,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--start", type=float, metavar="S", default=1.0, help="first stamp [s]")
     parser.add_argument("--no-gains", action="store_true", help="do not record the gains")
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",)})
 
 
 def run(options: argparse.Namespace) -> int:

@@ -49,8 +49,8 @@ class AdviceLimits:
     Raises
     ------
     InvalidParameterError
-        If the margin is negative, the confidence not in [0.5, 1), a range is not 0 <= least <= largest, or another
-        limit is not > 0.
+        If the margin is negative, the confidence not in [0.5, 1), a range is not 0 <= least <= largest with a finite
+        least, or another limit is not > 0.
     """
 
     wanted_margin: float = 0.2
@@ -75,9 +75,12 @@ class AdviceLimits:
             require_positive("slowest_velocity", self.slowest_velocity)
         for name in ("stiffness_range", "damping_range", "damping_ratio_range"):
             least, largest = getattr(self, name)
-            if not 0 <= least <= largest:
-                raise InvalidParameterError(name, "(least, largest) with 0 <= least <= largest", (least, largest))
-        for name in ("bandwidth", "samples_per_period", "effort"):
+            if not (0 <= least <= largest and least < math.inf):
+                raise InvalidParameterError(
+                    name, "least and largest, with 0 <= least <= largest and the least finite", (least, largest)
+                )
+        require_positive("samples_per_period", self.samples_per_period)
+        for name in ("bandwidth", "effort"):
             if not getattr(self, name) > 0:
                 raise InvalidParameterError(name, "> 0", getattr(self, name))
 

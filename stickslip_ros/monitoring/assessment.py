@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin
@@ -37,7 +38,7 @@ class MonitorOptions:
     Raises
     ------
     InvalidParameterError
-        If the memory is less than a slip.
+        If the memory is less than a slip, or margin or motion are negative or not finite.
     """
 
     warn_margin: float = 0.1
@@ -50,6 +51,8 @@ class MonitorOptions:
     trial: Gains | None = None
 
     def __post_init__(self) -> None:
+        require_not_negative("warn_margin", self.warn_margin)
+        require_not_negative("least_motion", self.least_motion)
         if not self.memory >= 1.0:
             raise InvalidParameterError("memory", ">= 1 slip", self.memory)
 

@@ -56,7 +56,7 @@ def speed_ladder(speeds: list[float], *, duration: float, rest: float) -> list[S
     """
     if not speeds or not all(math.isfinite(speed) and speed > 0 for speed in speeds):
         raise InvalidParameterError("speeds", "one or more, finite and > 0", speeds)
-    for name, time in (("step time", duration), ("rest", rest)):
+    for name, time in (("step_time", duration), ("rest", rest)):
         if not (math.isfinite(time) and time > 0):
             raise InvalidParameterError(name, "finite and > 0", time)
     steps = [Step(velocity=0.0, duration=rest)]

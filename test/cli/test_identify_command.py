@@ -130,7 +130,7 @@ def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--simulated", "/a", "--speeds", "fast"], "numbers separated by commas"),
         (["--simulated", "/a", "--speeds", "-0.1"], "finite and > 0"),
         (["--simulated", "/a"], "one or more"),
-        (["--simulated", "/a", "--speeds", "0.1", "--step-time", "nan"], "step time"),
+        (["--simulated", "/a", "--speeds", "0.1", "--step-time", "nan"], "'--step-time' must be"),
         (["--simulated", "/a", "--speeds", "0.1,0.3"], "--largest-way"),
         (["slider_1100", "--stiffness", "nan"], "--stiffness"),
         (["slider_1100", "--stiffness", "168", "--prior", "no_such_joint"], "no_such_joint"),

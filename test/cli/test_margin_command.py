@@ -80,10 +80,10 @@ def test_beyond_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("command", "text"),
     [
-        ("margin --joint puma560_joint1 --control-delay", "'controller_period' must be > 0 where there is a control"),
+        ("margin --joint puma560_joint1 --control-delay", "'--controller-period' must be > 0 where there is a control"),
         ("margin --joint nothing", "unknown joint 'nothing'; known joints: dynamixel_mx106, "),
         ("margin --inertia 6.3", "'--stribeck' must be given"),
-        ("margin --joint puma560_joint1 --inertia -1", "'inertia' must be finite and > 0: -1.0"),
+        ("margin --joint puma560_joint1 --inertia -1", "'--inertia' must be finite and > 0: -1.0"),
         ("margin --joint puma560_joint1 --velocity nan", "'--velocity' must be a finite number"),
     ],
 )

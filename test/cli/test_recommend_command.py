@@ -95,9 +95,9 @@ def test_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--what-if", "x=1"], "of the form p=2000,d=30"),
         (["--what-if", "p=nan"], "of finite gains"),
-        (["--largest-stiffness", "-1"], "stiffness_range"),
-        (["--slowest-velocity", "-1"], "slowest_velocity"),
-        (["--effort", "0"], "effort"),
+        (["--largest-stiffness", "-1"], "'--least-stiffness' and '--largest-stiffness' must be"),
+        (["--slowest-velocity", "-1"], "--slowest-velocity"),
+        (["--effort", "0"], "'--effort' must be"),
     ],
 )
 def test_bad_options(capsys: pytest.CaptureFixture[str], options: list[str], text: str) -> None:

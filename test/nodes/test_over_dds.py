@@ -67,7 +67,7 @@ def test_conditions_beyond_the_paper_enter_the_exact_verdict(ros_domain: int) ->
         plain = one.margins["joint1"][ratio]
         assert plain == pytest.approx(0.1628, rel=0.03)
         assert (
-            "'controller_period' must be > 0"
+            "'controller_period.joint1' must be > 0"
             in one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True})[0]
         )
         assert one.set_parameters("/stickslip_monitor", {"controller_period.joint1": 0.02}) == [""]
@@ -181,10 +181,10 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({"friction.joint1.stribeck_velocity": -1.0}, "'stribeck_velocity' must be finite and > 0"),
-        ({"inertia.joint1": 0.0}, "'inertia' must be finite and > 0"),
+        ({"friction.joint1.stribeck_velocity": -1.0}, "'friction.joint1.stribeck_velocity' must be finite and > 0"),
+        ({"inertia.joint1": 0.0}, "'inertia.joint1' must be finite and > 0"),
         ({"wanted_margin": -0.5}, "'wanted_margin' must be finite and >= 0"),
-        ({"limits.joint1.p_max": -3.0}, "stiffness_range"),
+        ({"limits.joint1.p_max": -3.0}, "'limits.joint1.p_min' and 'limits.joint1.p_max' must be"),
         ({"model.joint1": "other"}, "read-only"),
     ],
 )
