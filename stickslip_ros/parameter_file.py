@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,16 @@ import yaml
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.joint_settings import COMMON, PER_JOINT, JointSettings, settings_of
 from stickslip_ros.known_joints import load_joint
-
-_MONITOR = "stickslip_monitor"
-_SECTION = "ros__parameters"
-_NODES_OWN = ("joints", "controller", "reference_type", "publish_rate", "allow_apply", "apply_rate", "use_sim_time")
+from stickslip_ros.parameter_names import (
+    EVERY_JOINT,
+    MONITOR,
+    SECTION,
+    joint_of,
+    misnamed_sections,
+    nearest_joint,
+    sections_of,
+    unknown_name,
+)
 
 
 class ParameterFileError(StickSlipError, ValueError):
@@ -57,6 +63,17 @@ class Parameters:
             found |= _read(path)
         return Parameters(found | dict(given or {}))
 
+    def misnamed_joints(self, joints: Collection[str]) -> list[str]:
+        """What was probably meant for one of these joints and has another name; a file may be for more robots."""
+        texts = []
+        for name in self.given:
+            joint = joint_of(name)
+            if joint in ("", EVERY_JOINT, *joints) or not nearest_joint(joint, joints):
+                continue
+            unknown = unknown_name(name, joints, "which was not recorded")
+            texts += [unknown.text] if unknown is not None else []
+        return texts
+
     def settings_of(self, joint: str) -> JointSettings:
         """What they say of a joint.
 
@@ -82,35 +99,16 @@ def _read(path: Path) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ParameterFileError(f"parameter file {path}: {' '.join(str(error).split())}") from error
-    sections = list(_sections("", content))
+    sections = sections_of(content)
     if not sections:
-        raise ParameterFileError(f"parameter file {path}: holds no {_SECTION}")
+        raise ParameterFileError(f"parameter file {path}: holds no {SECTION}")
+    wrong = misnamed_sections(sections, f"/{MONITOR}")
     found: dict[str, Any] = {}
-    for node, parameters in sections:
-        flat = dict(_flat("", parameters))
-        if node.rpartition("/")[2] == _MONITOR:
-            known = {spec.name.partition(".")[0] for spec in (*COMMON, *PER_JOINT)} | set(_NODES_OWN)
-            unknown = sorted({name.partition(".")[0] for name in flat} - known - {"qos_overrides"})
-            if unknown:
-                raise ParameterFileError(
-                    f"parameter file {path}: unknown parameter {', '.join(unknown)}; known: {', '.join(sorted(known))}"
-                )
-        found |= flat
+    for section in sections:
+        if section.base == MONITOR or (section.of_any_node and section.about_monitors):
+            names = [unknown_name(name, None) for name in section.parameters]
+            wrong += [one.text for one in names if one is not None]
+        found |= section.parameters
+    if wrong:
+        raise ParameterFileError(f"parameter file {path}: {'; '.join(wrong)}")
     return found
-
-
-def _sections(node: str, content: Any) -> Iterable[tuple[str, Any]]:
-    if isinstance(content, Mapping):
-        for key, value in content.items():
-            if key == _SECTION:
-                yield node, value
-            else:
-                yield from _sections(f"{node}/{key}".replace("//", "/"), value)
-
-
-def _flat(prefix: str, content: Any) -> Iterable[tuple[str, Any]]:
-    if isinstance(content, Mapping):
-        for key, value in content.items():
-            yield from _flat(f"{prefix}.{key}" if prefix else str(key), value)
-    elif prefix:
-        yield prefix, content

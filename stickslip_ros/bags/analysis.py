@@ -115,7 +115,7 @@ def analyze(
 
         joints, there, recorded = _follow(reader, options, read, watcher)
         progress(size, size)
-        warnings = [*bag.warnings, *topics.notes]
+        warnings = [*bag.warnings, *topics.notes, *options.parameters.misnamed_joints(there)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
         _check_joints(path, options.joints, joints, there, warnings)
         # Assessed only now, that the warnings of the last block are there.

@@ -166,7 +166,7 @@ def test_a_misspelt_parameter_is_refused(tmp_path: Path, bag: Path, capsys: pyte
     path = tmp_path / "monitor.yaml"
     path.write_text("stickslip_monitor: {ros__parameters: {lern: false}}")
     assert main(["analyze", str(bag), "--parameters", str(path)]) == 2
-    assert "unknown parameter lern; known: " in capsys.readouterr().err
+    assert "parameter 'lern' is not known; did you mean 'learn'?" in capsys.readouterr().err
     path.write_text("stickslip_monitor: {ros__parameters: {warn_margin: much}}")
     assert main(["analyze", str(bag), "--parameters", str(path)]) == 2
     assert "warn_margin" in capsys.readouterr().err
