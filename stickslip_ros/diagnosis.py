@@ -99,19 +99,24 @@ def joint_diagnostic(
     warn_margin: float,
     silent_for: float | None,
     trouble: str = "",
+    missing: str = "",
     applied: str = "",
 ) -> Diagnosis:
     """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
 
     Parameters
     ----------
-    exact, trial : verdicts on the present gains and on those on trial. silent_for : [s], None if it is heard.
+    exact, trial : verdicts on the present gains and on those on trial.
+    silent_for : [s], None if it is heard, infinite if it never was.
     trouble : why nothing can be said of it, "" if something can.
+    missing : why gains or reference are not known though they were configured, "" if they are.
     applied : the last outcome of `~/apply_recommendation`, "" if there was none.
     """
     level, message = _summary(assessment, exact, warn_margin, silent_for)
     if trouble:
         level, message = Level.WARN, trouble
+    if missing:
+        level, message = max(level, Level.WARN), f"{message}; {missing}"
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
         ("status", assessment.finding.status.value),
@@ -119,6 +124,7 @@ def joint_diagnostic(
         ("velocity [rad/s]", assessment.velocity),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
+        ("missing", missing),
         *_margin_values(margin),
     ]
     if margin is not None:
@@ -258,6 +264,8 @@ def _summary(
     finding, margin = assessment.finding, assessment.margin
     text = finding.status.value + (f": {finding.reason}" if finding.reason else "")
     if silent_for is not None:
+        if math.isinf(silent_for):
+            return Level.STALE, "no data yet"
         return Level.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
         advised = assessment.recommended

@@ -4,11 +4,15 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from stickslip_ros.diagnosis import Level, joint_diagnostic
+from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.verdict import ExactVerdict
@@ -33,3 +37,38 @@ def test_a_joint_that_sticks_in_spite_of_its_margin(puma: Joint) -> None:
     status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None)
     assert status.level is Level.ERROR
     assert status.message == "stick_slip, though its margin is there: the friction is not what is believed"
+
+
+@pytest.mark.parametrize("silent_for", [None, 0.0, 12.3, math.inf])
+@pytest.mark.parametrize("configured", [False, True])
+def test_no_sentence_has_an_infinite_duration(silent_for: float | None, configured: bool) -> None:
+    """Issue 15: what never was is said so; "for inf s" is no time."""
+    known = load_joint("puma560_joint1")
+    monitor = JointMonitor(known.joint, known.gains) if configured else JointMonitor()
+    state = monitor.assessment()
+    status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=silent_for)
+    assert not re.search(r"\b(inf|nan)\b", status.message), status.message
+    if silent_for == math.inf:
+        assert status.message == "no data yet"
+
+
+def test_a_silent_monitor_in_words() -> None:
+    """Issue 15: so too in `stickslip watch`."""
+    pytest.importorskip("rclpy")
+    from stickslip_ros.cli.watch_listener import WatchListener, _Heard
+
+    for at, text in ((-math.inf, "no status yet"), (-1e6, "no status for 1")):
+        message = WatchListener._view("a", _Heard(at=at, values={"status": "smooth"})).message
+        assert message.startswith(text)
+        assert "inf" not in message
+
+
+def test_what_is_missing_is_in_the_line_of_the_joint() -> None:
+    """Issue 15: the reason stands behind whatever else is said, and the joint is not called well."""
+    state = JointMonitor().assessment()
+    status = joint_diagnostic(
+        "a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None, missing="gains not known: waiting for /b"
+    )
+    assert status.message.endswith("; gains not known: waiting for /b")
+    assert dict(status.values)["missing"] == "gains not known: waiting for /b"
+    assert status.level >= 1

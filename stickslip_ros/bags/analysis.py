@@ -16,6 +16,7 @@ from stickslip_ros.bags.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
 from stickslip_ros.bags.topics import TopicChoice, Topics, find_topics
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.parameter_file import Parameters
@@ -41,7 +42,7 @@ class AnalysisOptions:
     Raises
     ------
     InvalidParameterError
-        If the end is not after the start.
+        If the start is not finite, or the end not after it.
     """
 
     topics: TopicChoice = field(default_factory=TopicChoice)
@@ -53,6 +54,7 @@ class AnalysisOptions:
     longest_piece: float = math.inf
 
     def __post_init__(self) -> None:
+        require_finite("start", self.start)
         if not self.end > max(self.start, 0.0):
             raise InvalidParameterError("end", f"after the start at {self.start:g} s", self.end)
 

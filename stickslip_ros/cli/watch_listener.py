@@ -123,7 +123,7 @@ class WatchListener:
             name=name,
             level=Level.STALE if gone else heard.level,
             status="no monitor" if gone else heard.values.get("status", "no data"),
-            message=f"no status for {silent:.0f} s: is its monitor running?" if gone else heard.message,
+            message=_silence(silent) if gone else heard.message,
             velocity=heard.number("velocity [rad/s]"),
             reserve=reserve if known else math.nan,
             cycles=int(heard.values.get("cycles [1]", "0")),
@@ -144,3 +144,9 @@ class WatchListener:
             health += [heard.message] if heard.message else []
             told.append(f"{name}: {', '.join(health) or 'no messages yet'}")
         return "\n".join(told)
+
+
+def _silence(duration: float) -> str:
+    """What to say of a joint without a status for so long [s]; infinite: it never had one."""
+    since = "no status yet" if math.isinf(duration) else f"no status for {duration:.0f} s"
+    return f"{since}: is its monitor running?"

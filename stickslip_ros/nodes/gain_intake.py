@@ -53,7 +53,8 @@ class GainIntake:
         """Follow these controllers from now on; the earlier in the list, the more it has to say."""
         if names == [controller.name for controller in self._controllers]:
             return
-        for controller in self._controllers:
+        before, self._controllers = self._controllers, []
+        for controller in before:
             controller.close()
         self._controllers = [
             ControllerGains(self._node, name, partial(self._on_controller, name), self._joints) for name in names
@@ -92,6 +93,14 @@ class GainIntake:
     def waiting(self) -> bool:
         """Whether some controller is missing or silent."""
         return any(controller.waiting for controller in self._controllers)
+
+    def why_unknown(self, joint: str) -> str:
+        """Why a controller that is configured gave no gains of a joint, "" if one did or none is configured."""
+        if not self._controllers or any(controller.has(joint) for controller in self._controllers):
+            return ""
+        waiting = [controller.state for controller in self._controllers if controller.waiting]
+        names = ", ".join(controller.name for controller in self._controllers)
+        return "; ".join(waiting) or f"{names} has no parameter gains.{joint}.p"
 
     def _on_controller(self, name: str, joint: str, gains: Gains) -> None:
         first = next(one.name for one in self._controllers if one.has(joint))

@@ -55,6 +55,8 @@ class ControllerGains:
         self._asked_at = -math.inf
         self._appeared_at = math.inf
         self._look_at = -math.inf
+        self._missing_since = math.nan
+        self._said = ""
         self.state = f"waiting for {controller}"
         self.waiting = True
 
@@ -64,10 +66,15 @@ class ControllerGains:
         if not self.parameters.ready():
             self._appeared_at = math.inf
             self._asked_at = -math.inf
+            if math.isnan(self._missing_since):
+                self._missing_since = now
             if not self.waiting or now >= self._look_at:
                 self._look_at = now + _LOOK_EVERY
-                self._says(f"waiting for {self.name}{self._others()}", waiting=True)
+                # A controller that starts together with the monitor is nothing to log.
+                late = self._said != "" or now - self._missing_since >= _AT_FIRST
+                self._says(f"waiting for {self.name}{self._others()}", "missing" if late else "", waiting=True)
             return
+        self._missing_since = math.nan
         self._appeared_at = min(self._appeared_at, now)
         interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD
         if self._busy or now - self._asked_at < interval:
@@ -85,9 +92,10 @@ class ControllerGains:
         """Whether the controller has gains of a joint."""
         return "p" in self._values.get(joint, {})
 
-    def _says(self, state: str, *, waiting: bool) -> None:
-        """Keep what there is to say for the diagnostics, and log it where it is new."""
-        if waiting != self.waiting:
+    def _says(self, state: str, kind: str, *, waiting: bool) -> None:
+        """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged."""
+        if kind not in ("", self._said):
+            self._said = kind
             # Two lines of code: rclpy wants one severity from each.
             if waiting:
                 self._node.get_logger().warning(state)
@@ -112,21 +120,21 @@ class ControllerGains:
         if not names:
             self._busy = False
             return self._says(
-                f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched", waiting=True
+                f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched", "none", waiting=True
             )
         return self.parameters.get(names, now, partial(self._on_values, names))
 
     def _no_answer(self) -> None:
         self._busy = False
         self._silent += 1
-        self._says(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", waiting=True)
+        self._says(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", "silent", waiting=True)
 
     def _on_values(self, names: list[str], values: list[ParameterValue] | None) -> None:
         if values is None:
             return self._no_answer()
         self._busy = False
         self._silent = 0
-        self._says(f"following {self.name}", waiting=False)
+        self._says(f"following {self.name}", "following", waiting=False)
         return self._take(zip(names, values, strict=False))
 
     def on_event(self, event: ParameterEvent) -> None:

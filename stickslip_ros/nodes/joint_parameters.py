@@ -47,7 +47,12 @@ def declare(node: Node, name: str) -> None:
     declare_specs(node, PER_JOINT, name)
     for key in RECOMMENDED:
         if not node.has_parameter(recommended_name(name, key)):
-            node.declare_parameter(recommended_name(name, key), float("nan"), _recommended_descriptor(node, name, key))
+            node.declare_parameter(
+                recommended_name(name, key),
+                float("nan"),
+                _recommended_descriptor(node, name, key),
+                ignore_override=True,
+            )
 
 
 def recommended_name(name: str, key: str) -> str:

@@ -9,7 +9,6 @@ import traceback
 from collections.abc import Callable
 
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterException
@@ -23,6 +22,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.gain_bounds import GainBounds
 from stickslip_ros.nodes.joint_parameters import OwnChange
+from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session
 
@@ -48,8 +48,8 @@ class Monitor(LifecycleNode):
         monitor_parameters.declare(self)
         monitor_parameters.check(self)
         self._answer_impossible_transitions()
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
+        refuse_by(self, self._check_parameters)
+        follow_by(self, self._apply_parameters)
 
     def start(self) -> None:
         """Configure and activate, as `autostart` asks for.
@@ -166,24 +166,19 @@ class Monitor(LifecycleNode):
             # Whatever it was, the next tick may well succeed, and a monitor that is gone helps nobody.
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
 
-    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+    def _check_parameters(self, parameters: list[Parameter]) -> None:
         """Refuse what would make no joint, with the reason; nothing is changed here."""
         if self._own_change.active:
-            return SetParametersResult(successful=True)
+            return
         changes = {parameter.name: parameter for parameter in parameters}
         for name in changes:
             if name.startswith("recommended."):
-                return SetParametersResult(
-                    successful=False,
-                    reason=f"{name} is the monitor's advice and cannot be set; set the controller's gains instead",
+                raise StickSlipError(
+                    f"{name} is the monitor's advice and cannot be set; set the controller's gains instead"
                 )
-        try:
-            monitor_parameters.check(self, changes)
-            if self._session is not None:
-                self._session.joints.check(changes)
-        except StickSlipError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        monitor_parameters.check(self, changes)
+        if self._session is not None:
+            self._session.joints.check(changes)
 
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         if self._session is None or self._own_change.active:

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.joint_settings import COMMON
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joint_parameters import declare_specs
+from stickslip_ros.nodes.node_names import other_nodes
 from stickslip_ros.nodes.state_file import default_path
 
 Changes = Mapping[str, Parameter]
+_JOINT_NAME = re.compile(r"[^\s,]{1,128}")
 
 
 def declare(node: Node) -> None:
@@ -66,6 +69,7 @@ def check(node: Node, changes: Changes | None = None) -> None:
     InvalidParameterError
         If a value cannot be.
     """
+    joint_names(node)
     require_positive("publish_rate", float(node.get_parameter("publish_rate").value))
     require_positive("apply_rate", float(_value(node, "apply_rate", changes)))
     controllers(node, changes)
@@ -77,13 +81,17 @@ def state_path(node: Node) -> Path | None:
     Raises
     ------
     InvalidParameterError
-        If it is a folder.
+        If it is a folder, or cannot be a file's name.
     """
     given = str(node.get_parameter("state_file").value)
     if given == "none":
         return None
-    path = Path(given).expanduser() if given else default_path(node.get_fully_qualified_name())
-    if path.is_dir():
+    try:
+        path = Path(given).expanduser() if given else default_path(node.get_fully_qualified_name())
+        is_folder = path.is_dir()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InvalidParameterError("state_file", f"the name of a file ({error})", f"{given[:80]!r}") from error
+    if is_folder:
         raise InvalidParameterError("state_file", "the name of a file, not of a folder", given)
     return path
 
@@ -94,12 +102,24 @@ def controllers(node: Node, changes: Changes | None = None) -> list[str]:
     Raises
     ------
     InvalidParameterError
-        If it is neither.
+        If it is neither, or no node can have the name.
     """
-    value = _value(node, "controller", changes)
-    if isinstance(value, str):
-        value = [value]
-    if not isinstance(value, Sequence) or not all(isinstance(name, str) for name in value):
-        raise InvalidParameterError("controller", "the name of a node, or a list of names", value)
-    names = [name.strip() for name in value]
-    return [name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}" for name in names if name]
+    return other_nodes(node, "controller", _value(node, "controller", changes))
+
+
+def joint_names(node: Node) -> tuple[str, ...]:
+    """The joints to watch; () for every one that is heard of.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a name cannot be a joint's, or stands there twice.
+    """
+    names = list(node.get_parameter("joints").value)
+    if names == [""]:
+        return ()
+    if len(set(names)) < len(names) or not all(_JOINT_NAME.fullmatch(name) for name in names):
+        raise InvalidParameterError(
+            "joints", "[''], or different names of at most 128 characters without blanks and commas", str(names)[:200]
+        )
+    return tuple(names)

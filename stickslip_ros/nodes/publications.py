@@ -29,6 +29,7 @@ class Findings:
     ----------
     exact, trial : verdicts on the gains of now and on those on trial.
     silent_for : [s], None if it is heard. trouble : why nothing can be said of it, or "".
+    missing : why what was configured is not known, or "".
     applied : the last outcome of `~/apply_recommendation`, or "".
     advised : gains in the controller's units, None if there are none.
     """
@@ -38,6 +39,7 @@ class Findings:
     trial: ExactVerdict
     silent_for: float | None
     trouble: str
+    missing: str
     applied: str
     advised: Gains | None
 
@@ -84,6 +86,7 @@ class Publications:
                 warn_margin=warn_margin,
                 silent_for=one.silent_for,
                 trouble=one.trouble,
+                missing=one.missing,
                 applied=one.applied,
             )
             array.status.append(diagnostic_status(diagnosis, self._robot))

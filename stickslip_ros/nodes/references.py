@@ -11,6 +11,16 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
 _CONTROL_TYPES = ("JointTrajectoryControllerState", "MultiDOFStateStamped")
+# What the graph calls them, and what the parameter does.
+REFERENCE_TYPES = {
+    "sensor_msgs/msg/JointState": "JointState",
+    **{f"control_msgs/msg/{name}": name for name in _CONTROL_TYPES},
+}
+
+
+def reference_type_name(name: str) -> str:
+    """What the graph calls a reference type."""
+    return next(full for full, word in REFERENCE_TYPES.items() if word == name)
 
 
 def reference_message_type(name: str) -> type:

@@ -22,6 +22,8 @@ from std_msgs.msg import Float64MultiArray
 from stickslip_ros.bags.bag import Bag
 from stickslip_ros.bags.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.bags.topics import TopicChoice, find_topics
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.running import run
 from stickslip_ros.recordings import find_recording, load_recording
@@ -49,6 +51,10 @@ class Replay(Node):
         joint = str(parameter("joint", "joint1", "name of the joint in a table"))
         self._factor = float(parameter("time_factor", 1.0, "recorded seconds a second [1]"))  # type: ignore[arg-type]
         self._linger = float(parameter("linger", 1.0, "how long to stay after the last sample [s]"))  # type: ignore[arg-type]
+        require_positive("time_factor", self._factor)
+        require_not_negative("linger", self._linger)
+        if not joint:
+            raise InvalidParameterError("joint", "the name of a joint", "''")
         is_bag = Path(name).is_dir() or Path(name).suffix in (".mcap", ".db3", ".zstd")
         self._messages = _of_bag(Path(name)) if is_bag else _of_table(name, joint)
         self._next = next(self._messages, None)

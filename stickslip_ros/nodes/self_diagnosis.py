@@ -8,10 +8,11 @@ import math
 import os
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from pathlib import Path
 
 from stickslip_ros.nodes.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.lateness import Meters, machine, why_late
 from stickslip_ros.nodes.slow_work import SlowWork
 
 _OVER = 2.0  # [s] that figures are of
@@ -25,8 +26,9 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 class SelfDiagnosis:
     """Figures of the last seconds; :meth:`note` is called with every status published."""
 
-    def __init__(self, states: JointStateTopic, work: SlowWork) -> None:
-        self._states, self._work = states, work
+    def __init__(self, states: JointStateTopic, work: SlowWork, joints: Sized) -> None:
+        self._states, self._work, self._joints = states, work, joints
+        self._meters: deque[Meters] = deque()
         self._notes: deque[tuple[float, float, int, float, int]] = deque()
         self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
 
@@ -38,6 +40,9 @@ class SelfDiagnosis:
         self._notes.append((now, cpu, self._states.messages, latency, self._states.waiting))
         while len(self._notes) > 2 and now - self._notes[1][0] >= _OVER:
             self._notes.popleft()
+        self._meters.append(Meters.read())
+        while len(self._meters) > len(self._notes):
+            self._meters.popleft()
         if self._states.lost > self._lost or self._work.skipped > self._skipped:
             self._lost_at = now
         self._lost, self._skipped = self._states.lost, self._work.skipped
@@ -53,9 +58,18 @@ class SelfDiagnosis:
         """What there is to worry about, "" if nothing."""
         if self._notes and self._notes[-1][0] - self._lost_at < _RECENT:
             return f"{self._lost} messages lost, {self._skipped} questions skipped so far"
-        latest = max((note[3] for note in self._notes if math.isfinite(note[3])), default=0.0)
-        if latest > _LATE:
-            return f"statuses are up to {latest:.2g} s late: the machine is too slow for so many joints"
+        late = [note[3] for note in self._notes if note[3] > _LATE]
+        if late:
+            load, cores = machine()
+            return why_late(
+                self._meters[0],
+                self._meters[-1],
+                late=max(late),
+                delays=len(late),
+                joints=len(self._joints),
+                load=load,
+                cores=cores,
+            )
         if self._work.lateness > _WORK_LATE:
             return f"friction and advice are {self._work.lateness:.0f} s behind"
         return ""

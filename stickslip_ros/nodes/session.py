@@ -28,6 +28,7 @@ from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
 from stickslip_ros.nodes.gain_application import GainApplication
 from stickslip_ros.nodes.gain_bounds import GainBounds
 from stickslip_ros.nodes.gain_intake import GainIntake
+from stickslip_ros.nodes.inputs import Inputs
 from stickslip_ros.nodes.joint_parameters import OwnChange
 from stickslip_ros.nodes.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.publications import Findings, Publications
@@ -77,7 +78,7 @@ class Session:
         self._closing: list[Callable[[], object]] = [self._work.close]
         self._reference_type = str(node.get_parameter("reference_type").value)
         try:
-            names = tuple(name for name in node.get_parameter("joints").value if name)
+            names = monitor_parameters.joint_names(node)
             self.joints = WatchedJoints(node, names, bounds, own_change, advice.adviser, self._refuse, self._on_new)
             self._gains = GainIntake(
                 node,
@@ -97,6 +98,7 @@ class Session:
             self._closing.append(lambda: node.destroy_service(reset))
             # What cannot be had is refused now rather than when the node is activated.
             reference_message_type(self._reference_type)
+            self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self.follow_controllers()
         except BaseException:
             self.close()
@@ -114,7 +116,7 @@ class Session:
             self._node, self._reference_type, "joint_references", self._qos(), self._refuse
         )
         self._states = JointStateTopic(self._node, "joint_states", self._qos(), self._refuse)
-        self._self = SelfDiagnosis(self._states, self._work)
+        self._self = SelfDiagnosis(self._states, self._work, self.joints)
 
     def deactivate(self) -> None:
         """Listen no more, and write no more gains; what was learnt is kept and saved."""
@@ -141,6 +143,7 @@ class Session:
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
+            self._inputs.look(now)
         self._apply.tick(now)
         self._keeper.tick(self.joints, now)
         if now >= self._publish_at - _NEARLY:
@@ -231,6 +234,7 @@ class Session:
             trial=self._exact_verdict(joint, f"trial {joint.name}", assessment, trial, now),
             silent_for=silence if silence > _STALE_AFTER else None,
             trouble=joint.trouble,
+            missing=self._inputs.missing(joint, assessment),
             applied=self._apply.outcomes.get(joint.name, ""),
             advised=joint.advised(assessment),
         )
@@ -292,15 +296,17 @@ class Session:
         troubles = [
             f"apply_recommendation: {self._apply.state}" if self._apply.failed else "",
             self._gains.state if self._gains.waiting else "",
+            *self._inputs.troubles,
             self._self.trouble if self._self is not None else "",
             self._keeper.trouble,
             f"refused: {self._refuse.latest}" if self._refuse.latest else "",
         ]
-        message = next((trouble for trouble in troubles if trouble), "")
+        message = "; ".join(trouble for trouble in troubles if trouble)
         values: list[tuple[str, object]] = [
             ("joints [1]", len(self.joints)),
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),
+            *self._inputs.values(),
             ("apply_recommendation", self._apply.state),
             (
                 "slips not learnt from, a study being late [1]",

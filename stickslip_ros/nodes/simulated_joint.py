@@ -9,7 +9,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -20,8 +20,10 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.conversion import stamp
+from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 
 _GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
@@ -71,13 +73,19 @@ class SimulatedJoint(Node):
         rate = float(self.get_parameter("rate").value)
         self._period = 1.0 / rate if rate > 0 else math.nan
         self._time_factor = float(self.get_parameter("time_factor").value)
-        if not (math.isfinite(self._period) and self._period > 0 and self._time_factor > 0):
-            raise InvalidParameterError("rate and time_factor", "finite and > 0", (rate, self._time_factor))
-        self._random = np.random.default_rng(self.get_parameter("seed").value)
+        require_positive("rate", rate)
+        require_positive("time_factor", self._time_factor)
+        if len(set(self._names)) < len(self._names) or not all(self._names):
+            raise InvalidParameterError("joints", "one or more different names", self._names)
+        seed = int(self.get_parameter("seed").value)
+        require_not_negative("seed", seed)
+        self._random = np.random.default_rng(seed)
         self._references = {name: Reference() for name in self._names}
         self._simulations = {name: self._create(name) for name in self._names}
-        self.add_on_set_parameters_callback(self._check)
-        self.add_post_set_parameters_callback(self._apply)
+        # What was given at the start is no better than what is set later.
+        self._check(list(self._parameters.values()))
+        refuse_by(self, self._check)
+        follow_by(self, self._apply)
         self._apply([])
         # Compiled before the clock starts, or the first second would be missing.
         period, nothing = self._period, np.zeros(0)
@@ -108,28 +116,23 @@ class SimulatedJoint(Node):
         self._declare(f"velocity_noise.{name}", 0.0, "standard deviation [rad/s]")
         self._declare(f"effort_noise.{name}", 0.0, "standard deviation [N*m]")
         self._declare(f"load.{name}", 0.0, "constant torque against the controller [N*m]", read_only=True)
-        return JointSimulation(known.joint, known.gains, load=float(self.get_parameter(f"load.{name}").value))
+        load = float(self.get_parameter(f"load.{name}").value)
+        require_finite(f"load.{name}", load)
+        return JointSimulation(known.joint, known.gains, load=load)
 
-    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+    def _check(self, parameters: list[Parameter]) -> None:
         """Refuse what no controller or encoder could be."""
         for parameter in parameters:
             kind, _, _ = parameter.name.partition(".")
-            value = parameter.value
+            name, value = parameter.name, parameter.value
             if kind == "profile" and value not in _PROFILES:
-                return SetParametersResult(
-                    successful=False, reason=f"{parameter.name} must be one of {', '.join(_PROFILES)}: {value}"
-                )
-            if kind in ("gains", "velocity") and not math.isfinite(value):
-                return SetParametersResult(successful=False, reason=f"{parameter.name} must be finite: {value}")
-            if kind in ("encoder_resolution", "velocity_noise", "effort_noise") and not (
-                math.isfinite(value) and value >= 0
-            ):
-                return SetParametersResult(
-                    successful=False, reason=f"{parameter.name} must be finite and >= 0: {value}"
-                )
-            if kind == "reversal_period" and not (math.isfinite(value) and value > 0):
-                return SetParametersResult(successful=False, reason=f"{parameter.name} must be finite and > 0: {value}")
-        return SetParametersResult(successful=True)
+                raise InvalidParameterError(name, f"one of {', '.join(_PROFILES)}", value)
+            if kind in ("gains", "velocity", "load"):
+                require_finite(name, value)
+            if kind in ("encoder_resolution", "velocity_noise", "effort_noise"):
+                require_not_negative(name, value)
+            if kind == "reversal_period":
+                require_positive(name, value)
 
     def _apply(self, _: list[Parameter]) -> None:
         for name, simulation in self._simulations.items():

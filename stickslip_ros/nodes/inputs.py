@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the node was told or is sent and cannot use, in words: for its own status, and as the reason in a joint's."""
+
+from __future__ import annotations
+
+import math
+
+from rclpy.node import Node
+
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.nodes.gain_intake import PD_GAINS, GainIntake
+from stickslip_ros.nodes.not_understood import NotUnderstood
+from stickslip_ros.nodes.published_types import REFERENCES, PublishedTypes
+from stickslip_ros.nodes.references import reference_type_name
+from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.nodes.watched_joints import WatchedJoints
+
+_STATES = "joint_states"
+
+
+class Inputs:
+    """See the module; :meth:`look` is called now and then."""
+
+    def __init__(self, node: Node, joints: WatchedJoints, gains: GainIntake, reference_type: str) -> None:
+        self._joints, self._gains = joints, gains
+        self._types = PublishedTypes(
+            node,
+            {
+                _STATES: "sensor_msgs/msg/JointState",
+                REFERENCES: reference_type_name(reference_type),
+                PD_GAINS: "std_msgs/msg/Float64MultiArray",
+            },
+        )
+        self._not_understood = NotUnderstood(node)
+
+    def look(self, now: float) -> None:
+        """Look at the graph and at what was given; ``now`` is a steady time [s]."""
+        self._types.look(now)
+        self._not_understood.look(list(self._joints), now, others_may_come=self._joints.welcomes_others)
+
+    @property
+    def troubles(self) -> list[str]:
+        """What there is to say of the node itself."""
+        return [*self._types.troubles.values(), *self._not_understood.texts]
+
+    def values(self) -> list[tuple[str, object]]:
+        """The same as keys and values."""
+        return [
+            ("topics of another type", "; ".join(self._types.troubles.values())),
+            ("parameters not understood", "; ".join(self._not_understood.texts)),
+        ]
+
+    def missing(self, joint: WatchedJoint, assessment: Assessment) -> str:
+        """Why something is not known of a joint that it was configured for, "" if that is not so."""
+        reasons = []
+        if math.isinf(joint.heard) and _STATES in self._types.troubles:
+            reasons.append(self._types.troubles[_STATES])
+        if assessment.gains is None:
+            why = self._gains.why_unknown(joint.name) or self._types.troubles.get(PD_GAINS, "")
+            reasons += [f"gains not known: {why}"] if why else []
+        if REFERENCES in self._types.troubles and assessment.velocity_source != "reference":
+            reasons.append(f"no reference: {self._types.troubles[REFERENCES]}")
+        return "; ".join(reasons)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Parameters that were given to the node and mean nothing to it, said once with what was probably meant."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+import yaml
+from rclpy.node import Node
+
+from stickslip_ros.nearest_name import did_you_mean, nearest_name
+from stickslip_ros.parameter_names import FileSection, UnknownName, misnamed_sections, sections_of, unknown_name
+
+_PATIENCE = 5.0  # [s] for a joint to be heard for the first time
+_QOS = "qos_overrides."
+_NEARLY, _LEAST_LETTERS = 0.85, 6  # of a name in a section that may be about other nodes
+
+
+class NotUnderstood:
+    """See the module.
+
+    Parameters
+    ----------
+    arguments : of the process, as ROS takes them; None: its own.
+
+    ``texts`` has a sentence for everything that is not understood now.
+    """
+
+    def __init__(self, node: Node, arguments: Sequence[str] | None = None) -> None:
+        self._node = node
+        self._sections = list(_given_sections(sys.argv if arguments is None else arguments))
+        self._misnamed = misnamed_sections(self._sections, node.get_fully_qualified_name())
+        self._said: set[str] = set()
+        self._began = math.nan
+        self._seen: object = None
+        self.texts: list[str] = []
+
+    def look(self, joints: Collection[str], now: float, *, others_may_come: bool) -> None:
+        """Compare what was given with what there is; ``now`` is a steady time [s].
+
+        Parameters
+        ----------
+        joints : watched. others_may_come : whether more of them are watched once they are heard.
+        """
+        if math.isnan(self._began):
+            self._began = now
+        patient = others_may_come and now - self._began < _PATIENCE
+        seen = (frozenset(joints), patient)
+        if seen == self._seen:
+            return
+        self._seen = seen
+        where = "which has not been heard of yet" if others_may_come else "which is not watched"
+        unknown = [one for one in self._unknown(joints, where) if not (patient and one.joint)]
+        self.texts = [*self._misnamed, *(one.text for one in unknown)]
+        for text in self.texts:
+            self._say(text, text)
+        for joint in sorted({one for one in self._waited_for() if one in joints}):
+            self._said.discard(f"joint {joint}")
+            self._node.get_logger().info(f"the joint {joint!r} is heard now, and its parameters count")
+        self._said |= {f"joint {one.joint}" for one in unknown if one.joint}
+
+    def _say(self, key: str, text: str) -> None:
+        if key not in self._said:
+            self._said.add(key)
+            self._node.get_logger().warning(text)
+
+    def _waited_for(self) -> list[str]:
+        return [key.partition(" ")[2] for key in self._said if key.startswith("joint ")]
+
+    def _unknown(self, joints: Collection[str], where: str) -> Iterator[UnknownName]:
+        for name in sorted(self._node._parameter_overrides):
+            if name.startswith(_QOS):
+                known = [f"{_QOS}{key}" for key in self._node.get_parameters_by_prefix(_QOS.rstrip("."))]
+                found = None if name in known else UnknownName(
+                    name, f"parameter {name!r} is not known{did_you_mean(name, known)}"
+                )  # fmt: skip
+            elif self._node.has_parameter(name) and not name.startswith("recommended."):
+                found = None
+            else:
+                found = unknown_name(name, joints, where)
+            if found is not None and self._meant_for_this_node(found):
+                yield found
+
+    def _meant_for_this_node(self, found: UnknownName) -> bool:
+        """Whether a name is the monitor's business: a section of every node may be about others."""
+        own = self._node.get_fully_qualified_name()
+        homes = [one for one in self._sections if found.name in one.parameters and one.is_for(own)]
+        if not homes or any(not one.of_any_node or one.about_monitors for one in homes):
+            return True
+        known = list(self._node._parameters)
+        return len(found.name) >= _LEAST_LETTERS and bool(nearest_name(found.name, known, _NEARLY))
+
+
+def _given_sections(arguments: Sequence[str]) -> Iterator[FileSection]:
+    """What --params-file and -p node:name:=value give, among ROS's arguments."""
+    ours, words = False, list(arguments)
+    for index, word in enumerate(words):
+        if word == "--ros-args":
+            ours = True
+        elif word == "--":
+            ours = False
+        elif ours and index + 1 < len(words):
+            if word == "--params-file":
+                yield from _sections_in(Path(words[index + 1]))
+            elif word in ("-p", "--param"):
+                name = words[index + 1].partition(":=")[0]
+                node, colon, parameter = name.rpartition(":")
+                if colon:
+                    yield FileSection(f"/{node.lstrip('/')}", {parameter: None})
+
+
+def _sections_in(path: Path) -> list[FileSection]:
+    try:
+        return sections_of(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        # rcl has read it; what YAML itself makes of it is of no consequence here.
+        return []
