@@ -13,7 +13,9 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+
+from stickslip_ros.errors import StickSlipError
 
 _MOST_AT_ONCE = 10_000
 
@@ -39,18 +41,30 @@ class DrainedSubscription:
     Parameters
     ----------
     raw : whether messages are taken as the bytes that came.
+
+    Raises
+    ------
+    StickSlipError
+        If the parameters that override its quality of service make none.
     """
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, *, raw: bool = False) -> None:
         self._node, self._type, self._raw = node, message_type, raw
-        self._subscription = node.create_subscription(
-            message_type,
-            topic,
-            lambda _: None,
-            qos,
-            callback_group=NeverExecuted(),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        try:
+            self._subscription = node.create_subscription(
+                message_type,
+                topic,
+                lambda _: None,
+                qos,
+                callback_group=NeverExecuted(),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            )
+        except (RuntimeError, InvalidQosOverridesError) as error:
+            if not node.context.ok():
+                raise
+            # What the defaults make is sound, so it is the overrides.
+            where = f"qos_overrides.{node.resolve_topic_name(topic)}.subscription"
+            raise StickSlipError(f"{where}: {' '.join(str(error).split())}") from error
 
     @property
     def publishers(self) -> int:

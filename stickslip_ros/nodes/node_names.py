@@ -25,7 +25,8 @@ def other_nodes(node: Node, parameter: str, given: object) -> list[str]:
     InvalidParameterError
         If it holds something else, a name that no node can have, or one twice.
     """
-    words = [given] if isinstance(given, str) else given
+    # An empty list in a parameter file has no type, and comes as None.
+    words = [given] if isinstance(given, str) else [] if given is None else given
     if not isinstance(words, Sequence) or not all(isinstance(word, str) for word in words):
         raise InvalidParameterError(parameter, "the name of a node, or a list of names", given)
     names = []

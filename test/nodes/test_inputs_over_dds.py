@@ -14,13 +14,14 @@ import pytest
 import rclpy
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 from support_ros import Probe, probe
 
 from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.parameter_names import unknown_name
 
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false", "state_file": "none"}
 NODE = "stickslip_monitor"
@@ -132,6 +133,10 @@ def test_deleted_parameters_have_an_answer(ros_domain: int) -> None:
         ("monitor", {"joints": "['a,b']"}, "'joints' must be [''], or different names"),
         ("monitor", {"publish_rate": ".nan"}, "'publish_rate' must be finite and > 0"),
         ("monitor", {"state_file": "x" * 400}, "'state_file' must be the name of a file"),
+        ("monitor", {"qos_overrides./joint_states.subscription.reliability": "banana"},
+         "qos_overrides./joint_states.subscription: Unexpected QoS override for policy `reliability`: `banana`"),
+        ("monitor", {"qos_overrides./joint_states.subscription.depth": "-4"},
+         "qos_overrides./joint_states.subscription: "),
         ("monitor", {"joints": "[a]", "inertia.a": "-1.0"}, "'inertia.a' must be finite and > 0: -1.0"),
         ("monitor", {"joints": "[a]", "model.a": "puma"}, "model.a: unknown joint 'puma'"),
         ("simulated_joint", {"rate": ".inf"}, "'rate' must be finite and > 0"),
@@ -176,6 +181,21 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
             assert monitor.output().count(text) == 1
         assert "update_rate" not in monitor.output()
         assert "controller_manager" not in monitor.output()
+
+
+def test_no_parameter_of_the_node_is_called_unknown(ros_domain: int) -> None:
+    """Issue 15: typing errors are told from a list of the names that there are; the running node has no others."""
+    with NodeProcess("monitor", PUMA) as monitor, probe() as one:
+        one.wait_for_monitor()
+        client = one.node.create_client(ListParameters, f"/{NODE}/list_parameters")
+        one.wait(client.service_is_ready, 10.0, "the service")
+        future = client.call_async(ListParameters.Request())
+        one.wait(future.done, 10.0, "the names")
+        names = list(future.result().result.names)
+        assert len(names) > 30
+        unknown = [name for name in names if unknown_name(name, ["joint1"]) and not name.startswith("recommended.")]
+        assert unknown == []
+        assert "not known" not in monitor.output()
 
 
 def test_a_joint_that_comes_later_is_no_slip_of_the_pen(ros_domain: int) -> None:
