@@ -16,6 +16,7 @@ from stickslip_ros.nodes.lateness import Meters, machine, why_late
 from stickslip_ros.nodes.slow_work import SlowWork
 
 _OVER = 2.0  # [s] that figures are of
+_METERED_EVERY = 0.25  # [s]
 _LATE = 0.25  # [s] from a message to the status that it is part of, which is too late
 _WORK_LATE = 30.0  # [s] of waiting, likewise
 _RECENT = 10.0  # [s] for which a loss is worth a warning
@@ -40,9 +41,10 @@ class SelfDiagnosis:
         self._notes.append((now, cpu, self._states.messages, latency, self._states.waiting))
         while len(self._notes) > 2 and now - self._notes[1][0] >= _OVER:
             self._notes.popleft()
-        self._meters.append(Meters.read())
-        while len(self._meters) > len(self._notes):
-            self._meters.popleft()
+        if not self._meters or now - self._meters[-1].steady >= _METERED_EVERY:
+            self._meters.append(Meters.read())
+            while len(self._meters) > 2 and now - self._meters[1].steady >= _OVER:
+                self._meters.popleft()
         if self._states.lost > self._lost or self._work.skipped > self._skipped:
             self._lost_at = now
         self._lost, self._skipped = self._states.lost, self._work.skipped
@@ -63,7 +65,7 @@ class SelfDiagnosis:
             load, cores = machine()
             return why_late(
                 self._meters[0],
-                self._meters[-1],
+                Meters.read(),
                 late=max(late),
                 delays=len(late),
                 joints=len(self._joints),
