@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
 
 _PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s²"}
-_STEP_TIME, _REST, _LARGEST_WAY = 15.0, 3.0, 0.5
+_STEP_TIME, _REST, _LARGEST_WAY, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
 
 
 def add_parser(commands: Any) -> None:
@@ -64,6 +65,10 @@ def add_parser(commands: Any) -> None:
     experiment.add_argument(
         "--largest-way", type=float, metavar="X", default=_LARGEST_WAY,
         help="refuse to move further from the start than this [rad] (default: %(default)s)",
+    )  # fmt: skip
+    experiment.add_argument(
+        "--largest-lag", type=float, metavar="X", default=_LARGEST_LAG,
+        help="stop if the joint is further than this from the controller's trajectory [rad] (default: %(default)s)",
     )  # fmt: skip
     experiment.add_argument("--plan", action="store_true", help="say what would be done, and move nothing")
     parser.add_argument("--name", help="of the joint in the joint file (default: the recording's or the joint's)")
@@ -149,14 +154,22 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
     console.print(f"{options.on}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back.")
     if way > options.largest_way:
         raise InvalidParameterError("way of the ladder", f"<= --largest-way ({options.largest_way:g} rad)", way)
+    if not options.largest_lag > 0:
+        raise InvalidParameterError("--largest-lag", "> 0", options.largest_lag)
     if options.plan:
         for step in steps:
             console.print(f"  {step.duration:6.1f} s at {step.velocity:+.4g} rad/s")
         return None
-    # Ctrl-C must reach this process as an exception, so that the joint is brought to rest first.
+    # Ctrl-C and SIGTERM must reach this process as an exception, so that the joint is brought to rest first.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        node = LadderNode(options.on, simulated=options.simulated or "", controller=options.controller or "")
+        node = LadderNode(
+            options.on,
+            simulated=options.simulated or "",
+            controller=options.controller or "",
+            largest_lag=options.largest_lag,
+        )
         try:
             with progress_bar("moving") as bar:
                 batch = node.run(steps, lambda done, _: bar(round(done), round(total)))
@@ -164,6 +177,7 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
         finally:
             node.destroy_node()
     finally:
+        signal.signal(signal.SIGTERM, before)
         rclpy.try_shutdown()
 
 

@@ -6,44 +6,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import monotonic
 
 import rclpy
-from builtin_interfaces.msg import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.message_content import MessageError, joint_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.drain import DrainedSubscription
 from stickslip_ros.nodes.gain_source import ControllerGains
+from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController
 
 _QUEUE = 10_000
 _SPIN = 0.02
 _CONNECT_LIMIT = 20.0  # [s]
 _ANSWER_LIMIT = 5.0
-_STOP_TIME = 0.2  # [s]
 _SETTLE = 0.5  # [s] recorded before the first step and after the last
-
-
-class ExperimentError(StickSlipError, RuntimeError):
-    """An experiment that cannot begin or go on; the text says why."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """One step of a ladder: velocity [rad/s], 0 for a rest, and how long [s]."""
-
-    velocity: float
-    duration: float
+_SILENCE = 1.0  # [s] without a new stamp, after which nobody knows where the joint is
+_STILL, _HOLD_LIMIT = 0.3, 3.0  # [s] between a hold and a look whether the joint stands; for all of them
+_STANDS = 1e-3  # [rad] by which a joint that stands may seem to move meanwhile
 
 
 def speed_ladder(speeds: list[float], *, duration: float, rest: float) -> list[Step]:
@@ -73,22 +61,25 @@ class LadderNode(Node):
     ----------
     joint : its name. simulated : name of a simulated joint's node, whose parameters are set; or "".
     controller : name of a joint_trajectory_controller, which is sent one trajectory; or "".
+    largest_lag : from which the joint may not be further [rad].
     """
 
-    def __init__(self, joint: str, *, simulated: str = "", controller: str = "") -> None:
+    def __init__(
+        self, joint: str, *, simulated: str = "", controller: str = "", largest_lag: float = LARGEST_LAG
+    ) -> None:
         super().__init__("stickslip_identify")
         self._joint, self._simulated = joint, simulated
         self._pairing = ReferencePairing()
         self._batches: list[Batch] = []
         self.gains: Gains | None = None
-        self.position = math.nan
+        self._positions: dict[str, float] = {}
+        self._stamp = math.nan
         incoming = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._states = DrainedSubscription(self, JointState, "joint_states", incoming)
         self._references = DrainedSubscription(self, JointState, "joint_references", incoming)
         self._controller_gains = ControllerGains(self, simulated or controller, self._on_gains, lambda: [joint])
         self._client = AsyncParameterClient(self, simulated) if simulated else None
-        topic = f"{controller}/joint_trajectory" if controller else "~/unused"
-        self._trajectory = self.create_publisher(JointTrajectory, topic, 10)
+        self._controller = TrajectoryController(self, controller, joint, largest_lag) if controller else None
 
     def _on_gains(self, _: str, gains: Gains) -> None:
         self.gains = gains
@@ -103,71 +94,105 @@ class LadderNode(Node):
         Raises
         ------
         ExperimentError
-            If nothing is heard of the joint or its controller.
+            If nothing is heard of the joint or its controller, or the joint does not do as it is told.
         """
         self._connect()
+        if self._controller is not None:
+            before = dict(self._positions)
+            self._spin(_SETTLE)
+            self._controller.refuse_motion(before, self._positions)
         try:
             return self._climb(steps, told)
         finally:
             self._hold()
 
+    @property
+    def position(self) -> float:
+        """Of the joint, as heard last [rad]; NaN before that."""
+        return self._positions.get(self._joint, math.nan)
+
+    def _spin(self, duration: float) -> None:
+        end = monotonic() + duration
+        while monotonic() < end:
+            self._turn()
+
     def _connect(self) -> None:
         end = monotonic() + _CONNECT_LIMIT
-        while math.isnan(self.position) or not self._ready():
+        while missing := self._missing():
             if monotonic() > end:
-                missing = "joint_states" if math.isnan(self.position) else "its controller"
                 raise ExperimentError(f"nothing heard of {self._joint} on {missing} for {_CONNECT_LIMIT:g} s")
             self._turn()
 
-    def _ready(self) -> bool:
-        if self._client is not None:
-            return bool(self._client.services_are_ready())
-        return bool(self._trajectory.get_subscription_count() > 0)
+    def _missing(self) -> str:
+        if math.isnan(self.position):
+            return "joint_states"
+        if self._controller is not None:
+            return self._controller.missing(self._positions)
+        return "" if self._client is None or self._client.services_are_ready() else "its controller"
 
     def _turn(self) -> None:
         """Let ROS work a little, and take what has come."""
         rclpy.spin_once(self, timeout_sec=_SPIN)
         self._controller_gains.poll(monotonic())
+        if self._controller is not None:
+            self._controller.poll(monotonic())
         for message, _ in self._states.take_all():
-            row = self._row(message)
-            if row is not None:
-                self.position = row[0]
-                self._pairing.add_sample(seconds(message.header.stamp), *row)
+            rows = self._rows(message)
+            self._positions |= {name: row[0] for name, row in rows.items() if math.isfinite(row[0])}
+            if self._joint in rows:
+                self._stamp = seconds(message.header.stamp)
+                self._pairing.add_sample(self._stamp, *rows[self._joint])
         for message, _ in self._references.take_all():
-            row = self._row(message)
+            row = self._rows(message).get(self._joint)
             if row is not None:
                 self._pairing.add_reference(seconds(message.header.stamp), row[0], row[1])
         batch = self._pairing.take()
         if batch is not None:
             self._batches.append(batch)
 
-    def _row(self, message: JointState) -> tuple[float, float, float] | None:
-        """What a message says of the joint; None if nothing that can be read."""
+    def _rows(self, message: JointState) -> dict[str, tuple[float, float, float]]:
+        """What a message says of its joints; nothing if it cannot be read."""
         try:
-            return joint_rows(message).get(self._joint)
+            return joint_rows(message)
         except MessageError:
-            return None
+            return {}
 
     def _climb(self, steps: list[Step], told: Callable[[float, str], None]) -> Batch:
         self._batches.clear()
-        if not self._simulated:
-            self._send(steps)
+        if self._controller is not None:
+            self._follow(self._controller, steps, told)
+        else:
+            self._set_in_turn(steps, told)
+        if not self._batches:
+            raise ExperimentError(f"no samples of {self._joint} while it moved")
+        return Batch.joined(self._batches)
+
+    def _follow(self, controller: TrajectoryController, steps: list[Step], told: Callable[[float, str], None]) -> None:
+        """Send the whole ladder, and see to it that it is what the joint does."""
+        begin = last = self._stamp
+        heard = monotonic()
+        controller.begin(steps, self._positions, _SETTLE)
+        end = sum(step.duration for step in steps) + 2.0 * _SETTLE
+        while self._stamp - begin < end:
+            self._turn()
+            if self._stamp != last:
+                last, heard = self._stamp, monotonic()
+            elif monotonic() - heard > _SILENCE:
+                raise ExperimentError(f"nothing new of {self._joint} on joint_states for {_SILENCE:g} s")
+            controller.check(self._stamp - begin, self.position)
+            told(self._stamp - begin, "")
+
+    def _set_in_turn(self, steps: list[Step], told: Callable[[float, str], None]) -> None:
         begin = monotonic()
         due = begin + _SETTLE
         for step in steps:
-            if self._simulated:
-                self._set(step.velocity)
+            self._set(step.velocity)
             due += step.duration
             what = f"at {step.velocity:+.4g} rad/s" if step.velocity else "at rest"
             while monotonic() < due:
                 self._turn()
                 told(monotonic() - begin, what)
-        end = monotonic() + _SETTLE
-        while monotonic() < end:
-            self._turn()
-        if not self._batches:
-            raise ExperimentError(f"no samples of {self._joint} while it moved")
-        return Batch.joined(self._batches)
+        self._spin(_SETTLE)
 
     def _set(self, velocity: float) -> None:
         assert self._client is not None
@@ -188,36 +213,21 @@ class LadderNode(Node):
             why = result.result.reason if result else "no answer"
             raise ExperimentError(f"{self._simulated} refused velocity {velocity:g}: {why}")
 
-    def _send(self, steps: list[Step]) -> None:
-        """The whole ladder as one trajectory from where the joint is."""
-        message = JointTrajectory(joint_names=[self._joint])
-        position, time = self.position, _SETTLE
-        message.points.append(_point(position, time))
-        for step in steps:
-            position += step.velocity * step.duration
-            time += step.duration
-            message.points.append(_point(position, time))
-        self._trajectory.publish(message)
-
     def _hold(self) -> None:
         """Leave the joint at rest, whatever happened."""
-        if self._simulated:
+        if self._controller is None:
             try:
                 self._set(0.0)
             except ExperimentError as error:
                 self.get_logger().error(f"could not stop the joint: {error}")
-        else:
-            # Not an empty trajectory, which joint_trajectory_controller refuses.
-            self._trajectory.publish(
-                JointTrajectory(joint_names=[self._joint], points=[_point(self.position, _STOP_TIME)])
-            )
-            rclpy.spin_once(self, timeout_sec=_SPIN)
-
-
-def _point(position: float, time: float) -> JointTrajectoryPoint:
-    """A point without velocity: the controller then goes on a straight line, at constant speed."""
-    whole = int(time)
-    return JointTrajectoryPoint(
-        positions=[position],
-        time_from_start=Duration(sec=whole, nanosec=round(1e9 * (time - whole))),
-    )
+            return
+        end = monotonic() + _HOLD_LIMIT
+        while monotonic() < end:
+            self._controller.hold(self._positions)
+            self._controller.wait_for_delivery(_STILL)
+            self._spin(_STILL)
+            before = self.position
+            self._spin(_STILL)
+            if abs(self.position - before) <= _STANDS:
+                return
+        self.get_logger().error(f"{self._joint} was told to hold for {_HOLD_LIMIT:g} s, and moves all the same")

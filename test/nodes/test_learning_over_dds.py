@@ -74,6 +74,7 @@ class _FollowsTrajectories(Node):
 
     def __init__(self) -> None:
         super().__init__("joint_trajectory_controller")
+        self.declare_parameter("joints", ["elbow"])
         self.received: list[JointTrajectory] = []
         self.create_subscription(
             JointTrajectory, "/joint_trajectory_controller/joint_trajectory", self.received.append, 10
@@ -94,7 +95,8 @@ def test_a_controller_is_sent_one_trajectory_and_then_told_to_hold(ros_domain: i
     rclpy.init()
     try:
         controller = _FollowsTrajectories()
-        ladder = LadderNode("elbow", controller="/joint_trajectory_controller")
+        # This joint stands, whatever it is told.
+        ladder = LadderNode("elbow", controller="/joint_trajectory_controller", largest_lag=1.0)
         executor = rclpy.executors.SingleThreadedExecutor()
         executor.add_node(controller)
         follower = threading.Thread(target=executor.spin, daemon=True)
