@@ -69,9 +69,11 @@ def _read(hint: Any, data: Any, where: str) -> Any:
 
 def _dataclass(kind: Any, data: Any, where: str) -> Any:
     names = {field.name for field in dataclasses.fields(kind)}
-    if not isinstance(data, Mapping) or set(data) != names:
+    # What has a default came later than some files that were written without it.
+    later = {field.name for field in dataclasses.fields(kind) if field.default is not dataclasses.MISSING}
+    if not isinstance(data, Mapping) or not names - later <= set(data) <= names:
         raise ValueError(f"{where} must have exactly {', '.join(sorted(names))}")
-    return kind(**{name: _read(_hints(kind)[name], data[name], f"{where}.{name}") for name in names})
+    return kind(**{name: _read(_hints(kind)[name], value, f"{where}.{name}") for name, value in data.items()})
 
 
 def _array(data: Any, where: str) -> Any:

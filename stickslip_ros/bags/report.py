@@ -131,6 +131,8 @@ def _parameters(joint: JointAnalysis) -> str:
     estimate = state.estimate
     for name in NAMES:
         unit = _UNITS[name][int(state.per_inertia)]
+        if estimate is not None and estimate.usable:
+            unit = _UNITS[name][int(estimate.normalised)]
         source, value, error = "configured", math.nan, math.nan
         if estimate is not None and estimate.normalised and name in ("inertia", "coulomb"):
             continue

@@ -53,7 +53,7 @@ def advice(joint: JointAnalysis) -> str:
     )
     if not advised.found:
         return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}{faster}."
-    if state.per_inertia or state.gains is None:
+    if state.gains is None or not state.gains_known:
         return (
             f"Multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
             f"together by {advised.damping_factor:.3g} (the gains themselves are not known){faster}."

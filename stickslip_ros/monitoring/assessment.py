@@ -74,8 +74,8 @@ class Assessment:
         configured, not learnt.
     stick_slip_probability : that Eq. (43) predicts stick slip, given these errors; NaN likewise.
     rests_on : where the friction comes from that the margin uses.
-    joint : inertia and friction that the margin uses; margin_gains : its gains; per_inertia : whether both are, the
-        gains being unknown.
+    joint : inertia and friction that the margin uses; margin_gains : its gains, as the motion or the effort shows
+        them where the controller's are unknown; per_inertia : whether both are, the effort being unknown too.
     position : of the last sample [rad]; mean_velocity : over the last tenths of a second [rad/s].
     estimate : what was learnt, None if nothing yet; notice : what changed abruptly, or "".
     advice : None if joint or gains are unknown, or as long as it is being worked out; variant : of it, which is
@@ -117,6 +117,11 @@ class Assessment:
     noise: float
     sample_rate: float
     dropped: dict[str, int]
+
+    @property
+    def gains_known(self) -> bool:
+        """Whether margin and advice are in gains of the controller's own; if not, advice is a factor."""
+        return self.gains is not None and not self.per_inertia
 
     @property
     def recommendation(self) -> Recommendation | None:

@@ -5,17 +5,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.drive import DriveGains
+from stickslip_ros.monitoring.estimation import DRAWS, FrictionEstimate
 from stickslip_ros.monitoring.requirement import Uncertainty
 from stickslip_ros.monitoring.samples import FloatArray
 
 _SAME = 0.01
+_LEAST_VISCOUS = 0.01  # of what was estimated, that a late effort leaves
+# Always the same ones, other than those of the friction, so that what is computed from them is smooth.
+_NORMAL = np.random.default_rng(44).standard_normal((2, DRAWS))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +28,9 @@ class Belief:
 
     Attributes
     ----------
-    joint, gains : per inertia if the gains are not known.
+    joint, gains : as the margin has them.
+    gains_known : whether these are gains of the controller's own; if not, advice is a factor.
+    per_inertia : whether both are, gains and effort being unknown.
     uncertainty : None for what is configured.
     rests_on : in words.
     """
@@ -34,6 +40,7 @@ class Belief:
     uncertainty: Uncertainty | None
     gains_known: bool
     rests_on: str
+    per_inertia: bool = False
 
 
 def much_the_same(one: Belief, other: Belief) -> bool:
@@ -41,7 +48,8 @@ def much_the_same(one: Belief, other: Belief) -> bool:
 
     Learning moves every value with every slip, mostly by nothing to speak of.
     """
-    if (one.gains_known, one.uncertainty is None) != (other.gains_known, other.uncertainty is None):
+    kinds = [(belief.gains_known, belief.per_inertia, belief.uncertainty is None) for belief in (one, other)]
+    if kinds[0] != kinds[1]:
         return False
     if one.uncertainty is None or other.uncertainty is None:
         return one == other
@@ -58,7 +66,9 @@ def _values(belief: Belief, *, draws: bool = False) -> FloatArray:
     friction, stiffness = joint.friction, np.asarray(belief.gains.stiffness, dtype=float)
     if draws and belief.uncertainty:
         stiffness = stiffness * belief.uncertainty.stiffness
-    values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, friction.viscous)
+    # Gains of the controller's own are compared as they are; what only shows is one with the joint's damping.
+    damping = np.asarray(friction.viscous) + (0.0 if belief.gains_known else belief.gains.damping)
+    values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, damping)
     shape = np.broadcast_shapes(stiffness.shape, np.shape(friction.stribeck))
     return np.log([np.broadcast_to(value, shape) for value in (joint.inertia, stiffness, *values)])
 
@@ -74,6 +84,8 @@ def believed(
         belief = _learnt(estimate, gains)
         if belief is not None:
             return belief, ""
+        if configured is None:
+            return None, "the controller's gains are not known, and the effort does not show them"
     mismatch = estimate.mismatch if estimate is not None else ""
     if configured is None:
         if mismatch:
@@ -86,6 +98,9 @@ def believed(
 
 
 def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
+    drive = estimate.drive
+    if gains is None and drive is not None:
+        return _as_the_effort_shows(estimate.with_stiffness(drive.stiffness, drive.damping), drive)
     if gains is not None and gains.stiffness > 0:
         estimate = estimate.with_stiffness(float(gains.stiffness), float(gains.damping))
     known = gains if not estimate.normalised else estimate.gains
@@ -99,7 +114,32 @@ def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
         uncertainty=Uncertainty(joint=joint, stiffness=ratios),
         gains_known=not estimate.normalised,
         rests_on=estimate.summary(),
+        per_inertia=estimate.normalised,
     )
+
+
+def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> Belief:
+    """Joint and gains in the effort's units, where nobody told the gains."""
+    draws, _ = estimate.draws()
+    # The effort's delay moves damping from the one to the other; only the sum counts, and it must not be negative.
+    late = min(drive.damping, 0.0)
+    stray = drive.damping_std * _NORMAL[0]
+    spread = drive.stiffness_std / drive.stiffness * _NORMAL[1]
+    return Belief(
+        joint=_with_viscous(estimate.joint(), late),
+        gains=Gains(stiffness=drive.stiffness, damping=max(drive.damping, 0.0)),
+        uncertainty=Uncertainty(joint=_with_viscous(draws, late + stray), stiffness=np.exp(spread)),
+        gains_known=False,
+        rests_on=f"{estimate.summary()}; stiffness {drive.stiffness:.4g} N·m/rad and damping {drive.damping:.3g} "
+        "N·m·s/rad of the controller as the effort shows them, its own gains being unknown",
+    )
+
+
+def _with_viscous(joint: Joint, more: Real) -> Joint:
+    """The joint with more viscous friction [N·m·s/rad], or with less as far as there is some."""
+    viscous = joint.friction.viscous
+    changed = np.maximum(np.asarray(viscous) + more, _LEAST_VISCOUS * np.asarray(viscous))
+    return replace(joint, friction=replace(joint.friction, viscous=changed if changed.ndim else float(changed)))
 
 
 def uncertainty_of(margin: StabilityMargin, belief: Belief, velocity: float) -> tuple[float, float]:

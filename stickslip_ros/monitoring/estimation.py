@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
+from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.slip_problem import (
@@ -56,7 +57,7 @@ _TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much mo
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
 _ASIDE = 0.34  # share of slips that nothing explains
 _SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
-_DRAWS = 64
+DRAWS = 128
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +93,7 @@ class FrictionEstimate:
     scatter : standard deviation of the kinetic friction from slip to slip [N·m].
     mismatch : "" or what the model does not explain; the errors are the wider for it.
     configured : whether the prior was a configured joint.
+    drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     """
 
     source: ForceSource
@@ -107,6 +109,7 @@ class FrictionEstimate:
     scatter: float
     mismatch: str
     configured: bool
+    drive: DriveGains | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES`."""
@@ -196,7 +199,7 @@ class FrictionEstimate:
 
 def _normal_draws() -> FloatArray:
     """Standard normal draws with exactly zero mean and unit covariance, shape (6, draws)."""
-    draws = np.random.default_rng(43).standard_normal((PARAMETERS, _DRAWS))
+    draws = np.random.default_rng(43).standard_normal((PARAMETERS, DRAWS // 2))
     draws = np.concatenate([draws, -draws], axis=1)
     return np.asarray(np.linalg.solve(np.linalg.cholesky(draws @ draws.T / draws.shape[1]), draws))
 

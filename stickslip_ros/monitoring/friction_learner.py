@@ -19,20 +19,19 @@ from numpy.linalg import LinAlgError
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring import _window_kernel as kernel
 from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.estimation import (
     NAMES,
     FrictionEstimate,
-    assess,
     best_known,
     covariance_of,
     estimate_from,
-    honest_covariance,
-    solve,
 )
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_fit import Prior, SlipEvidence, SlipFit, Tolerances, evidence
+from stickslip_ros.monitoring.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.slip_problem import LEVEL, PARAMETERS, RISE_TIME, STRIBECK, SlipProblem, follows_on
 from stickslip_ros.monitoring.slip_windows import SlipWindow
+from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study
 
 _KEPT = 48
 _FIRST_STUDY = 4
@@ -56,30 +55,6 @@ _SMALL = 0.03  # relative change that is not worth naming
 
 
 @dataclass(frozen=True, kw_only=True)
-class Learnt:
-    """What a study found: the estimate, and what updates start from.
-
-    Attributes
-    ----------
-    spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
-    """
-
-    estimate: FrictionEstimate
-    parameters: FloatArray
-    kinetic: FloatArray
-    information: FloatArray
-    prior: Prior
-    balance_error: float
-    stray: float
-    tolerance: float
-    link_error: float
-    last_window: SlipWindow
-    remains: float
-    widening: FloatArray
-    spread: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
 class LearnerMemory:
     """What a learner knows without the slips themselves: enough to go on from.
 
@@ -91,58 +66,6 @@ class LearnerMemory:
     configured: Joint | None
     learnt: Learnt | None
     notice: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class StudyQuestion:
-    """What a study is made of.
-
-    Attributes
-    ----------
-    windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
-    """
-
-    windows: list[SlipWindow]
-    configured: Joint | None = None
-    start: FloatArray | None = None
-
-
-def study(question: StudyQuestion) -> Learnt | None:
-    """Fit slips, from no guess at all if need be; None if nothing fits them. Pure: it may run in another process."""
-    windows, configured = question.windows, question.configured
-    solved = solve(windows, configured, question.start)
-    if solved is None:
-        return None
-    problem, solution = solved
-    fit = solution.fit
-    narrow = _spread(covariance_of(fit.information, solution.prior))
-    spread = _spread(honest_covariance(problem, fit, solution.prior))
-    return Learnt(
-        estimate=assess(problem, solution, configured=configured is not None),
-        parameters=fit.parameters,
-        kinetic=fit.kinetic,
-        information=fit.information,
-        prior=solution.prior,
-        balance_error=solution.balance_error,
-        stray=problem.stray,
-        tolerance=solution.tolerance,
-        link_error=solution.link_error,
-        last_window=problem.windows[-1],
-        remains=_remains(fit),
-        widening=spread / np.maximum(narrow, 1e-300),
-        spread=spread,
-    )
-
-
-def _spread(covariance: FloatArray) -> FloatArray:
-    """Standard deviations."""
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 1e-300)))
-
-
-def _remains(fit: SlipFit) -> float:
-    """Share of F_s∞ left at the last arrest."""
-    level = float(np.exp(fit.unknowns[-1, LEVEL])) * float(fit.found[-1, kernel.REMAINS])
-    return level / math.exp(fit.parameters[STRIBECK])
 
 
 class FrictionLearner:
@@ -327,11 +250,15 @@ class FrictionLearner:
         level = float(np.exp(said.unknowns[-1, LEVEL])) * float(said.found[-1, kernel.REMAINS])
         wide = covariance * np.outer(state.widening, state.widening)
         # One slip after the other cannot show what slips have in common: no error falls below that of the study.
-        factors = np.maximum(state.spread / _spread(wide), 1.0)
+        factors = np.maximum(state.spread / spread_of(wide), 1.0)
         wide *= np.outer(factors, factors)
+        estimate = estimate_from(state.estimate, parameters, kinetic, wide)
+        if estimate.drive is not None:
+            seen = gains_in_slips(problem, state.parameters, said.unknowns)[-1]
+            estimate = replace(estimate, drive=estimate.drive.followed_by(seen))
         self._state = replace(
             state,
-            estimate=estimate_from(state.estimate, parameters, kinetic, wide),
+            estimate=estimate,
             parameters=parameters,
             kinetic=kinetic,
             information=information,
@@ -374,7 +301,7 @@ def _difference(before: FrictionEstimate, after: FrictionEstimate, time: float) 
     changes = []
     for name in NAMES:
         old, new = before[name], after[name]
-        if not (old.identified and new.identified):
+        if before.normalised != after.normalised or not (old.identified and new.identified):
             continue
         apart = abs(new.value - old.value)
         if apart > _SIGNIFICANT * math.hypot(old.std, new.std) and apart > _SMALL * abs(old.value):

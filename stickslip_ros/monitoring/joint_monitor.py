@@ -375,7 +375,7 @@ class JointMonitor:
             rests_on=belief.rests_on if belief else "",
             joint=belief.joint if belief else None,
             margin_gains=belief.gains if belief else None,
-            per_inertia=belief is not None and not belief.gains_known,
+            per_inertia=belief is not None and belief.per_inertia,
             position=self._motion.position,
             mean_velocity=self._motion.mean_velocity(_NOW),
             estimate=self.learner.estimate,

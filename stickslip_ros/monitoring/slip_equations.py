@@ -13,6 +13,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.slip_problem import BREAKAWAY, POSITION, UNKNOWNS, SlipProblem
 
 HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
+_ABSURD = 1e150  # a residual so large is as bad as any, and its square is a number
 WEAK = 1e-4  # weight of the detected breakaway beside the data's
 
 
@@ -136,7 +137,7 @@ class NormalEquations:
 
 def robust(residuals: FloatArray) -> float:
     """Sum of squares, linear beyond the Huber limit."""
-    size = np.abs(residuals)
+    size = np.minimum(np.abs(residuals), _ABSURD)
     return float(np.where(size < HUBER, size * size, 2.0 * HUBER * size - HUBER**2).sum())
 
 

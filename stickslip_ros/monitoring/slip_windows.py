@@ -48,7 +48,8 @@ class SlipWindow:
     ----------
     direction : ±1. rest_begin, breakaway, arrest : as detected [s].
     rest_position, rest_error : where the joint rested before, and the standard deviation of that [rad].
-    source : of the force. gains : in force then; zero if the source is the effort, None if unknown.
+    source : of the force. gains : in force then, None if unknown; stiffness and damping are zero if the source is the
+        effort.
     times : of the nodes [s]; references : at the nodes [rad], zero if unknown; forces : beside the gains' [N·m].
     reference_speed : mean of the reference [rad/s], NaN if unknown.
     observed : indices of the nodes observed; values : position there [rad].
@@ -78,6 +79,10 @@ class SlipWindow:
     def slip_distance(self) -> float:
         """As observed, signed [rad]."""
         return float(self.values[-1] - self.rest_position)
+
+    def without_force(self) -> SlipWindow:
+        """The same slip as if neither effort nor gains were known."""
+        return replace(self, source=ForceSource.SPEED, gains=None, forces=np.zeros_like(self.forces))
 
     def thinned(self, most: int) -> SlipWindow:
         """The same slip with at most so many observations, evenly chosen, and no nodes for the others."""
@@ -185,7 +190,7 @@ def _forces(
         padded = np.pad(part.effort, width // 2, mode="edge")
         return (
             ForceSource.EFFORT,
-            Gains(stiffness=0.0),
+            replace(gains, stiffness=0.0, damping=0.0) if gains is not None else Gains(stiffness=0.0),
             np.convolve(padded, np.full(width, 1.0 / width), mode="valid"),
         )
     return ForceSource.SPEED, gains, none

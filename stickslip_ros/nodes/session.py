@@ -227,7 +227,7 @@ class Session:
     def _findings(self, joint: WatchedJoint, now: float) -> Findings:
         assessment = joint.monitor.assessment()
         silence = now - joint.heard
-        trial = None if assessment.per_inertia else assessment.trial
+        trial = assessment.trial if assessment.gains_known else None
         return Findings(
             assessment=assessment,
             exact=self._exact_verdict(joint, joint.name, assessment, assessment.margin_gains, now),

@@ -74,7 +74,7 @@ class WatchedJoint:
     def advised(self, assessment: Assessment) -> Gains | None:
         """Recommended gains in the controller's units, None if there are none or the present ones are not known."""
         recommended = assessment.recommended
-        if recommended is None or not recommended.found or assessment.gains is None or assessment.per_inertia:
+        if recommended is None or not recommended.found or not assessment.gains_known:
             return None
         return self.settings.from_si(recommended.gains)
 
@@ -94,7 +94,7 @@ class WatchedJoint:
             return f"{self.name} has the wanted margin already; if it sticks, its friction is not what is believed"
         if self.advised(assessment) is None:
             reason = assessment.recommended.reason if assessment.recommended else ""
-            return f"{self.name}: " + ("its gains are not known" if assessment.per_inertia else reason)
+            return f"{self.name}: " + (reason if assessment.gains_known else "its gains are not known")
         if not has_controller:
             return f"{self.name} has no controller whose parameters could be written (parameter 'controller')"
         if math.isinf(self.bounds("stiffness_range")[1]) or math.isinf(self.bounds("damping_range")[1]):

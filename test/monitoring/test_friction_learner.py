@@ -17,9 +17,10 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice_limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
-from stickslip_ros.monitoring.friction_learner import FrictionLearner, StudyQuestion, study
+from stickslip_ros.monitoring.friction_learner import FrictionLearner
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.study import StudyQuestion, study
 
 GAINS = Gains(stiffness=630.0)
 RATE = 1000.0

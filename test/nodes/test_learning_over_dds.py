@@ -20,6 +20,8 @@ from trajectory_msgs.msg import JointTrajectory
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.known_joints import load_joint
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.nodes.speed_ladder import LadderNode, speed_ladder
 
 FAST = {"rate": 500.0, "time_factor": 2.0}
@@ -122,3 +124,34 @@ def test_a_controller_is_sent_one_trajectory_and_then_told_to_hold(ros_domain: i
         controller.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+def test_effort_without_gains_gives_a_factor(ros_domain: int) -> None:
+    """Issue 15: joint states with effort, no controller: margin and factors come; gains are not claimed or applied."""
+    rate, count = 200.0, 9_000
+    times = np.arange(count) / rate
+    velocities = np.full(count, 0.0058)
+    motion = simulate(
+        load_joint("puma560_joint1").joint, Gains(stiffness=630.0), 0.0058 * times, velocities, period=1.0 / rate
+    )
+    with (
+        NodeProcess("monitor", {"joints": "[elbow]", "allow_apply": "true"}),
+        probe() as one,
+    ):
+        one.wait_for_monitor()
+        for index in range(count):
+            position = 2.5e-5 * round(float(motion.position[index]) / 2.5e-5)
+            one.publish(["elbow"], 100.0 + times[index], position=[position], effort=[float(motion.effort[index])])
+            if index % 20 == 0:
+                one.spin(0.01)
+        one.wait(lambda: math.isfinite(one.margins["elbow"]["damping_factor"]), 60.0, "a factor as advice")
+        row, said = one.margins["elbow"], one.diagnostics["elbow"][2]
+        assert row["energy_margin"] < 0.0
+        assert math.isnan(row["stiffness"])
+        assert " × " in said["recommendation"]
+        assert "as the effort shows them" in said["margin rests on"]
+        assert abs(float(said["inertia [kg*m^2]"]) - 6.3) < 0.3
+        assert one.recommended is None or not np.isfinite(one.recommended.data).any()
+        answer = one.answer("apply_recommendation", 10.0)
+        assert not answer.success
+        assert "its gains are not known" in answer.message

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A study: many slips fitted at once, and what slip by slip updates start from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.drive import drive_gains
+from stickslip_ros.monitoring.estimation import FrictionEstimate, assess, covariance_of, honest_covariance, solve
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.slip_problem import LEVEL, STRIBECK
+from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learnt:
+    """What a study found: the estimate, and what updates start from.
+
+    Attributes
+    ----------
+    spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
+    """
+
+    estimate: FrictionEstimate
+    parameters: FloatArray
+    kinetic: FloatArray
+    information: FloatArray
+    prior: Prior
+    balance_error: float
+    stray: float
+    tolerance: float
+    link_error: float
+    last_window: SlipWindow
+    remains: float
+    widening: FloatArray
+    spread: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyQuestion:
+    """What a study is made of.
+
+    Attributes
+    ----------
+    windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
+    """
+
+    windows: list[SlipWindow]
+    configured: Joint | None = None
+    start: FloatArray | None = None
+
+
+def study(question: StudyQuestion) -> Learnt | None:
+    """Fit slips, from no guess at all if need be; None if nothing fits them. Pure: it may run in another process.
+
+    An effort that explains too little, because it is noisy or none at all, must not cost what the motion shows alone.
+    """
+    found, windows = _study(question), question.windows
+    explained = found is not None and found.estimate.usable and not found.estimate.mismatch
+    integral = windows[0].gains is not None and windows[0].gains.integral != 0
+    if windows[0].source is not ForceSource.EFFORT or explained or integral:
+        return found
+    alone = _study(StudyQuestion(windows=[one.without_force() for one in windows], configured=question.configured))
+    if alone is None or not alone.estimate.usable:
+        return found
+    if found is None:
+        return alone
+    if found.estimate.usable and alone.estimate.mismatch:
+        return found
+    return replace(alone, estimate=replace(alone.estimate, drive=found.estimate.drive))
+
+
+def _study(question: StudyQuestion) -> Learnt | None:
+    windows, configured = question.windows, question.configured
+    solved = solve(windows, configured, question.start)
+    if solved is None:
+        return None
+    problem, solution = solved
+    fit = solution.fit
+    narrow = spread_of(covariance_of(fit.information, solution.prior))
+    spread = spread_of(honest_covariance(problem, fit, solution.prior))
+    estimate = assess(problem, solution, configured=configured is not None)
+    if estimate.source is ForceSource.EFFORT:
+        estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
+    return Learnt(
+        estimate=estimate,
+        parameters=fit.parameters,
+        kinetic=fit.kinetic,
+        information=fit.information,
+        prior=solution.prior,
+        balance_error=solution.balance_error,
+        stray=problem.stray,
+        tolerance=solution.tolerance,
+        link_error=solution.link_error,
+        last_window=problem.windows[-1],
+        remains=_remains(fit),
+        widening=spread / np.maximum(narrow, 1e-300),
+        spread=spread,
+    )
+
+
+def spread_of(covariance: FloatArray) -> FloatArray:
+    """Standard deviations."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 1e-300)))
+
+
+def _remains(fit: SlipFit) -> float:
+    """Share of F_s∞ left at the last arrest."""
+    level = float(np.exp(fit.unknowns[-1, LEVEL])) * float(fit.found[-1, kernel.REMAINS])
+    return level / math.exp(fit.parameters[STRIBECK])
