@@ -13,6 +13,7 @@ import atexit
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
+import numba
+from llvmlite import binding
 from numba import config, njit
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -83,7 +87,7 @@ def cache_folder() -> CacheFolder:
     passing = tempfile.mkdtemp(prefix=_NAME)
     atexit.register(shutil.rmtree, passing, ignore_errors=True)
     os.environ[_GIVEN] = passing
-    return CacheFolder(Path(passing), lasting=False)
+    return CacheFolder(Path(passing) / f"{_NAME}{contents}", lasting=False)
 
 
 def _can_be_written(folder: Path) -> bool:
@@ -95,8 +99,34 @@ def _can_be_written(folder: Path) -> bool:
     return True
 
 
+def without_linear_algebra() -> None:
+    """For processes that are ours alone: let numba do without BLAS and LAPACK, which no kernel uses.
+
+    To offer them it loads scipy.linalg with its first function, half a second and 16 MB.
+    """
+    name = "scipy.linalg.cython_blas"
+    if name in sys.modules:
+        return
+    sys.modules[name] = None  # type: ignore[assignment]
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        del sys.modules[name]
+
+
+def marker() -> Path:
+    """The file that is there once everything is compiled: these sources by this Python and numba for this processor."""
+    about = [
+        sys.version, numba.__version__, llvmlite.__version__,
+        config.CPU_NAME or binding.get_host_cpu_name(),
+        config.CPU_FEATURES or binding.get_host_cpu_features().flatten(),
+        *(f"{path} {path.stat().st_mtime_ns}" for path in source_files()),
+    ]  # fmt: skip
+    return cache_folder().path / f"compiled-{hashlib.sha256(chr(10).join(about).encode()).hexdigest()[:16]}"
+
+
 def forget_earlier_sources() -> None:
-    """Remove what sources beside this file were compiled to before they changed."""
+    """Remove what the sources beside this file were compiled to before they changed."""
     folder = cache_folder().path
     if folder.parent == _PACKAGE / "__pycache__":
         for other in folder.parent.glob(f"{_NAME}*"):

@@ -59,6 +59,11 @@ def _diagnosis(level: Level, joint: str, message: str, values: Sequence[tuple[st
     )
 
 
+def waiting_diagnostic(joint: str, reason: str) -> Diagnosis:
+    """Status of a joint of which nothing can be said yet."""
+    return _diagnosis(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
+
+
 def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     """What was learnt, one number a key, and the whole in words."""
     values: list[tuple[str, object]] = []

@@ -32,9 +32,8 @@ from stickslip_ros.recordings import RecordingError
 _ANNOTATED_EVERY = 1.0  # [s]
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser("analyze", help="find stick slip in recorded bags", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="MCAP file, rosbag2 directory or .db3 file")
     add_bag_arguments(parser)
     output = parser.add_argument_group("output")
@@ -52,7 +51,6 @@ def add_parser(commands: Any) -> None:
     fleet.add_argument(
         "--table", type=Path, metavar="FILE", help="write a row for each joint of each bag (.csv or .parquet)"
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -24,9 +23,8 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.recordings import COLUMNS, UNITS, find_recording, load_recording
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser("convert", help="turn a table of samples into a bag", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument("recording", metavar="RECORDING", help="a .csv or .npz file, or a known one")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="BAG", help="one file if it ends in .mcap, else a directory"
@@ -40,7 +38,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then, to be recorded too")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then (default 0)")
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -16,14 +16,14 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from stickslip_ros.cli.processes import NodeProcess, isolate
-from stickslip_ros.compiled import load_compiled_parts
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.recordings import find_recording, load_recording
+from stickslip_ros.warm_up import compile_ahead, is_warm
 
 if TYPE_CHECKING:
     from stickslip_ros.cli.demo_log import DemoListener
@@ -47,11 +47,8 @@ _SMOOTH_LIMIT = 25.0
 _APPLY_LIMIT = 45.0
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "demo", help="stick slip detected, explained and cured, in half a minute", description=__doc__
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument(
         "--out", type=Path, default=Path("stickslip_demo.png"), help="where to save the picture (default: %(default)s)"
     )
@@ -67,7 +64,6 @@ def add_parser(commands: Any) -> None:
         metavar="X",
         help="recorded seconds a second (default: so that it takes half a minute)",
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -81,9 +77,19 @@ def run(options: argparse.Namespace) -> int:
     console = Console(highlight=False, soft_wrap=True)
     domain = isolate()
     console.print(f"[dim]ROS domain {domain}, this machine only[/]")
-    with console.status("Loading the compiled parts (some fifteen seconds the first time)"):
-        load_compiled_parts()
+    _compile(console)
     return _replay(console, options) if options.recording else _cure(console, options.out)
+
+
+def _compile(console: Console) -> None:
+    """Before the joint moves: what came first would be seen late."""
+    if is_warm():
+        return
+    console.print("Compiling, once after installation; every other start takes a second.")
+    with console.status("") as status:
+        failure = compile_ahead(lambda progress: status.update(f"{progress}"))
+    if failure:
+        raise StickSlipError(failure)
 
 
 def _cure(console: Console, out: Path) -> int:
@@ -123,6 +129,7 @@ def _cure(console: Console, out: Path) -> int:
             "stick slip",
             show,
         )
+        _wait(listener, nodes, lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice", show)
         margin = data.margins[-1]["energy_margin"]
         console.print(
             f"[bold red]Stick slip[/]: {len(data.cycles)} cycles, the last slip "

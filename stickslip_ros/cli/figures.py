@@ -7,7 +7,6 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any
 
 from stickslip_ros.cli import paper_figures
 from stickslip_ros.cli.progress import progress_bar
@@ -19,15 +18,13 @@ from stickslip_ros.plotting import save
 _JOINT = "puma560_joint1"
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     numbers = ", ".join(map(str, paper_figures.FIGURES))
-    parser = commands.add_parser("figures", help="draw the paper's figures, with their numbers", description=__doc__)
     parser.add_argument(
         "numbers", nargs="*", type=int, metavar="N", help=f"figures to draw, of {numbers} (default: all)"
     )
     parser.add_argument("--out", type=Path, default=Path("figures"), metavar="FOLDER", help="default: figures")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

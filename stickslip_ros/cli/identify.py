@@ -38,11 +38,8 @@ _PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s²"}
 _STEP_TIME, _REST, _LARGEST_WAY, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "identify", help="learn a joint's inertia and friction from a recording or an experiment", description=__doc__
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument(
         "recording",
         nargs="?",
@@ -74,7 +71,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--name", help="of the joint in the joint file (default: the recording's or the joint's)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write a joint file (.yaml), for config/joints")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

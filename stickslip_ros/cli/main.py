@@ -10,24 +10,36 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import NoReturn
+from collections.abc import Container
+from importlib import import_module
+from typing import NamedTuple, NoReturn
 
 import stickslip_ros
-from stickslip_ros.cli import (
-    analyze,
-    convert,
-    demo,
-    figures,
-    identify,
-    margin,
-    recommend,
-    simulate,
-    stability_map,
-    watch,
-)
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
-_COMMANDS = (margin, recommend, analyze, identify, watch, stability_map, simulate, convert, figures, demo)
+
+class Command(NamedTuple):
+    """A command: module of stickslip_ros.cli that is loaded for it, what it does, whether by compiled functions."""
+
+    module: str
+    summary: str
+    compiled: bool = True
+
+
+# Nothing else is loaded to name them.
+COMMANDS = {
+    "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?"),
+    "recommend": Command("recommend", "gains that would make this joint smooth"),
+    "analyze": Command("analyze", "find stick slip in recorded bags"),
+    "identify": Command("identify", "learn a joint's inertia and friction from a recording or an experiment"),
+    "watch": Command("watch", "every joint, live in the terminal", compiled=False),
+    "map": Command("stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is"),
+    "simulate": Command("simulate", "write a bag of simulated joints"),
+    "convert": Command("convert", "turn a table of samples into a bag", compiled=False),
+    "figures": Command("figures", "draw the paper's figures, with their numbers"),
+    "demo": Command("demo", "stick slip detected, explained and cured, in half a minute", compiled=False),
+    "warm-up": Command("warm_up", "compile everything ahead, once after installation", compiled=False),
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -36,20 +48,29 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
+    """The parser of all commands, with the arguments of those that are chosen."""
     parser = _Parser(prog="stickslip", description="Stick slip of robot joints: detection, margin, gains that cure it.")
     parser.add_argument("--version", action="version", version=stickslip_ros.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-    for command in _COMMANDS:
-        command.add_parser(commands)
+    for name, command in COMMANDS.items():
+        if name not in chosen:
+            commands.add_parser(name, help=command.summary)
+            continue
+        module = import_module(f"stickslip_ros.cli.{command.module}")
+        own = commands.add_parser(name, help=command.summary, description=module.__doc__)
+        module.add_arguments(own)
+        own.set_defaults(run=module.run, compiled=command.compiled)
     return parser
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit status."""
-    options = build_parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
     try:
+        options = build_parser(given[:1]).parse_args(given)
+        if options.compiled:
+            _compile()
         return _run(options)
     except BrokenPipeError:
         return 0
@@ -58,6 +79,18 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+def _compile() -> None:
+    """Compile what is not compiled yet, with a progress bar where somebody looks."""
+    from stickslip_ros.compilation import without_linear_algebra
+    from stickslip_ros.warm_up import is_warm
+
+    without_linear_algebra()
+    if not is_warm():
+        from stickslip_ros.cli.warm_up import compile_with_bar
+
+        compile_with_bar()
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -30,9 +30,8 @@ _FRICTION = {
 _REQUIRED = ("stribeck", "stribeck_velocity")
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser("margin", help="is this joint smooth at this speed, by Eq. (43)?", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_joint_arguments(parser)
     beyond = parser.add_argument_group("beyond the paper, for the exact verdict")
     beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
@@ -43,7 +42,6 @@ def add_parser(commands: Any) -> None:
         "--control-delay", action="store_true", help="the effort takes effect one controller period late"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run)
 
 
 def add_joint_arguments(parser: argparse.ArgumentParser) -> None:

@@ -28,9 +28,8 @@ from stickslip_ros.monitoring.sensitivity import Sensitivity, in_words, sensitiv
 _WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser("recommend", help="gains that would make this joint smooth", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_joint_arguments(parser)
     wanted = parser.add_argument_group("what the advice must reach")
     defaults = AdviceLimits()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -20,9 +19,8 @@ from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser("simulate", help="write a bag of simulated joints", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument(
         "--out", type=Path, required=True, metavar="BAG", help="one file if it ends in .mcap, else a directory"
     )
@@ -44,7 +42,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--start", type=float, metavar="S", default=1.0, help="first stamp [s]")
     parser.add_argument("--no-gains", action="store_true", help="do not record the gains")
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
-    parser.set_defaults(run=run, made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",)})
+    parser.set_defaults(made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",)})
 
 
 def run(options: argparse.Namespace) -> int:

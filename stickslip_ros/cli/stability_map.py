@@ -7,7 +7,6 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any
 
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.cli.progress import progress_bar
@@ -18,17 +17,13 @@ from stickslip_ros.stability_map import MapSubject, map_figure, map_of
 _LEAST_POINTS = 100
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser(
-        "map", help="draw where a joint sticks, by Eq. (43) and exactly, and where it is", description=__doc__
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_joint_arguments(parser)
     parser.add_argument("--points", type=int, default=4000, metavar="N", help="points to integrate (default 4000)")
     parser.add_argument(
         "--out", type=Path, default=Path("extinction_map.png"), metavar="FILE.png", help="default: extinction_map.png"
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

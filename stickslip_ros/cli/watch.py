@@ -16,17 +16,18 @@ from typing import Any
 
 from rich.console import Console, RenderableType
 from rich.live import Live
+from rich.status import Status
 
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
+_LISTENING = "Listening for a monitor"
 _REFRESH = 0.25  # [s]
 _LONGEST = 60.0  # [s] of motion
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command's parser."""
-    parser = commands.add_parser("watch", help="every joint, live in the terminal", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument("--once", action="store_true", help="print one view and end; so does a pipe")
     parser.add_argument(
         "--seconds", type=float, default=10.0, metavar="S", help="of motion to show (default: %(default)g)"
@@ -35,7 +36,6 @@ def add_parser(commands: Any) -> None:
         "--patience", type=float, default=30.0, metavar="S",
         help="how long to wait for a monitor before giving up (default: %(default)g)",
     )  # fmt: skip
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -56,8 +56,8 @@ def run(options: argparse.Namespace) -> int:
         return view(joints, header, duration=options.seconds, width=console.width, height=height)
 
     try:
-        with console.status("Listening for a monitor"):
-            _wait(listener, options.patience)
+        with console.status(_LISTENING) as status:
+            _wait(listener, options.patience, status)
         if options.once or not console.is_terminal:
             listener.listen(options.seconds)
             console.print(shown(None))
@@ -72,14 +72,20 @@ def run(options: argparse.Namespace) -> int:
         listener.close()
 
 
-def _wait(listener: Any, patience: float) -> None:
+def _wait(listener: Any, patience: float, status: Status) -> None:
     until = time.monotonic() + patience
-    while not listener.joints():
+    while listener.compiling or not listener.joints():
         listener.listen(0.1)
+        status.update(f"The monitor is {listener.compiling}" if listener.compiling else _LISTENING)
+        if listener.compiling:
+            until = time.monotonic() + patience
         if time.monotonic() > until:
-            heard, domain = listener.header(), os.environ.get("ROS_DOMAIN_ID", "0")
+            heard, there = listener.header(), ", ".join(listener.silent)
+            domain = os.environ.get("ROS_DOMAIN_ID", "0")
+            if heard:
+                raise StickSlipError(f"a monitor runs, but has heard of no joint for {patience:g} s ({heard})")
+            if there:
+                raise StickSlipError(f"{there} is there, but has said nothing for {patience:g} s: is it active?")
             raise StickSlipError(
-                f"a monitor runs, but has heard of no joint for {patience:g} s ({heard})"
-                if heard
-                else f"no monitor heard for {patience:g} s in ROS domain {domain}: does one run, in the same domain?"
+                f"no monitor heard for {patience:g} s in ROS domain {domain}: does one run, in the same domain?"
             )

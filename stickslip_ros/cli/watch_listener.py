@@ -131,6 +131,16 @@ class WatchListener:
             history=np.array(heard.history).reshape(-1, 2),
         )
 
+    @property
+    def compiling(self) -> str:
+        """What a monitor says that compiles before it can say anything else, "" if none does."""
+        return next((told for heard in self._monitors.values() if (told := heard.values.get("compiling", ""))), "")
+
+    @property
+    def silent(self) -> list[str]:
+        """Monitors that are on the graph."""
+        return sorted(topic.rpartition("/")[0] for topic in self._topics)
+
     def header(self) -> str:
         """How the monitors are, in a line."""
         told = []

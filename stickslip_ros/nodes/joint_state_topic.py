@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
@@ -14,6 +15,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.bags.blocks import Block, Integers
 from stickslip_ros.bags.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.nodes.arrival_times import ArrivalTimes
+from stickslip_ros.nodes.backlog import Backlog
 from stickslip_ros.nodes.drain import DrainedSubscription
 from stickslip_ros.nodes.refusals import Refusals
 from stickslip_ros.nodes.sequence_numbers import SequenceNumbers
@@ -22,6 +24,15 @@ NO_STAMP = "stamp is zero; the time of arrival is used instead"
 _LOOK_EVERY = 0.5  # [s] at the graph, for how many publish
 _CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
 _LONGEST_REASON = 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Drained:
+    """Messages that came together; times of arrival [s], and their sequence numbers, None where there are none."""
+
+    messages: Block
+    arrivals: FloatArray
+    numbers: list[int] | None
 
 
 class JointStateTopic:
@@ -47,6 +58,7 @@ class JointStateTopic:
         self._looked_at = 0.0
         self._last_number: dict[str, int] = {}
         self._steps_back: dict[str, int] = {}
+        self.backlog: Backlog[_Drained] = Backlog()
         self.publishers = 0
         self.messages = self.waiting = 0
         self.oldest = np.nan
@@ -61,29 +73,42 @@ class JointStateTopic:
         """Begin anew to count what a drain finds."""
         self.waiting, self.oldest = 0, np.nan
 
-    def take(self) -> dict[str, FloatArray]:
-        """Rows of time, position, velocity and effort of each joint heard of since the last time."""
+    def keep(self) -> None:
+        """Take what has arrived from the middleware, which keeps no more than its queue holds, and let it wait."""
         taken = self._subscription.take_all()
         self._look_at_the_graph()
         arrivals = self._arrivals.of([info for _, info in taken])
         if not taken:
-            return {}
+            return
         self.messages += len(taken)
         self.waiting = max(self.waiting, len(taken))
         if not self.oldest <= self._arrivals.first:
             self.oldest = self._arrivals.first
-        numbers = [info.get("publication_sequence_number") for _, info in taken]
-        numbered = None not in numbers
+        numbers = [number for _, info in taken if (number := info.get("publication_sequence_number")) is not None]
+        numbered = len(numbers) == len(taken)
         if numbered:
-            self._sequence.take(numbers)  # type: ignore[arg-type]
+            self._sequence.take(numbers)
         block = Block.of_messages(((0, 0, data) for data, _ in taken), {})
+        drained = _Drained(messages=block, arrivals=arrivals, numbers=numbers if numbered else None)
+        self.backlog.add(monotonic(), drained, len(taken), len(block.buffer))
+        if self.backlog.dropped:
+            self._refuse_many("too many while the node compiled; the oldest were dropped", self.backlog.dropped)
+            self.backlog.dropped = 0
+
+    def take(self, until: float) -> dict[str, FloatArray]:
+        """Rows of time, position, velocity and effort of each joint, from what arrived until a steady time [s]."""
+        self.keep()
+        return joined([self._rows(drained) for drained in self.backlog.take(until)])
+
+    def _rows(self, drained: _Drained) -> dict[str, FloatArray]:
+        block = drained.messages
         found = self._decoder.decode(block, np.arange(len(block)))
         for reason, count in self._decoder.refused.items():
             self._refuse_many(reason, count)
         self._decoder.refused.clear()
-        if numbered and self.publishers > 1:
-            self._look_for_rivals(found, np.array(numbers))
-        return rows_by_joint(found, [self._times(rows, arrivals) for rows in found])
+        if drained.numbers is not None and self.publishers > 1:
+            self._look_for_rivals(found, np.array(drained.numbers))
+        return rows_by_joint(found, [self._times(rows, drained.arrivals) for rows in found])
 
     def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
         """Stamps, or the times of arrival where there are none."""
@@ -124,3 +149,13 @@ class JointStateTopic:
     def close(self) -> None:
         """Listen no more."""
         self._subscription.close()
+
+
+def joined(parts: list[dict[str, FloatArray]]) -> dict[str, FloatArray]:
+    """Rows of each joint from several drains, in their order."""
+    if len(parts) == 1:
+        return parts[0]
+    return {
+        name: np.concatenate([part[name] for part in parts if name in part])
+        for name in dict.fromkeys(name for part in parts for name in part)
+    }

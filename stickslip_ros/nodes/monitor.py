@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import gc
 import traceback
 from collections.abc import Callable
 
@@ -17,7 +16,6 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 
-from stickslip_ros.compiled import load_compiled_parts
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.gain_bounds import GainBounds
@@ -82,10 +80,6 @@ class Monitor(LifecycleNode):
         """Get everything but data."""
 
         def configure() -> None:
-            load_compiled_parts()
-            # What is there by now stays. Looking through it for garbage again and again would hold up intake for 0.1 s.
-            gc.collect()
-            gc.freeze()
             self._session = Session(self, self._bounds, self._own_change, monitor_parameters.state_path(self))
 
         return self._transition(configure, super().on_configure, state)

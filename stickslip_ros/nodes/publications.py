@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,7 +12,7 @@ from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
+from stickslip_ros.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
@@ -71,6 +71,13 @@ class Publications:
             )
             array.header.stamp = self._clock.now().to_msg()
             self._cycles.publish(array)
+
+    def publish_waiting(self, own: Diagnosis, joints: Iterable[str], reason: str) -> None:
+        """The status of the node, and of its joints why there is none yet."""
+        statuses = [own, *(waiting_diagnostic(name, reason) for name in joints)]
+        array = DiagnosticArray(status=[diagnostic_status(one, self._robot) for one in statuses])
+        array.header.stamp = self._clock.now().to_msg()
+        self._diagnostics.publish(array)
 
     def publish(self, own: Diagnosis, joints: Mapping[str, Findings], *, warn_margin: float) -> None:
         """The status of the node and of every joint, and the tables."""

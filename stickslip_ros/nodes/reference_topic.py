@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from rclpy.qos import QoSProfile
 from stickslip_ros.message_content import MessageError, reference_rows, seconds
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.arrival_times import ArrivalTimes
+from stickslip_ros.nodes.backlog import Backlog
 from stickslip_ros.nodes.drain import DrainedSubscription
-from stickslip_ros.nodes.joint_state_topic import NO_STAMP, JointStateTopic
+from stickslip_ros.nodes.joint_state_topic import NO_STAMP, JointStateTopic, joined
 from stickslip_ros.nodes.references import reference_message_type
 from stickslip_ros.nodes.refusals import Refusals
 
@@ -26,15 +28,23 @@ class ControllerStateTopic:
         self._topic, self._refuse = topic, refuse
         self._subscription = DrainedSubscription(node, message_type, topic, qos)
         self._arrivals = ArrivalTimes(node)
+        self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
 
-    def take(self) -> dict[str, FloatArray]:
-        """Rows of time, position and velocity of each joint since the last time."""
+    def take(self, until: float) -> dict[str, FloatArray]:
+        """Rows of time, position and velocity of each joint, from what arrived until a steady time [s]."""
+        self.keep()
+        return joined(self.backlog.take(until))
+
+    def keep(self) -> None:
+        """Take what has arrived from the middleware, and let it wait."""
         taken = self._subscription.take_all()
         arrivals = self._arrivals.of([info for _, info in taken])
         rows: dict[str, list[tuple[float, float, float]]] = {}
         for (message, _), arrival in zip(taken, arrivals.tolist(), strict=True):
             self._take(message, arrival, rows)
-        return {name: np.array(found) for name, found in rows.items()}
+        if rows:
+            tables = {name: np.array(found) for name, found in rows.items()}
+            self.backlog.add(monotonic(), tables, len(taken), sum(table.nbytes for table in tables.values()))
 
     def _take(self, message: Any, arrival: float, rows: dict[str, list[tuple[float, float, float]]]) -> None:
         try:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import traceback
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
@@ -24,6 +25,7 @@ from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.nodes import joint_parameters, monitor_parameters, studies
 from stickslip_ros.nodes.advice_worker import AdviceWorker
 from stickslip_ros.nodes.apply_service import ApplyService, NotYetError, RefusedError
+from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
 from stickslip_ros.nodes.gain_application import GainApplication
 from stickslip_ros.nodes.gain_bounds import GainBounds
@@ -47,6 +49,7 @@ _QUEUE = 5000
 _POLL_GAINS = 0.1  # [s]
 _NEARLY = 0.01  # [s] before it is due: half of the time until the next tick
 _PUBLISHING = 2.5  # times as long as publishing takes: how long it is until the next
+_CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
 _CONTESTED = "published by several nodes at once; remap all but one of them"
 
 
@@ -75,7 +78,9 @@ class Session:
         self._self: SelfDiagnosis | None = None
         self._publish_at = self._poll_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
-        self._closing: list[Callable[[], object]] = [self._work.close]
+        self._compiled = CompiledParts(self._log)
+        self._gains_waiting: deque[tuple[float, str, Gains]] = deque()
+        self._closing: list[Callable[[], object]] = [self._work.close, self._compiled.close]
         self._reference_type = str(node.get_parameter("reference_type").value)
         try:
             names = monitor_parameters.joint_names(node)
@@ -84,7 +89,7 @@ class Session:
                 node,
                 lambda: list(self.joints),
                 lambda: self.joints.welcomes_others,
-                self.joints.hear_gains,
+                self._hear_gains,
                 self._refuse,
             )
             self._closing.append(self._gains.close)
@@ -123,9 +128,10 @@ class Session:
         if self._states is None or self._references is None:
             return
         self._apply.stop("the monitor was deactivated")
-        last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
-        if self._node.context.ok():
-            self._publications.publish_cycles(last)
+        if self._compiled.ready:
+            last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
+            if self._node.context.ok():
+                self._publications.publish_cycles(last)
         self._states.close()
         self._references.close()
         self._states = self._references = self._self = None
@@ -139,7 +145,8 @@ class Session:
     def tick(self) -> None:
         """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
         now = monotonic()
-        self._take(now)
+        self._compiled.look(now)
+        self._intake(now)
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
@@ -162,11 +169,44 @@ class Session:
         if gains is not None:
             self.joints.hear_gains(joint.name, gains)
 
-    def _take(self, now: float) -> None:
+    def _hear_gains(self, name: str, gains: Gains) -> None:
+        """Take gains; they concern the samples from now on, and wait where those wait."""
+        if self._gains_waiting or self._behind(monotonic()):
+            self._gains_waiting.append((monotonic(), name, gains))
+        else:
+            self.joints.hear_gains(name, gains)
+
+    def _oldest(self) -> float:
+        """When the oldest of what waits arrived, as a steady time [s]; infinite if nothing waits."""
+        if self._states is None or self._references is None:
+            return math.inf
+        return min(self._states.backlog.oldest, self._references.backlog.oldest)
+
+    def _behind(self, now: float) -> bool:
+        """Whether what arrived a while ago still waits."""
+        return not self._compiled.ready or now - self._oldest() > _CATCH_UP
+
+    def _intake(self, now: float) -> None:
+        """Take what has arrived, or let it wait; what has waited is taken in its order, and not all at once."""
         if self._states is None or self._references is None:
             return
+        if not self._compiled.ready:
+            self._states.keep()
+            self._references.keep()
+            return
+        until = self._oldest() + _CATCH_UP if self._behind(now) else math.inf
+        if self._gains_waiting:
+            until = min(until, self._gains_waiting[0][0])
+        self._take(until, now)
+        while self._gains_waiting and self._gains_waiting[0][0] <= until:
+            _, name, gains = self._gains_waiting.popleft()
+            self.joints.hear_gains(name, gains)
+
+    def _take(self, until: float, now: float) -> None:
+        assert self._states is not None
+        assert self._references is not None
         # References last, so that they are no older than the samples that wait for them.
-        samples, references = self._states.take(), self._references.take()
+        samples, references = self._states.take(until), self._references.take(until)
         contested = self._states.contested
         for name, joint in self.joints.items():
             if name in contested and not joint.trouble:
@@ -204,6 +244,9 @@ class Session:
         joint.begin_anew()
 
     def _publish(self, now: float) -> None:
+        if not self._compiled.ready:
+            self._publications.publish_waiting(self._own_status(), self.joints, self._compiled.state)
+            return
         warn_margin = float(self._node.get_parameter("warn_margin").value)
         findings = {}
         for name, joint in self.joints.items():
@@ -212,8 +255,11 @@ class Session:
             except Exception:
                 self._begin_anew(joint)
         self._publications.publish(self._own_status(), findings, warn_margin=warn_margin)
-        if self._self is not None:
-            self._self.note()
+        if self._self is not None and self._states is not None:
+            if self._behind(now):
+                self._states.look_back()
+            else:
+                self._self.note()
         self._maps.attend(findings, now)
         self._set_advice({name: one.advised for name, one in findings.items()})
         ended = []
@@ -266,6 +312,8 @@ class Session:
         """The ramps that lead to the advice, for every joint that needs it."""
         if self._states is None:
             raise RefusedError("the monitor is not active")
+        if self._behind(monotonic()):
+            raise NotYetError(self._compiled.state or "what came while the node compiled is being looked at")
         if not self._node.get_parameter("allow_apply").value:
             raise RefusedError("allow_apply is false; set it to true where gains may be written")
         ramps, reasons = [], []
@@ -294,6 +342,7 @@ class Session:
     def _own_status(self) -> Diagnosis:
         """The node's own health: what it refused, where the gains come from, how it keeps up."""
         troubles = [
+            self._compiled.state,
             f"apply_recommendation: {self._apply.state}" if self._apply.failed else "",
             self._gains.state if self._gains.waiting else "",
             *self._inputs.troubles,
@@ -303,6 +352,7 @@ class Session:
         ]
         message = "; ".join(trouble for trouble in troubles if trouble)
         values: list[tuple[str, object]] = [
+            ("compiling", self._compiled.state),
             ("joints [1]", len(self.joints)),
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),

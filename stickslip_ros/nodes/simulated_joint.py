@@ -22,6 +22,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.nodes.compiled_parts import wait_until_compiled
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
@@ -87,7 +88,8 @@ class SimulatedJoint(Node):
         refuse_by(self, self._check)
         follow_by(self, self._apply)
         self._apply([])
-        # Compiled before the clock starts, or the first second would be missing.
+        # Before the clock starts, or the first seconds would be missing.
+        wait_until_compiled(self)
         period, nothing = self._period, np.zeros(0)
         for simulation in self._simulations.values():
             simulation.advance(period, nothing, nothing)

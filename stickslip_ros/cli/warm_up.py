@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip warm-up`: compile everything ahead, on all cores.
+
+Done once after installation and after every update, for every kind of processor; else the first command or node does
+it. What is compiled is kept beside the package, or in NUMBA_CACHE_DIR if that is set.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.compilation import cache_folder
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.warm_up import Progress, compile_ahead, is_warm
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("--jobs", type=int, metavar="N", help="parts compiled at once (default: one a core)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compile, unless that is done already."""
+    if options.jobs is not None and options.jobs < 1:
+        raise InvalidParameterError("--jobs", ">= 1", options.jobs)
+    folder = cache_folder()
+    if not folder.lasting:
+        raise StickSlipError(
+            "what is compiled cannot be kept, as neither the package's folder nor ~/.cache can be written; "
+            "set NUMBA_CACHE_DIR to a folder that can"
+        )
+    if is_warm():
+        print(f"compiled already: {folder.path}")
+        return 0
+    began = time.monotonic()
+    failure = compile_with_bar(options.jobs)
+    if failure:
+        raise StickSlipError(failure)
+    print(f"compiled in {time.monotonic() - began:.0f} s: {folder.path}")
+    return 0
+
+
+def compile_with_bar(jobs: int | None = None) -> str:
+    """Compile what is not compiled yet, with a progress bar where stderr is a terminal; returns why not, or ""."""
+    with progress_bar("Compiling, once after installation") as bar:
+
+        def tell(progress: Progress) -> None:
+            bar(round(100 * progress.share), 100)
+
+        return compile_ahead(tell, jobs)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What is compiled, as the node needs it: loaded at once if it is there, else compiled by another process meanwhile."""
+
+from __future__ import annotations
+
+import gc
+import math
+from time import monotonic
+
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+
+from stickslip_ros.compilation import cache_folder, without_linear_algebra
+from stickslip_ros.warm_up import Compilation, Progress, compile_ahead, is_warm, load_for_node
+
+_SAY_EVERY = 10.0  # [s]
+
+
+class CompiledParts:
+    """See the module; :meth:`look` is called now and then.
+
+    Attributes
+    ----------
+    ready : whether everything can be called. state : what is under way, in words, "" if nothing is.
+    """
+
+    def __init__(self, log: RcutilsLogger) -> None:
+        self._log = log
+        self._compilation: Compilation | None = None
+        self._began, self._say_at = monotonic(), -math.inf
+        self.ready, self.state = False, ""
+        if is_warm():
+            self._load()
+            return
+        folder = cache_folder()
+        if not folder.lasting:
+            log.warning(
+                "what is compiled cannot be kept, as neither the package's folder nor ~/.cache can be written: it is "
+                "compiled at every start; set NUMBA_CACHE_DIR to a folder that can"
+            )
+        self._compilation = Compilation()
+        self._say(monotonic())
+
+    def look(self, now: float) -> None:
+        """Say how far it has come, and load what is compiled once it is; ``now`` is a steady time [s]."""
+        if self._compilation is None or self.ready:
+            return
+        if self._compilation.running:
+            self._say(now)
+            return
+        failure = self._compilation.failure
+        self.close()
+        if failure:
+            self._log.error(f"compiling ahead failed, and is done in this process instead: {failure}")
+        else:
+            self._log.info(f"compiled in {now - self._began:.0f} s")
+        self._load()
+
+    def _say(self, now: float) -> None:
+        assert self._compilation is not None
+        self.state = str(self._compilation.progress)
+        if now >= self._say_at:
+            self._say_at = now + _SAY_EVERY
+            self._log.info(self.state)
+
+    def _load(self) -> None:
+        without_linear_algebra()
+        load_for_node()
+        # What is there by now stays. Looking through it for garbage again and again would hold up intake for 0.1 s.
+        gc.collect()
+        gc.freeze()
+        self.ready, self.state = True, ""
+
+    def close(self) -> None:
+        """End what is under way."""
+        if self._compilation is not None:
+            self._compilation.close()
+            self._compilation = None
+
+
+def wait_until_compiled(node: Node) -> None:
+    """Wait until everything is compiled, saying so in the log.
+
+    Raises
+    ------
+    ExternalShutdownException
+        If the node is told to end meanwhile.
+    """
+    said_at = -math.inf
+
+    def tell(progress: Progress) -> None:
+        nonlocal said_at
+        if not node.context.ok():
+            raise ExternalShutdownException
+        if monotonic() - said_at >= _SAY_EVERY:
+            said_at = monotonic()
+            node.get_logger().info(str(progress))
+
+    failure = compile_ahead(tell)
+    if failure:
+        node.get_logger().error(f"compiling ahead failed, and is done in this process instead: {failure}")
+    without_linear_algebra()
