@@ -56,7 +56,7 @@ def _read(hint: Any, data: Any, where: str) -> Any:
         return _read(next(one for one in get_args(hint) if one is not type(None)), data, where)
     if dataclasses.is_dataclass(hint):
         return _dataclass(hint, data, where)
-    if get_origin(hint) is np.ndarray or hint is np.ndarray:
+    if _is_array(hint):
         return _array(data, where)
     if isinstance(hint, type) and issubclass(hint, Enum):
         return hint(data)
@@ -65,6 +65,13 @@ def _read(hint: Any, data: Any, where: str) -> Any:
     if hint in (bool, int, str) and type(data) is hint:
         return data
     raise ValueError(f"{where} cannot be {data!r:.60}")
+
+
+def _is_array(hint: Any) -> bool:
+    """Whether a type is that of arrays; from numpy 2.5 on `NDArray[…]` is an alias of it, under Python 3.12 and later."""
+    origin = get_origin(hint) or hint
+    alias = getattr(origin, "__value__", origin)
+    return (get_origin(alias) or alias) is np.ndarray
 
 
 def _dataclass(kind: Any, data: Any, where: str) -> Any:

@@ -120,12 +120,9 @@ class NormalEquations:
 
     def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""
-        # scipy loads slowly, and most uses of this package have no use for it.
-        from scipy.linalg import solveh_banded
-
         band = self.band.copy()
         band[0] *= 1.0 + damping
-        solved = solveh_banded(band, np.column_stack([self.mixed, self.slope]), lower=True, check_finite=False)
+        solved = _solve_band(band, np.column_stack([self.mixed, self.slope]))
         by_parameters, by_slope = solved[:, :-1], solved[:, -1]
         return (
             self.matrix - self.mixed.T @ by_parameters,
@@ -133,6 +130,27 @@ class NormalEquations:
             by_parameters,
             by_slope,
         )
+
+
+def _solve_band(band: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of positive definite equations, of whose matrix the lower diagonals are given.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not positive definite.
+    """
+    size = band.shape[1]
+    if size == UNKNOWNS:
+        # One slip, which is all that the running monitor solves for: scipy takes half a second to load, and 16 MB.
+        lower = np.zeros((size, size))
+        for row in range(size):
+            lower[row, : row + 1] = band[row - np.arange(row + 1), np.arange(row + 1)]
+        root = np.linalg.cholesky(lower)
+        return np.asarray(np.linalg.solve(root.T, np.linalg.solve(root, right)))
+    from scipy.linalg import solveh_banded
+
+    return np.asarray(solveh_banded(band, right, lower=True, check_finite=False))
 
 
 def robust(residuals: FloatArray) -> float:

@@ -142,3 +142,12 @@ def test_what_is_too_sharp_has_no_answer() -> None:
     groups = with_ratio(random_groups(3, seed=8), [0.1, 1e6, 0.1])
     answers = np.asarray(cycle_persists(DimensionlessGroups(**{**vars(groups), "stribeck": np.array([1e7, 1.0, 1.0])})))
     assert np.isnan(answers).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("lag", [5e-324, 4.8e-312, 1e-300, 1e-30])
+def test_a_lag_too_short_to_count_is_none(lag: float) -> None:
+    """Issue 15: a lag near the smallest number there is had the integration go on without end."""
+    point = {"natural_frequency": np.nan, "damping_ratio": 0.42, "stribeck": 1.3, "velocity": 1.67, "rise_time": 20.7}
+    assert cycle_persists(DimensionlessGroups(**point, lag=lag)) == cycle_persists(
+        DimensionlessGroups(**point, lag=0.0)
+    )
