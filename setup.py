@@ -2,12 +2,15 @@
 # Copyright 2026 The stickslip_ros developers
 """Build of the package, by ament_python (colcon) or by pip."""
 
+import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 PACKAGE = "stickslip_ros"
 SHARE = Path("share") / PACKAGE
+# colcon and bloom put executables into lib/, which is not on PATH; pip makes bin/stickslip by itself, into its wheel.
+BY_PIP = any("wheel" in argument for argument in sys.argv)
 
 # The versions of Jazzy, from wheels: for machines without ROS.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"]
@@ -51,6 +54,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (str(SHARE), ["package.xml"]),
+        *([] if BY_PIP else [("bin", ["bin/stickslip"])]),
         *shared("config"),
         *shared("launch"),
         *shared("policies"),

@@ -68,7 +68,7 @@ def _read(hint: Any, data: Any, where: str) -> Any:
 
 
 def _is_array(hint: Any) -> bool:
-    """Whether a type is that of arrays; from numpy 2.5 on `NDArray[…]` is an alias of it, under Python 3.12 and later."""
+    """Whether a type is that of arrays; with numpy 2.5 and Python 3.12 `NDArray[…]` is an alias of it."""
     origin = get_origin(hint) or hint
     alias = getattr(origin, "__value__", origin)
     return (get_origin(alias) or alias) is np.ndarray

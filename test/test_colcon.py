@@ -15,8 +15,11 @@ import pytest
 from conftest import ROOT
 from nodes.support_ros import probe
 
+from stickslip_ros import __version__
+
 COLCON = Path(sys.executable).with_name("colcon")
 TRACKED = [
+    "bin",
     "package.xml",
     "setup.py",
     "setup.cfg",
@@ -87,6 +90,21 @@ def test_the_install_space_is_what_ros2_looks_for(workspace: Path) -> None:
     site = next(workspace.glob("lib/python*/site-packages"))
     for name in ("style.css", "page.js"):
         assert (site / "stickslip_ros" / "bags" / "page" / name).exists()
+
+
+def test_the_command_is_on_the_path_of_a_workspace(workspace: Path) -> None:
+    """Issue 15: README, tutorial and how-to pages say `stickslip`, as a ROS workspace must have it, too."""
+    script = f". {workspace.parent}/setup.bash && command -v stickslip && stickslip --version"
+    # The search path is the workspace's and the system's alone, with this Python in it as `python3`.
+    folder = workspace.parents[1] / "python"
+    folder.mkdir(exist_ok=True)
+    (folder / "python3").symlink_to(sys.executable)
+    environment = {**os.environ, "PATH": f"{folder}:/usr/bin:/bin"}
+    done = subprocess.run(
+        ["bash", "-c", script], capture_output=True, text=True, timeout=60, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(workspace / "bin" / "stickslip"), __version__]
 
 
 def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: int) -> None:
