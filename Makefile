@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo test check docs bench coverage pictures linkcheck clean
+.PHONY: demo test check docs bench matrix coverage pictures linkcheck clean
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
@@ -34,6 +34,10 @@ pictures: $(STAMP)
 coverage: $(STAMP)
 	$(BIN)/python -m pytest --cov=stickslip_ros --cov-report=term $(TESTS)
 
+# Installation, demo and some tests on every Python that is there: make matrix [LEGS="3.13 noble"]
+matrix:
+	@sh tools/matrix.sh $(LEGS)
+
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
@@ -42,7 +46,8 @@ $(STAMP): setup.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip "setuptools<80" wheel
 	$(BIN)/python -m pip install --quiet --no-build-isolation --editable ".[ros,test]"
+	$(BIN)/stickslip warm-up
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build docs/_build install log *.egg-info
+	rm -rf $(VENV) .matrix build docs/_build install log *.egg-info

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import itertools
 import os
 from pathlib import Path
@@ -34,7 +36,41 @@ EXACT_CRITICAL_DAMPING = [
     (500, 0.85, 0.0416),
 ]
 
+# Packages that have no rosdep key, or that only tests need: a ROS machine has none of them, and `colcon test` runs what
+# can be run without.
+OPTIONAL = ("bokeh", "catkin_pkg", "dask", "distributed", "lz4", "mcap", "mcap_ros2", "pyarrow", "rosbags", "selenium")
+
 _domains = itertools.count(os.getpid() * 13)
+
+
+def imported(path: Path) -> set[str]:
+    """Names of the packages that a test imports when it is loaded, by itself or through modules beside it."""
+    found: set[str] = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        for name in names:
+            beside = (path.parent / f"{name}.py", ROOT / "test" / f"{name.replace('.', '/')}.py")
+            helper = next((one for one in beside if one.exists() and one != path), None)
+            found |= {name.partition(".")[0]} if helper is None else imported(helper)
+    return found
+
+
+class _Lacking(pytest.Module):
+    """A file of tests that needs what is not installed."""
+
+    def collect(self) -> list[pytest.Item]:
+        pytest.skip(f"{self.path.name} needs {', '.join(lacking(self.path))}", allow_module_level=True)
+
+
+def lacking(path: Path) -> list[str]:
+    """Optional packages that a test needs and this machine has not."""
+    return sorted(name for name in imported(path) & set(OPTIONAL) if importlib.util.find_spec(name) is None)
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
+    """Skip files whose optional packages are missing, instead of ending the whole run with an error."""
+    return _Lacking.from_parent(parent, path=module_path) if lacking(module_path) else None
 
 
 @pytest.fixture

@@ -23,11 +23,12 @@ from stickslip_ros.known_joints import known_joint_names, load_joint
 
 PACKAGE = ROOT / "stickslip_ros"
 ALLOWED = {
-    "model": {"stickslip_ros.model", "stickslip_ros.errors", "numpy", "numba", "scipy"},
+    "model": {"stickslip_ros.model", "stickslip_ros.errors", "stickslip_ros.compilation", "numpy", "numba", "scipy"},
     "monitoring": {
         "stickslip_ros.monitoring",
         "stickslip_ros.model",
         "stickslip_ros.errors",
+        "stickslip_ros.compilation",
         "numpy",
         "numba",
         "scipy",

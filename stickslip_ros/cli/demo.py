@@ -39,7 +39,7 @@ _KNOWN: dict[str, object] = {
     f"limits.{_JOINT}.p_max": 10000.0,
     f"limits.{_JOINT}.d_max": 300.0,
 }
-_CYCLES_TO_SEE = 6
+_CYCLES_TO_SEE = 4
 _SMOOTH_TO_SEE = 5.0  # [s]
 _START_LIMIT = 60.0
 _STICK_LIMIT = 20.0
@@ -124,7 +124,7 @@ def _cure(console: Console, out: Path) -> int:
         _wait(
             listener,
             nodes,
-            lambda: listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE,
+            lambda: listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE and bool(data.margins),
             _STICK_LIMIT,
             "stick slip",
             show,

@@ -83,11 +83,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _compile() -> None:
     """Compile what is not compiled yet, with a progress bar where somebody looks."""
-    from stickslip_ros.compilation import without_linear_algebra
+    from stickslip_ros.compilation import cache_folder, without_linear_algebra
     from stickslip_ros.warm_up import is_warm
 
     without_linear_algebra()
-    if not is_warm():
+    # Where it cannot be kept, a command compiles what it calls itself.
+    if cache_folder().lasting and not is_warm():
         from stickslip_ros.cli.warm_up import compile_with_bar
 
         compile_with_bar()

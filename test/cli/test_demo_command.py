@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -40,6 +41,10 @@ def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     assert time.monotonic() - begin < 60.0
     for text in ("Stick slip: ", "Advice: raise the", "Smooth: no cycle", str(picture)):
         assert text in done.stdout
+    # Issue 15: told early, and never an advice without words.
+    told = re.search(r"Stick slip: (\d+) cycles", done.stdout)
+    assert told is not None
+    assert int(told[1]) <= 6
     assert imread(picture).shape[0] > 500
     assert processes_on(ros_domain) == []
 

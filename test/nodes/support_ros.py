@@ -105,9 +105,13 @@ class Probe:
         }
 
     def wait_for_monitor(self) -> None:
-        """Wait until the monitor listens and is heard."""
+        """Wait until the monitor listens, is heard, and has nothing to compile."""
         self.wait(
-            lambda: self.states.get_subscription_count() > 0 and "stickslip_monitor" in self.diagnostics,
+            lambda: (
+                self.states.get_subscription_count() > 0
+                and "stickslip_monitor" in self.diagnostics
+                and not self.diagnostics["stickslip_monitor"][2]["compiling"]
+            ),
             180.0,  # on a fresh machine, and in a fresh install space, it compiles first
             "the monitor",
         )

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Dataclasses as plain data and back, whatever Python and numpy make of their type hints."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stickslip_ros.plain_data import _is_array, from_plain, to_plain
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Everything:
+    """Each kind of hint that a state file's dataclasses have."""
+
+    alias: FloatArray
+    written: NDArray[np.int64]
+    plain: np.ndarray
+    number: float | None
+    perhaps: FloatArray | None
+
+
+def test_arrays_come_back_from_json() -> None:
+    """Issue 15: with numpy 2.5 the state file was called damaged, and what was learnt was lost at every restart."""
+    whole = Everything(np.array([1.5, 2.5]), np.array([1, 2]), np.eye(2), None, np.zeros((0, 2)))
+    again = from_plain(Everything, json.loads(json.dumps(to_plain(whole))))
+    for name in ("alias", "written", "plain", "perhaps"):
+        assert np.array_equal(getattr(again, name).ravel(), getattr(whole, name).ravel())
+    assert again.number is None
+
+
+@pytest.mark.skipif(sys.version_info < (3, 12), reason="the statement `type` came with Python 3.12")
+def test_an_alias_of_arrays_is_an_array() -> None:
+    """Issue 15: as numpy 2.5 spells NDArray, whatever numpy is installed here."""
+    names: dict[str, object] = {"np": np}
+    exec("type Alias[Kind] = np.ndarray[tuple[int, ...], np.dtype[Kind]]\nfound = Alias[np.float64]", names)
+    assert _is_array(names["found"])
+    assert not _is_array(float)
+
+
+@pytest.mark.parametrize("text", ['["a"]', "[[1], [1, 2]]", '{"a": 1}', "null"])
+def test_what_is_no_array_is_refused(text: str) -> None:
+    """Issue 15: a damaged file is still told from a good one."""
+    data = {"alias": json.loads(text), "written": [1], "plain": [1.0], "number": None, "perhaps": None}
+    with pytest.raises(ValueError, match=r"Everything\.alias"):
+        from_plain(Everything, data)

@@ -1,0 +1,55 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+# Installation, demo, and the tests of what differs between Pythons and libraries, on every Python that is there, each
+# with the newest libraries, and once with those of Ubuntu Noble. Arguments: the legs to run, of those below.
+set -u
+cd "$(dirname "$0")/.."
+legs="${*:-3.10 3.11 3.12 3.13 noble}"
+# Noble's numba is made for Python 3.12; the one from wheels goes to 3.11.
+noble="numpy==1.26.4 scipy==1.11.4 numba==0.58.1"
+tests="test/test_warm_up.py test/test_plain_data.py test/test_parameter_names.py test/nodes/test_conversion.py
+    test/nodes/test_state_over_dds.py test/nodes/test_lifecycle_over_dds.py test/bags/test_reading.py
+    test/cli/test_margin_command.py"
+folder="$PWD/.matrix"
+export NUMBA_CACHE_DIR ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+
+interpreter() {
+    for candidate in "python$1" "$HOME/.pyenv/versions/$1".*/bin/python3; do
+        "$candidate" -c "import sys; sys.exit('%d.%d' % sys.version_info[:2] != '$1')" 2>/dev/null &&
+            { echo "$candidate"; return; }
+    done
+}
+
+leg() {
+    python="$1"; name="$2"; shift 2
+    "$python" -m venv --clear "$folder/$name" || return
+    bin="$folder/$name/bin"
+    NUMBA_CACHE_DIR="$folder/$name/cache"
+    "$bin/python" -m pip install --quiet --upgrade pip "setuptools<80" wheel || return
+    # Not editable: what setup.py leaves out is missed.
+    "$bin/python" -m pip install --quiet --no-build-isolation ".[ros,parquet]" pytest hypothesis mcap-ros2-support \
+        catkin-pkg "$@" || return
+    "$bin/python" -c 'import numpy, scipy, numba, sys
+print("Python", sys.version.split()[0], "numpy", numpy.__version__, "scipy", scipy.__version__, "numba", numba.__version__)'
+    (cd "$folder/$name" && "$bin/stickslip" warm-up && "$bin/stickslip" demo) || return
+    # Not `python -m pytest`, which would put the sources before the package that was installed.
+    # shellcheck disable=SC2086
+    "$bin/pytest" $tests
+}
+
+failed=""; missing=""; passed=""
+for name in $legs; do
+    version="$name"; libraries=""
+    [ "$name" = noble ] && { version=3.11; libraries="$noble"; }
+    found="$(interpreter "$version")"
+    if [ -z "$found" ]; then
+        missing="$missing $name"
+        continue
+    fi
+    echo "== $name: $found"
+    # shellcheck disable=SC2086
+    if leg "$found" "$name" $libraries; then passed="$passed $name"; else failed="$failed $name"; fi
+done
+echo "matrix: passed:${passed:- none}; failed:${failed:- none}; no such Python here:${missing:- none}"
+[ -z "$failed" ] && [ -n "$passed" ]
