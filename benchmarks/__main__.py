@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from benchmarks import advice, estimation, exact, monitoring, node, paper, recordings
+from benchmarks import advice, estimation, exact, monitoring, node, paper, recordings, start
 
 if __name__ == "__main__":
+    start.run()
     paper.run()
     monitoring.run()
     exact.run()
