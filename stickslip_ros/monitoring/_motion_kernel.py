@@ -13,6 +13,7 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.monitoring import _knot_kernel as kernel
+from stickslip_ros.monitoring._quantile_kernel import quantile
 
 SLICE_LENGTH = 0.05  # [s] how finely findings are dated
 PAST = 4096
@@ -117,42 +118,6 @@ def _all_finite(values):
 
 
 @helper()
-def _quantile(values, count, share):
-    """Quantile of the first ``count`` values, linear between two of them; they are reordered.
-
-    By Hoare's selection. Numba's own median and quantile take a fifth of the time in which all of this is compiled.
-    """
-    rank = share * (count - 1)
-    lower = int(rank)
-    first, last = 0, count - 1
-    while first < last:
-        pivot = values[(first + last) // 2]
-        i, j = first, last
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i += 1
-                j -= 1
-        if lower <= j:
-            last = j
-        elif lower >= i:
-            first = i
-        else:
-            break
-    if lower + 1 >= count:
-        return values[lower]
-    following = values[lower + 1]
-    for n in range(lower + 2, count):
-        following = min(following, values[n])
-    weight = rank - lower
-    return values[lower] * (1.0 - weight) + following * weight
-
-
-@helper()
 def _last_knot_time(detector, knots):
     head = int(detector[kernel.HEAD])
     return knots[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
@@ -174,8 +139,8 @@ def open_rest(detector, knots):
         knot, before = (head - 1 - n) % kernel.RING, (head - 2 - n) % kernel.RING
         gaps[n] = knots[knot, kernel.TIME] - knots[before, kernel.TIME]
         speeds[n] = abs(knots[knot, kernel.SPEED])
-    usual = max(_quantile(gaps, count, 0.5), detector[kernel.UPDATE])
-    fastest = _quantile(speeds, count, _FAST_SHARE)
+    usual = max(quantile(gaps, count, 0.5), detector[kernel.UPDATE])
+    fastest = quantile(speeds, count, _FAST_SHARE)
     stands = flat > _GAPS_AT_REST * usual and detector[kernel.BAND] < kernel.SLOW * fastest * flat
     return last if stands else np.nan
 
@@ -283,7 +248,7 @@ def close_slice(window, state, past, steps, slices, detector, knots):
     now = state[NOW]
     count = int(state[SLICE_STEPS])
     if count:
-        interval = _quantile(steps, count, 0.5)
+        interval = quantile(steps, count, 0.5)
         state[INTERVAL] = (
             interval if np.isnan(state[INTERVAL]) else state[INTERVAL] + _INTERVAL_WEIGHT * (interval - state[INTERVAL])
         )
