@@ -167,18 +167,16 @@ class Compilation:
     def __init__(self, jobs: int | None = None) -> None:
         # Where the folder goes with this process it has to be chosen here.
         cache_folder()
-        command = [sys.executable, "-m", "stickslip_ros.warm_up", *([str(jobs)] if jobs else [])]
+        jobs = jobs or os.cpu_count() or 1
         # Ctrl-C is for this process, which ends the other one in its own time.
         self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-        )
+            _command(jobs), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
         assert self._process.stdout is not None
         os.set_blocking(self._process.stdout.fileno(), False)
         self._rest, self._said = b"", b""
-        self._told, self._told_at = (
-            Progress(left=_seconds(dict.fromkeys(PARTS, 1.0), jobs or os.cpu_count() or 1)),
-            time.monotonic(),
-        )
+        self._told, self._told_at = Progress(left=_seconds(dict.fromkeys(PARTS, 1.0), jobs)), time.monotonic()
 
     def __enter__(self) -> Compilation:
         return self
@@ -296,9 +294,8 @@ def _compile_parts(jobs: int, progress: Path) -> None:
 def _compile_part(name: str, left: dict[str, float]) -> None:
     """Compile a part in a process of its own; ``left`` has the share of it that is still to be done."""
     # Not forked, so that numba's memory is its own.
-    command = [sys.executable, "-m", "stickslip_ros.warm_up", name]
     said = ""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    with subprocess.Popen(_command(name), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if line.startswith(_COMPILED):
@@ -321,17 +318,21 @@ class _Teller(event.Listener):  # type: ignore[misc]
         print(_COMPILED, flush=True)
 
 
-def _main(arguments: list[str]) -> int:
-    """Compile one part, or all of them, with so many at once."""
-    die_with_parent()
+def _command(what: str | int) -> list[str]:
+    """That compiles a part, or all of them with so many at once, for as long as this process lives."""
+    return [sys.executable, "-m", "stickslip_ros.warm_up", str(os.getpid()), str(what)]
+
+
+def _main(parent: str, what: str) -> int:
+    die_with_parent(int(parent))
     os.nice(_NICE)  # what else runs on the robot comes first
     try:
-        if arguments and arguments[0] in PARTS:
+        if what in PARTS:
             without_linear_algebra()
             event.register("numba:compile", _Teller())
-            PARTS[arguments[0]].use()
+            PARTS[what].use()
         else:
-            _compile_all(int(arguments[0]) if arguments else os.cpu_count() or 1)
+            _compile_all(int(what))
     except StickSlipError as error:
         print(error)
         return 1
@@ -339,4 +340,4 @@ def _main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(_main(sys.argv[1:]))
+    raise SystemExit(_main(*sys.argv[1:]))
