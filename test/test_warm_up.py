@@ -216,18 +216,19 @@ def compilers(cache: Path) -> list[str]:
 
 def test_where_nothing_can_be_kept_it_is_said(tmp_path: Path) -> None:
     """Issue 15: a cache that cannot be written is said, and how to choose another; commands work all the same."""
+    before = passing_folders()
     nowhere = tmp_path / "file"
     nowhere.write_text("in the way")
     done = run("warm-up", cache=nowhere)
     assert done.returncode == 2
     assert re.fullmatch(r"stickslip: what is compiled cannot be kept.*set NUMBA_CACHE_DIR.*\n", done.stderr)
     assert run("margin", "--joint", "puma560_joint1", cache=nowhere).returncode == 0
-    left = [
-        path
-        for path in Path(os.environ.get("TMPDIR", "/tmp")).glob("stickslip_ros-*")
-        if path.stat().st_uid == os.getuid()
-    ]
-    assert left == []
+    assert passing_folders() == before
+
+
+def passing_folders() -> set[Path]:
+    """Folders of processes that can keep nothing: they go with them."""
+    return set(Path(os.environ.get("TMPDIR", "/tmp")).glob("stickslip_ros-*"))
 
 
 def test_the_command_line_names_its_commands_without_loading_them() -> None:

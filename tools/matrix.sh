@@ -32,10 +32,10 @@ leg() {
         catkin-pkg "$@" || return
     "$bin/python" -c 'import numpy, scipy, numba, sys
 print("Python", sys.version.split()[0], "numpy", numpy.__version__, "scipy", scipy.__version__, "numba", numba.__version__)'
-    (cd "$folder/$name" && "$bin/stickslip" warm-up && "$bin/stickslip" demo) || return
+    (cd "$folder/$name" && "$bin/stickslip" warm-up && timeout 300 "$bin/stickslip" demo) || return
     # Not `python -m pytest`, which would put the sources before the package that was installed.
     # shellcheck disable=SC2086
-    "$bin/pytest" $tests
+    timeout 900 "$bin/pytest" $tests
 }
 
 failed=""; missing=""; passed=""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -297,7 +298,7 @@ def test_missing_stamps_are_times_of_recording(tmp_path: Path) -> None:
 def test_a_database_that_is_none(tmp_path: Path) -> None:
     """Issue 6, damage: a SQLite file that no recorder wrote is refused in a line."""
     path = tmp_path / "bag.db3"
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database, database:
         database.execute("CREATE TABLE other (a)")
     with pytest.raises(RecordingError, match="not a rosbag2 database"):
         read_joint(path, "a")
