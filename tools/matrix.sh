@@ -27,7 +27,8 @@ leg() {
     bin="$folder/$name/bin"
     NUMBA_CACHE_DIR="$folder/$name/cache"
     "$bin/python" -m pip install --quiet --upgrade pip "setuptools<80" wheel || return
-    # Not editable: what setup.py leaves out is missed.
+    # Not editable, so that what setup.py leaves out is missed; nor made of what an earlier build left.
+    rm -rf build
     "$bin/python" -m pip install --quiet --no-build-isolation ".[ros,parquet]" pytest hypothesis mcap-ros2-support \
         catkin-pkg "$@" || return
     "$bin/python" -c 'import numpy, scipy, numba, sys
