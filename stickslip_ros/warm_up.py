@@ -38,6 +38,7 @@ _LOCK, _PROGRESS = "lock", "progress.json"
 _TELL_EVERY = 0.5  # [s]
 _NICE = 10
 _ENOUGH_TO_TELL = 0.1  # of all, from which on the time that it took says how long the rest takes
+_AT_LEAST = 0.2  # of what was left when something was done last: the last function is the longest
 _COMPILED = "compiled"
 
 
@@ -275,15 +276,19 @@ def _compile_parts(jobs: int, progress: Path) -> None:
     began = time.monotonic()
     left = dict.fromkeys(PARTS, 1.0)
     nominal = _seconds(left, jobs)
+    told = told_at = 0.0
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         longest_first = sorted(PARTS, key=lambda name: -PARTS[name].seconds)
         running = {pool.submit(_compile_part, name, left) for name in longest_first}
         while running:
             remaining, passed = _seconds(left, jobs), time.monotonic() - began
             share = 1.0 - remaining / nominal
-            # As fast as until now, once that can be told.
-            pace = passed / (nominal - remaining) if share > _ENOUGH_TO_TELL else 1.0
-            now = Progress(share=share, left=pace * remaining)
+            if share > told:
+                told, told_at = share, passed
+            # As fast as until something was done last, once that can be told; what is under way since counts down.
+            pace = told_at / (told * nominal) if told > _ENOUGH_TO_TELL else 1.0
+            rest = pace * remaining
+            now = Progress(share=share, left=max(rest - (passed - told_at), _AT_LEAST * rest))
             _say(now)
             progress.write_text(json.dumps(asdict(now)))
             done, running = wait(running, timeout=_TELL_EVERY, return_when=FIRST_COMPLETED)

@@ -11,13 +11,19 @@ from contextlib import contextmanager
 from types import FrameType
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 
 @contextmanager
-def progress_bar(text: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar that is told what is done and of how much; nothing is drawn where stderr is no terminal."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[int, int], None]]:
+    """A bar that is told what is done and of how much; nothing is drawn where stderr is no terminal.
+
+    Parameters
+    ----------
+    foretold : whether how long it takes on can be told from how long it took.
+    """
+    columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()]
+    columns += [TimeRemainingColumn()] if foretold else []
     console = Console(stderr=True)
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     with _interrupts() as came, bar as progress:

@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
 
 def compile_with_bar(jobs: int | None = None) -> str:
     """Compile what is not compiled yet, with a progress bar where stderr is a terminal; returns why not, or ""."""
-    with progress_bar("Compiling, once after installation") as bar:
+    with progress_bar("Compiling, once after installation", foretold=False) as bar:
 
         def tell(progress: Progress) -> None:
             bar(round(100 * progress.share), 100)

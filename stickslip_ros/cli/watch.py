@@ -76,7 +76,7 @@ def _wait(listener: Any, patience: float, status: Status) -> None:
     until = time.monotonic() + patience
     while listener.compiling or not listener.joints():
         listener.listen(0.1)
-        status.update(f"The monitor is {listener.compiling}" if listener.compiling else _LISTENING)
+        status.update(f"The monitor says: {listener.compiling}" if listener.compiling else _LISTENING)
         if listener.compiling:
             until = time.monotonic() + patience
         if time.monotonic() > until:
