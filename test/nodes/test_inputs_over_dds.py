@@ -71,7 +71,9 @@ def test_a_controller_that_is_not_there(ros_domain: int) -> None:
         one.wait(lambda: joint_line(one).startswith("no data yet; gains not known: waiting for /nobody"), 5.0, "why")
         one.publish(["joint1"], 100.0, position=[0.0])
         one.wait(lambda: "no data yet" not in joint_line(one), 5.0, "a sample")
-        assert "gains not known: waiting for /nobody; there are /probe" in joint_line(one)
+        # The names of others are looked up once a second, and are known some time after their topics.
+        waiting = "gains not known: waiting for /nobody; there are /probe"
+        one.wait(lambda: waiting in joint_line(one), 10.0, waiting)
         assert "waiting for /nobody" in own(one)
         one.wait(lambda: "waiting for /nobody" in monitor.output(), 10.0, "the log")
         one.spin(2.0)
