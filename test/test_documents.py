@@ -47,6 +47,9 @@ HIDDEN = re.compile(r"^ {4,}(?:stickslip|ros2|make|pip|\.venv/bin/\w+) .*$", re.
 INLINE = re.compile(r"(?<!`)`((?:stickslip|python|make|pytest) [^`]+)`(?!`)")
 
 
+_LOOKS = 3
+
+
 @dataclass(frozen=True)
 class Block:
     language: str
@@ -112,6 +115,10 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
                     check_commands(block.code, environment)
                 elif how != "skip,":
                     shown = run(block.code, folder, environment, int(rest) if how == "status" else 0)
+                    # A reader looks again where the machine is slow.
+                    for _ in range(_LOOKS if how == "shows" else 0):
+                        if rest not in shown:
+                            shown = run(block.code, folder, environment, 0)
                     assert how != "shows" or rest in shown, shown
             elif block.language == "python" and how == "launch":
                 (folder / "own.launch.py").write_text(block.code)

@@ -142,11 +142,11 @@ def test_two_started_on_an_empty_cache(ros_domain: int, tmp_path: Path) -> None:
         try:
             one.wait(lambda: one.states.get_subscription_count() > 0, 20.0, "it to listen")
             one.wait(lambda: "second/stickslip_monitor" in one.diagnostics, 20.0, "the other one")
-            play(one, "a", motion.time, motion.position, motion.reference_position, begin=_BEGIN)
             one.wait(lambda: "a" in one.diagnostics, 10.0, "a status of the joint")
-            assert one.diagnostics["stickslip_monitor"][2]["compiling"], "it was to be compiled by now"
             assert one.status("a") == "unknown"
             assert re.search(r"once after installation: \d+ s left", one.diagnostics["a"][1])
+            assert one.diagnostics["stickslip_monitor"][2]["compiling"]
+            play(one, "a", motion.time, motion.position, motion.reference_position, begin=_BEGIN)
             refused = one.call("apply_recommendation")
             watch = subprocess.Popen(
                 [*COMMAND, "watch", "--once", "--patience", "3", "--seconds", "2"],
