@@ -29,6 +29,10 @@ from numba import config, njit
 _PACKAGE = Path(__file__).resolve().parent
 _GIVEN = "NUMBA_CACHE_DIR"
 _NAME = "stickslip_ros-"
+NOT_KEPT = (
+    "what is compiled cannot be kept, as neither the package's folder nor ~/.cache can be written; "
+    "set NUMBA_CACHE_DIR to a folder that can"
+)
 _COMMON = {"error_model": "numpy"}  # a division by zero is infinite, or NaN: arithmetic without a way out is smaller
 
 

@@ -12,7 +12,7 @@ import argparse
 import time
 
 from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.compilation import cache_folder
+from stickslip_ros.compilation import NOT_KEPT, cache_folder
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.warm_up import Progress, compile_ahead, is_warm
 
@@ -28,10 +28,7 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--jobs", ">= 1", options.jobs)
     folder = cache_folder()
     if not folder.lasting:
-        raise StickSlipError(
-            "what is compiled cannot be kept, as neither the package's folder nor ~/.cache can be written; "
-            "set NUMBA_CACHE_DIR to a folder that can"
-        )
+        raise StickSlipError(NOT_KEPT)
     if is_warm():
         print(f"compiled already: {folder.path}")
         return 0

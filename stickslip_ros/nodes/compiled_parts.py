@@ -12,7 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
-from stickslip_ros.compilation import cache_folder, without_linear_algebra
+from stickslip_ros.compilation import NOT_KEPT, cache_folder, without_linear_algebra
 from stickslip_ros.warm_up import Compilation, Progress, compile_ahead, is_warm, load_for_node
 
 _SAY_EVERY = 10.0  # [s]
@@ -36,10 +36,7 @@ class CompiledParts:
             return
         folder = cache_folder()
         if not folder.lasting:
-            log.warning(
-                "what is compiled cannot be kept, as neither the package's folder nor ~/.cache can be written: it is "
-                "compiled at every start; set NUMBA_CACHE_DIR to a folder that can"
-            )
+            log.warning(f"{NOT_KEPT}; until then it is compiled at every start")
         self._compilation = Compilation()
         self._say(monotonic())
 
