@@ -58,20 +58,26 @@ def _responses(time, damping_ratio, out):
         out[m] = power - twice * out[m + 1] - out[m + 2]
 
 
+@inlined()
+def _force_columns(step, responses, order, matrices, which, row):
+    """Columns of a row for the friction at the Gauss points: velocity by order 1, position by order 2."""
+    for j in range(POINTS):
+        matrices[which, row, 2 + j] = 0.0
+    scale = 1.0
+    for k in range(POINTS):
+        value = scale * responses[k + order]
+        for j in range(POINTS):
+            matrices[which, row, 2 + j] -= value * _LAGRANGE[k, j]
+        scale *= (k + 1) / step
+
+
 @helper()
 def _velocity_row(time, step, damping_ratio, responses, matrices, which, row):
     """Row of a matrix that gives the velocity ``time`` after a step's start; fills ``responses`` on the way."""
     _responses(time, damping_ratio, responses)
     matrices[which, row, 0] = -responses[1]
     matrices[which, row, 1] = responses[0]
-    for j in range(POINTS):
-        matrices[which, row, 2 + j] = 0.0
-    scale = 1.0
-    for k in range(POINTS):
-        value = scale * responses[k + 1]
-        for j in range(POINTS):
-            matrices[which, row, 2 + j] -= value * _LAGRANGE[k, j]
-        scale *= (k + 1) / step
+    _force_columns(step, responses, 1, matrices, which, row)
 
 
 @helper()
@@ -85,14 +91,7 @@ def fill_matrix(step, damping_ratio, matrices, which):
             _velocity_row(step, step, damping_ratio, responses, matrices, which, i + 1)
     matrices[which, END_POSITION, 0] = responses[0] + 2.0 * damping_ratio * responses[1]
     matrices[which, END_POSITION, 1] = responses[1]
-    for j in range(POINTS):
-        matrices[which, END_POSITION, 2 + j] = 0.0
-    scale = 1.0
-    for k in range(POINTS):
-        value = scale * responses[k + 2]
-        for j in range(POINTS):
-            matrices[which, END_POSITION, 2 + j] -= value * _LAGRANGE[k, j]
-        scale *= (k + 1) / step
+    _force_columns(step, responses, 2, matrices, which, END_POSITION)
 
 
 @helper()
