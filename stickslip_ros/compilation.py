@@ -64,7 +64,7 @@ def helper(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 def inlined() -> Callable[[Callable[..., Any]], Any]:
-    """Decorator of functions that only compiled code calls, at one place."""
+    """Decorator of functions that only compiled code calls, at one place or so small that more do no harm."""
     return njit(inline="always", **_COMMON)  # type: ignore[no-any-return]
 
 
