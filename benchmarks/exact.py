@@ -12,13 +12,13 @@ import numpy as np
 
 from benchmarks.timing import best, once
 from stickslip_ros.cli.paper_figures import figure_13_axes
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.simulation import simulate_cycles
 from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.settings.known_joints import load_joint
 
 # The tests' independent solution is also what a user would write with scipy.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "model"))

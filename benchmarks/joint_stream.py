@@ -20,9 +20,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.bags.joint_states import places_of_values
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
+from stickslip_ros.settings.known_joints import load_joint
 
 _START, _LOOP = 5.0, 20.0  # [s] of motion that is left out, and that is repeated
 _AT_ONCE = 0.001  # [s] what is due by then is sent together, as nobody sleeps for less

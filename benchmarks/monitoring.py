@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.timing import best
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.settings.known_joints import load_joint
 
 
 def run() -> None:

@@ -14,8 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.settings.known_joints import load_joint
 
 _MINUTES = 3.0
 _JOINTS, _RATE = 7, 1000.0

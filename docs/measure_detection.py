@@ -12,11 +12,11 @@ import math
 
 import numpy as np
 
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import EventKind, simulate
 from stickslip_ros.monitoring.rests import RestDetector
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.settings.known_joints import load_joint
 
 PUMA = load_joint("puma560_joint1").joint
 COUNT = 2.5e-5

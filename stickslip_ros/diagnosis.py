@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from stickslip_ros.joint_settings import FRICTION_UNITS
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice_limits import Condition
@@ -18,6 +17,7 @@ from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.sensitivity import in_words
 from stickslip_ros.monitoring.status import Status
+from stickslip_ros.settings.parameters import FRICTION_UNITS
 
 ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
 PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}

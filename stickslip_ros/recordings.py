@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.known_joints import config_folder
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.settings.known_joints import config_folder
 
 # A column's name begins with what it is and ends with its unit; the first kind that is there serves.
 COLUMNS: dict[str, tuple[str, ...]] = {

@@ -19,7 +19,7 @@ from conftest import ROOT
 
 import stickslip_ros
 from stickslip_ros.errors import JointFileError, UnknownJointError
-from stickslip_ros.known_joints import known_joint_names, load_joint
+from stickslip_ros.settings.known_joints import known_joint_names, load_joint
 
 PACKAGE = ROOT / "stickslip_ros"
 ALLOWED = {

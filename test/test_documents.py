@@ -34,7 +34,7 @@ import yaml
 from conftest import ROOT
 
 from stickslip_ros.cli.main import build_parser
-from stickslip_ros.joint_settings import COMMON, PER_JOINT
+from stickslip_ros.settings.parameters import COMMON, PER_JOINT
 
 FOLDERS = ("docs", "config", "examples")
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))])

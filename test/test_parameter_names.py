@@ -10,8 +10,8 @@ import pytest
 import yaml
 from conftest import ROOT
 
-from stickslip_ros.parameter_file import ParameterFileError, Parameters
-from stickslip_ros.parameter_names import misnamed_sections, sections_of, unknown_name
+from stickslip_ros.settings.parameter_file import ParameterFileError, Parameters
+from stickslip_ros.settings.parameter_names import misnamed_sections, sections_of, unknown_name
 
 CONFIG = ROOT / "config" / "monitor.yaml"
 

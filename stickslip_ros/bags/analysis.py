@@ -19,8 +19,8 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection import Cycle
-from stickslip_ros.parameter_file import Parameters
 from stickslip_ros.recordings import RecordingError
+from stickslip_ros.settings.parameter_file import Parameters
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded
 _AT_ONCE = 8000  # samples of a joint that are followed at once

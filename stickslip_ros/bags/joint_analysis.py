@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip_ros.bags.traces import JointTraces
-from stickslip_ros.joint_settings import JointSettings
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -20,7 +19,8 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.status import Segment, Status
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.parameter_file import Parameters
+from stickslip_ros.settings.parameters import JointSettings
 
 # What a recording as a whole is called, the first of these that it has for a time.
 _WORST_FIRST = (

@@ -12,8 +12,8 @@ from typing import Any
 from stickslip_ros.bags.analysis import AnalysisOptions
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.known_joints import load_joint
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.parameter_file import Parameters
 
 _EVERY = "*"
 

@@ -15,8 +15,8 @@ from rich.console import Console
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.settings.known_joints import load_joint
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

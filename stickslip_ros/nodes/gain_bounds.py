@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from stickslip_ros.joint_settings import JointSettings
+from stickslip_ros.settings.parameters import JointSettings
 
 RANGES = ("stiffness_range", "damping_range")
 

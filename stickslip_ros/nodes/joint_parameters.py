@@ -10,7 +10,7 @@ from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from stickslip_ros.joint_settings import (
+from stickslip_ros.settings.parameters import (
     GAIN_UNITS,
     PER_JOINT,
     RECOMMENDED,

@@ -12,8 +12,14 @@ from pathlib import Path
 import yaml
 from rclpy.node import Node
 
-from stickslip_ros.nearest_name import did_you_mean, nearest_name
-from stickslip_ros.parameter_names import FileSection, UnknownName, misnamed_sections, sections_of, unknown_name
+from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
+from stickslip_ros.settings.parameter_names import (
+    FileSection,
+    UnknownName,
+    misnamed_sections,
+    sections_of,
+    unknown_name,
+)
 
 _PATIENCE = 5.0  # [s] for a joint to be heard for the first time
 _QOS = "qos_overrides."

@@ -17,7 +17,6 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from stickslip_ros.diagnosis import Diagnosis, Level, value_text
-from stickslip_ros.joint_settings import RECOMMENDED
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -43,6 +42,7 @@ from stickslip_ros.nodes.stability_maps import StabilityMaps
 from stickslip_ros.nodes.state_keeper import StateKeeper
 from stickslip_ros.nodes.watched_joint import WatchedJoint
 from stickslip_ros.nodes.watched_joints import WatchedJoints
+from stickslip_ros.settings.parameters import RECOMMENDED
 
 _STALE_AFTER = 1.0  # [s]
 _QUEUE = 5000

@@ -19,13 +19,13 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.compiled_parts import wait_until_compiled
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
+from stickslip_ros.settings.known_joints import load_joint
 
 _GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
 _PROFILES = ("hold", "move", "reverse")

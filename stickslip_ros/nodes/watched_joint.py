@@ -9,7 +9,6 @@ from collections import deque
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from stickslip_ros.joint_settings import PER_JOINT, JointSettings
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -17,6 +16,7 @@ from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.status import Status
 from stickslip_ros.nodes.gain_bounds import GainBounds
+from stickslip_ros.settings.parameters import PER_JOINT, JointSettings
 
 _GAINS_KEPT = 16
 WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)

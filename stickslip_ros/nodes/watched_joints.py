@@ -11,7 +11,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.joint_settings import COMMON
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.adviser import Adviser
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -19,6 +18,7 @@ from stickslip_ros.nodes import joint_parameters
 from stickslip_ros.nodes.gain_bounds import GainBounds
 from stickslip_ros.nodes.refusals import Refusals
 from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.settings.parameters import COMMON
 
 _MOST_JOINTS = 256  # names come from the graph; their number is bounded
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")

@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.bags.analysis import AnalysisOptions
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
-from stickslip_ros.known_joints import load_joint
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.parameter_file import Parameters
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINT_STATE = "sensor_msgs/msg/JointState"

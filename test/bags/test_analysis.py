@@ -40,7 +40,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.status import Status
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.parameter_file import Parameters
 
 EVENT = "rcl_interfaces/msg/ParameterEvent"
 

@@ -20,7 +20,7 @@ from stickslip_ros.bags.analysis_json import bag_json
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.parameter_file import Parameters
 
 KINDS = {"/pd_gains": "std_msgs/msg/Float64MultiArray"}
 WAYS: dict[str, dict[str, Any]] = {

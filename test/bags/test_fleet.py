@@ -26,7 +26,7 @@ from stickslip_ros.bags.analysis import AnalysisOptions
 from stickslip_ros.bags.fleet import analyze_fleet, find_bags
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.parameter_file import Parameters
 
 _WEEK = 7 * 86_400.0
 _OPTIONS = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}))

@@ -21,7 +21,7 @@ from stickslip_ros.bags.report_plots import PLOTS
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.parameter_file import Parameters
 
 _PAINTED = """
 return [...document.querySelectorAll('.plot')].map(plot => {

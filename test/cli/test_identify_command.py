@@ -15,10 +15,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.conversion import stamp
+from stickslip_ros.settings.known_joints import load_joint
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import exactly_smooth
+from stickslip_ros.settings.known_joints import load_joint
 
 PUMA = ["recommend", "--joint", "puma560_joint1", "--least-damping-ratio", "0"]
 KNOWN = load_joint("puma560_joint1")

@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.settings.known_joints import load_joint
 
 PUMA = load_joint("puma560_joint1").joint
 NUMBER = st.floats(allow_nan=True, allow_infinity=True) | st.sampled_from([0.0, 1e-300, 1e300, -1e18, 1e-9])

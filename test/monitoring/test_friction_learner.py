@@ -58,7 +58,7 @@ def watched(batch: Batch, monitor: JointMonitor) -> Assessment:
 @pytest.fixture(scope="module")
 def learnt(request: pytest.FixtureRequest) -> tuple[JointMonitor, Assessment]:
     """A monitor that was told the gains alone, after 36 s of stick slip."""
-    from stickslip_ros.known_joints import load_joint
+    from stickslip_ros.settings.known_joints import load_joint
 
     monitor = JointMonitor(gains=GAINS)
     return monitor, watched(moving(load_joint("puma560_joint1").joint, 36.0), monitor)

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import record
 
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice_limits import AdviceLimits
@@ -21,6 +20,7 @@ from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.status import Finding, Status
+from stickslip_ros.settings.known_joints import load_joint
 
 STICKING = Gains(stiffness=630.0)
 

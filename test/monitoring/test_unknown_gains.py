@@ -61,7 +61,7 @@ def watched(batch: Batch, monitor: JointMonitor | None = None) -> Assessment:
 @pytest.fixture(scope="module")
 def sticking() -> Batch:
     """The paper's joint under a drive with some damping."""
-    from stickslip_ros.known_joints import load_joint
+    from stickslip_ros.settings.known_joints import load_joint
 
     return recorded(load_joint("puma560_joint1").joint)
 

@@ -17,10 +17,10 @@ from stickslip_ros.bags.analysis import AnalysisOptions, analyze
 from stickslip_ros.bags.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.estimation import NAMES
-from stickslip_ros.parameter_file import Parameters
+from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.parameter_file import Parameters
 
 _DURATION, _FACTOR = 14.0, 5.0
 _RELIABLE = {

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from support_ros import Probe, probe
 
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.parameter_names import unknown_name
+from stickslip_ros.settings.parameter_names import unknown_name
 
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false", "state_file": "none"}
 NODE = "stickslip_monitor"

@@ -19,10 +19,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.nodes.speed_ladder import LadderNode, speed_ladder
+from stickslip_ros.settings.known_joints import load_joint
 
 FAST = {"rate": 500.0, "time_factor": 2.0}
 

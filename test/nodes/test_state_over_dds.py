@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 from support_ros import Probe, play, probe, sticking_motion
 
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.joint_settings import COMMON, PER_JOINT, settings_of
-from stickslip_ros.known_joints import load_joint
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.gain_bounds import GainBounds
 from stickslip_ros.nodes.state_file import StateFileError, as_text, default_path, read_state, write_atomically
 from stickslip_ros.nodes.state_keeper import StateKeeper
 from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.parameters import COMMON, PER_JOINT, settings_of
 
 KNOWS_GAINS = {"joints": "[joint1]", "gains.joint1.p": 630.0}
 LEARNT = "stribeck [N*m]"

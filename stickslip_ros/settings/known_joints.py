@@ -53,7 +53,7 @@ def config_folder() -> Path:
         If it is in none of these places.
     """
     prefixes = [Path(prefix) for prefix in environ.get("AMENT_PREFIX_PATH", "").split(":") if prefix]
-    candidates = [Path(__file__).resolve().parents[1] / "config"]
+    candidates = [Path(__file__).resolve().parents[2] / "config"]
     candidates += [prefix / "share" / _PACKAGE / "config" for prefix in [*prefixes, Path(sys.prefix)]]
     for candidate in candidates:
         if (candidate / "joints").is_dir():

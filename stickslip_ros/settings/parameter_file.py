@@ -12,9 +12,8 @@ from typing import Any
 import yaml
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.joint_settings import COMMON, PER_JOINT, JointSettings, settings_of
-from stickslip_ros.known_joints import load_joint
-from stickslip_ros.parameter_names import (
+from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.parameter_names import (
     EVERY_JOINT,
     MONITOR,
     SECTION,
@@ -24,6 +23,7 @@ from stickslip_ros.parameter_names import (
     sections_of,
     unknown_name,
 )
+from stickslip_ros.settings.parameters import COMMON, PER_JOINT, JointSettings, settings_of
 
 
 class ParameterFileError(StickSlipError, ValueError):

@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stickslip_ros.joint_settings import COMMON, PER_JOINT, RECOMMENDED
-from stickslip_ros.nearest_name import did_you_mean, nearest_name
+from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
+from stickslip_ros.settings.parameters import COMMON, PER_JOINT, RECOMMENDED
 
 MONITOR = "stickslip_monitor"
 SECTION = "ros__parameters"
