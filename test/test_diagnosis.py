@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stickslip_ros.diagnosis import Level, joint_diagnostic
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.output.diagnosis import Level, joint_diagnostic
 from stickslip_ros.settings.known_joints import load_joint
 
 UNKNOWN = ExactVerdict(smooth=None)

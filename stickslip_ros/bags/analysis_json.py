@@ -9,13 +9,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.as_json import margin_json, number, recommendation_json
 from stickslip_ros.bags.analysis import BagAnalysis
 from stickslip_ros.bags.joint_analysis import JointAnalysis
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.status import Status
+from stickslip_ros.output.as_json import margin_json, number, recommendation_json
 
 CYCLE_COLUMNS = {
     "breakaway_s": "breakaway",

@@ -14,11 +14,11 @@ import numpy as np
 
 from stickslip_ros.bags.joint_analysis import FollowedJoint
 from stickslip_ros.bags.writing import BagWriter
-from stickslip_ros.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.margin_table import MARGIN_FIELDS, margin_row
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
+from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 
 DIAGNOSTICS, CYCLES, MARGINS = "/diagnostics", "/stickslip_monitor/cycles", "/stickslip_monitor/margins"
 _ARRAY = "diagnostic_msgs/msg/DiagnosticArray"

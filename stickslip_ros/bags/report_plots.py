@@ -22,7 +22,7 @@ from stickslip_ros.bags.joint_analysis import JointAnalysis
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.status import Status
-from stickslip_ros.stability_map import map_of, subject_of
+from stickslip_ros.output.stability_map import map_of, subject_of
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
 _MARKED, _FEW_MARKS = 3000, 150  # cycles at most; from which on their marks are small

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.cli.demo_log import DemoData
-from stickslip_ros.plotting import BLUE, GREEN, GREY, RED
+from stickslip_ros.output.plotting import BLUE, GREEN, GREY, RED
 
 _MOST_POINTS = 6000
 

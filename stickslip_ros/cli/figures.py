@@ -12,7 +12,7 @@ from stickslip_ros.cli import paper_figures
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.extinction_map import extinction_map
-from stickslip_ros.plotting import save
+from stickslip_ros.output.plotting import save
 from stickslip_ros.settings.known_joints import load_joint
 
 _JOINT = "puma560_joint1"

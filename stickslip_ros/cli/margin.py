@@ -12,11 +12,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from stickslip_ros.as_json import margin_json
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.margin import change_factors
+from stickslip_ros.output.as_json import margin_json
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 _FRICTION = {

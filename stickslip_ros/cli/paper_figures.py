@@ -16,7 +16,7 @@ from stickslip_ros.model.extinction import energy_margin, work_integral
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains, Joint, steady_friction, stribeck_shape
 from stickslip_ros.model.simulation import simulate_trajectory
-from stickslip_ros.plotting import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, Curve, Figure, Panel, boundary
+from stickslip_ros.output.plotting import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, Curve, Figure, Panel, boundary
 
 FIGURES = (1, 5, 6, 8, 9, 11, 12, 13, 14)
 WITH_MAP = (13, 14)

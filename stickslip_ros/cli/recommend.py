@@ -14,7 +14,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from stickslip_ros.as_json import margin_json, recommendation_json
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
@@ -23,6 +22,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant, recommend
 from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
 from stickslip_ros.monitoring.sensitivity import Sensitivity, in_words, sensitivities
+from stickslip_ros.output.as_json import margin_json, recommendation_json
 from stickslip_ros.settings.known_joints import load_joint
 
 _WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}

@@ -11,8 +11,8 @@ from pathlib import Path
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.plotting import save
-from stickslip_ros.stability_map import MapSubject, map_figure, map_of
+from stickslip_ros.output.plotting import save
+from stickslip_ros.output.stability_map import MapSubject, map_figure, map_of
 
 _LEAST_POINTS = 100
 

@@ -13,8 +13,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from stickslip_ros.diagnosis import Level
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.output.diagnosis import Level
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _LEAST_WIDTH, _MOST_WIDTH = 12, 60  # of a sparkline

@@ -12,9 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from stickslip_ros.diagnosis import Diagnosis
 from stickslip_ros.model.friction import steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.output.diagnosis import Diagnosis
 
 
 def stamp(time: float) -> Time:

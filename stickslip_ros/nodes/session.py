@@ -16,7 +16,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from stickslip_ros.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -42,6 +41,7 @@ from stickslip_ros.nodes.stability_maps import StabilityMaps
 from stickslip_ros.nodes.state_keeper import StateKeeper
 from stickslip_ros.nodes.watched_joint import WatchedJoint
 from stickslip_ros.nodes.watched_joints import WatchedJoints
+from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.settings.parameters import RECOMMENDED
 
 _STALE_AFTER = 1.0  # [s]

@@ -16,7 +16,7 @@ from stickslip_ros.nodes.background import Background
 from stickslip_ros.nodes.publications import Findings
 from stickslip_ros.nodes.slow_work import SlowWork
 from stickslip_ros.nodes.watched_joint import WORTH_CHANGING
-from stickslip_ros.stability_map import MapSubject, picture, subject_of
+from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 
 _ASK_EVERY = 10.0  # [s] a joint
 _TO_BE_SEEN = 0.03  # relative change of a number that shows in a picture

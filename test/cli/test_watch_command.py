@@ -23,7 +23,7 @@ from rich.console import Console
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.cli.watch_view import JointView, sparkline, view
-from stickslip_ros.diagnosis import Level
+from stickslip_ros.output.diagnosis import Level
 
 COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch"]
 

@@ -26,11 +26,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from stickslip_ros.margin_table import MARGIN_FIELDS
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
+from stickslip_ros.output.margin_table import MARGIN_FIELDS
 from stickslip_ros.settings.known_joints import load_joint
 
 

@@ -13,7 +13,7 @@ from stickslip_ros.model.exact import Progress
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map, map_axes
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.plotting import BLUE, GREEN, RED, Curve, Figure, Panel, Region, boundary, png
+from stickslip_ros.output.plotting import BLUE, GREEN, RED, Curve, Figure, Panel, Region, boundary, png
 
 _FEW_POINTS = 600  # a second's work
 _SAME_DAMPING = 1e-3  # of the total; below it the advised boundary would lie on the other one
