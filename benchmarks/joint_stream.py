@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.bags.joint_states import places_of_values
+from stickslip_ros.messages.joint_states import places_of_values
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.settings.known_joints import load_joint

@@ -15,8 +15,8 @@ from typing import IO, Any
 
 import yaml
 
-from stickslip_ros.bags.blocks import Block, Channel, Storage
 from stickslip_ros.bags.sqlite_storage import SqliteStorage
+from stickslip_ros.messages.blocks import Block, Channel, Storage
 from stickslip_ros.recordings import RecordingError
 
 _SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")

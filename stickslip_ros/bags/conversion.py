@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.bags.simulated import GAINS, REFERENCES, STATES
 from stickslip_ros.bags.writing import BagWriter
+from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.bags.blocks import Channel
-from stickslip_ros.message_content import MessageError
+from stickslip_ros.messages.blocks import Channel
+from stickslip_ros.messages.content import MessageError
 
 
 class Decoder:

@@ -25,7 +25,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from stickslip_ros.bags import _message_kernel as kernel
-from stickslip_ros.bags.blocks import Block, Bytes, Channel, Integers, Warn
+from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = 9 + 20
@@ -64,7 +64,7 @@ class McapStorage:
         self._unknown = 0
 
     def channels(self) -> dict[Channel, int]:
-        """See :class:`~stickslip_ros.bags.blocks.Storage`.
+        """See :class:`~stickslip_ros.messages.blocks.Storage`.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class McapStorage:
         return {**dict.fromkeys(self._channels.values(), 0), **counts}
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        """See :class:`~stickslip_ros.bags.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         self._unknown = 0
         if self._summary is not None and self._summary.chunks:
             yield from self._by_index(self._summary, wanted, progress)

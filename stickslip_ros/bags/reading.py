@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.bags import joint_states
 from stickslip_ros.bags.bag import Bag
-from stickslip_ros.bags.blocks import Block, Channel, Integers
 from stickslip_ros.bags.decoding import Decoder
-from stickslip_ros.bags.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.bags.parameter_events import GainEvents
 from stickslip_ros.bags.topics import EVENTS_TYPE, Topics
-from stickslip_ros.message_content import MessageError, gains_from_message, reference_rows, seconds
+from stickslip_ros.messages import joint_states
+from stickslip_ros.messages.blocks import Block, Channel, Integers
+from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
+from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.model.friction import Gains
 
 FloatArray = NDArray[np.float64]

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.bags.blocks import Block, Channel, Warn
+from stickslip_ros.messages.blocks import Block, Channel, Warn
 
 _MESSAGES = 4096  # in a block
 
@@ -26,7 +26,7 @@ class SqliteStorage:
         self._path, self._warn, self._name = path, warn, name
 
     def channels(self) -> dict[Channel, int]:
-        """See :class:`~stickslip_ros.bags.blocks.Storage`.
+        """See :class:`~stickslip_ros.messages.blocks.Storage`.
 
         Raises
         ------
@@ -43,7 +43,7 @@ class SqliteStorage:
             raise ValueError(f"not a rosbag2 database: {' '.join(str(error).split())}") from error
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        """See :class:`~stickslip_ros.bags.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         from rosbags.rosbag2 import Reader
 
         size, told, taken = self._path.stat().st_size, 0, 0

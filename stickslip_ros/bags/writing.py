@@ -16,9 +16,9 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from stickslip_ros.bags.joint_states import FIELDS, places_of_values
-from stickslip_ros.bags.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.messages.joint_states import FIELDS, places_of_values
+from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.recordings import RecordingError
 
 FloatArray = NDArray[np.float64]

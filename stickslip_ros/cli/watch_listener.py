@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.watch_view import JointView
-from stickslip_ros.message_content import seconds
+from stickslip_ros.messages.content import seconds
 from stickslip_ros.output.diagnosis import Level
 
 _STALE_AFTER = 3.0  # [s] without a status

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_parameter_events
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.message_content import MessageError, gains_from_message
+from stickslip_ros.messages.content import MessageError, gains_from_message
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gain_source import ControllerGains
 from stickslip_ros.nodes.remote_parameters import RemoteParameters

@@ -12,8 +12,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.bags.blocks import Block, Integers
-from stickslip_ros.bags.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
+from stickslip_ros.messages.blocks import Block, Integers
+from stickslip_ros.messages.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.nodes.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.backlog import Backlog
 from stickslip_ros.nodes.drain import DrainedSubscription

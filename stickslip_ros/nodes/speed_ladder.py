@@ -16,7 +16,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.message_content import MessageError, joint_rows, seconds
+from stickslip_ros.messages.content import MessageError, joint_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch

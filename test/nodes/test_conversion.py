@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from stickslip_ros.message_content import MessageError, gains_from_message, joint_rows, reference_rows, seconds
+from stickslip_ros.messages.content import MessageError, gains_from_message, joint_rows, reference_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.conversion import stamp, table
 

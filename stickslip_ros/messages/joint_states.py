@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.bags import _message_kernel as kernel
-from stickslip_ros.bags.blocks import Block, Bytes, Integers
-from stickslip_ros.message_content import MessageError, check_joint_row
+from stickslip_ros.messages.blocks import Block, Bytes, Integers
+from stickslip_ros.messages.content import MessageError, check_joint_row
 
 TYPE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
