@@ -16,9 +16,9 @@ import numpy as np
 matplotlib.use("Agg")
 from matplotlib import pyplot
 
+from stickslip_ros.bags.table import load_recording
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.recordings import load_recording
 
 PICTURES = Path(__file__).parent / "pictures"
 # Name of the picture, file, rows, and the unit's factor and name.

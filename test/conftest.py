@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from stickslip_ros.bags.table import load_recording
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.recordings import load_recording
 from stickslip_ros.settings.known_joints import load_joint
 
 ROOT = Path(__file__).resolve().parents[1]

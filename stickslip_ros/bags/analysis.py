@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.bag import Bag
 from stickslip_ros.bags.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
+from stickslip_ros.bags.storage.bag import Bag
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, Topics, find_topics
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection import Cycle
-from stickslip_ros.recordings import RecordingError
 from stickslip_ros.settings.parameter_file import Parameters
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stickslip_ros.bags.bag import Bag
 from stickslip_ros.bags.reading import BagReader
+from stickslip_ros.bags.storage.bag import Bag
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_topics
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.recordings import RecordingError
 
 
 def read_joint(path: Path, joint: str, choice: TopicChoice | None = None) -> Batch:

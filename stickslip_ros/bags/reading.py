@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.bags.bag import Bag
 from stickslip_ros.bags.decoding import Decoder
 from stickslip_ros.bags.parameter_events import GainEvents
+from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.topics import EVENTS_TYPE, Topics
 from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.blocks import Block, Channel, Integers

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from stickslip_ros.bags.decoding import Decoder
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.blocks import Channel
 from stickslip_ros.messages.content import MessageError
-from stickslip_ros.recordings import RecordingError
 
 REFERENCE_TYPES = ("control_msgs/msg/JointTrajectoryControllerState", "control_msgs/msg/MultiDOFStateStamped")
 GAINS_TYPE = "std_msgs/msg/Float64MultiArray"

@@ -16,10 +16,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
-from stickslip_ros.recordings import RecordingError
 
 FloatArray = NDArray[np.float64]
 COMPRESSIONS = ("zstd", "lz4", "none")

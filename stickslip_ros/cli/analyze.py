@@ -23,11 +23,11 @@ from stickslip_ros.bags.fleet import Answer, analyze_fleet, find_bags
 from stickslip_ros.bags.fleet_page import write_fleet_page
 from stickslip_ros.bags.fleet_table import rows_of, write_table
 from stickslip_ros.bags.report import write_report
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import print_analysis, print_fleet
 from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_output
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.recordings import RecordingError
 
 _ANNOTATED_EVERY = 1.0  # [s]
 

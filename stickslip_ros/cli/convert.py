@@ -16,11 +16,11 @@ import numpy as np
 from rich.console import Console
 
 from stickslip_ros.bags.conversion import write_recording
+from stickslip_ros.bags.table import COLUMNS, UNITS, find_recording, load_recording
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.bag_options import check_output
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.recordings import COLUMNS, UNITS, find_recording, load_recording
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

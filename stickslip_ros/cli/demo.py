@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.recordings import find_recording, load_recording
 from stickslip_ros.warm_up import compile_ahead, is_warm
 
 if TYPE_CHECKING:

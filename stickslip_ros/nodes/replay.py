@@ -19,14 +19,14 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.bags.bag import Bag
+from stickslip_ros.bags.storage.bag import Bag
+from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice, find_topics
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.running import run
-from stickslip_ros.recordings import find_recording, load_recording
 
 _TIMER_PERIOD = 0.005
 _MOST_AT_ONCE = 200

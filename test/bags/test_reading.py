@@ -23,11 +23,11 @@ from rosbags.rosbag2 import StoragePlugin
 from support_bags import JOINT_STATE, STORE, joint_state, messages_of, simulated_bag, write_mcap
 
 from stickslip_ros.bags.joint_samples import read_joint
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.messages.blocks import Block
 from stickslip_ros.messages.joint_states import JointStateDecoder
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.recordings import RecordingError
 
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 CONTROLLER_STATE_TEXT = f"""std_msgs/Header header

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from conftest import ROOT, recording
 
+from stickslip_ros.bags.table import load_recording
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.status import Status
-from stickslip_ros.recordings import load_recording
 
 
 def watch(batch: Batch) -> tuple[int, dict[Status, float]]:

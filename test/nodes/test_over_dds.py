@@ -13,10 +13,10 @@ import pytest
 from conftest import recording
 from support_ros import probe, staircase
 
+from stickslip_ros.bags.table import load_recording
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.conversion import table
-from stickslip_ros.recordings import load_recording
 
 _INCOMING = ("joint_states", "joint_references")
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}

@@ -15,9 +15,9 @@ from typing import IO, Any
 
 import yaml
 
-from stickslip_ros.bags.sqlite_storage import SqliteStorage
+from stickslip_ros.bags.storage.sqlite import SqliteStorage
+from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages.blocks import Block, Channel, Storage
-from stickslip_ros.recordings import RecordingError
 
 _SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
 _MCAP = b"\x89MCAP"
@@ -146,7 +146,7 @@ class Bag:
 
     def _mcap(self, file: Path, open_stream: Callable[[Path], IO[bytes]] | None = None) -> Storage:
         # Whoever reads no MCAP file can do without its package.
-        from stickslip_ros.bags.mcap_storage import McapStorage
+        from stickslip_ros.bags.storage.mcap import McapStorage
 
         return McapStorage(file, self.warnings.append, open_stream)
 
