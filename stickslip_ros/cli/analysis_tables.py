@@ -11,11 +11,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from stickslip_ros.bags import words
-from stickslip_ros.bags.analysis import BagAnalysis
-from stickslip_ros.bags.fleet import Answer
-from stickslip_ros.bags.fleet_table import by_joint, rows_of
-from stickslip_ros.bags.joint_analysis import JointAnalysis
+from stickslip_ros.analysis import words
+from stickslip_ros.analysis.analysis import BagAnalysis
+from stickslip_ros.analysis.fleet import Answer
+from stickslip_ros.analysis.fleet_table import by_joint, rows_of
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.status import Status
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}

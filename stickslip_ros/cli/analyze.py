@@ -16,13 +16,13 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.bags.analysis import AnalysisOptions, BagAnalysis, analyze
-from stickslip_ros.bags.analysis_json import bag_json, write_cycles
-from stickslip_ros.bags.annotation import Annotation
-from stickslip_ros.bags.fleet import Answer, analyze_fleet, find_bags
-from stickslip_ros.bags.fleet_page import write_fleet_page
-from stickslip_ros.bags.fleet_table import rows_of, write_table
-from stickslip_ros.bags.report import write_report
+from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
+from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
+from stickslip_ros.analysis.annotation import Annotation
+from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
+from stickslip_ros.analysis.fleet_table import rows_of, write_table
+from stickslip_ros.analysis.report.fleet_page import write_fleet_page
+from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import print_analysis, print_fleet
 from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_output

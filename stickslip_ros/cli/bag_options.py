@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.bags.analysis import AnalysisOptions
+from stickslip_ros.analysis.analysis import AnalysisOptions
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.settings.known_joints import load_joint

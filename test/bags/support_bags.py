@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from stickslip_ros.bags.analysis import AnalysisOptions
+from stickslip_ros.analysis.analysis import AnalysisOptions
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_file import Parameters

@@ -31,8 +31,8 @@ from support_bags import (
     write_mcap,
 )
 
-from stickslip_ros.bags.analysis import AnalysisOptions, analyze
-from stickslip_ros.bags.analysis_json import bag_json
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
+from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main

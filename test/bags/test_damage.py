@@ -15,8 +15,8 @@ import yaml
 from mcap.writer import CompressionType
 from support_bags import JOINT_STATE, WITHOUT_LEARNING, definition, joint_state, messages_of, simulated_bag, write_mcap
 
-from stickslip_ros.bags.analysis import AnalysisOptions, analyze
-from stickslip_ros.bags.analysis_json import bag_json
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
+from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickSlipError

@@ -22,8 +22,8 @@ from browser import browser
 from distributed import Client, LocalCluster
 from support_bags import sticking
 
-from stickslip_ros.bags.analysis import AnalysisOptions
-from stickslip_ros.bags.fleet import analyze_fleet, find_bags
+from stickslip_ros.analysis.analysis import AnalysisOptions
+from stickslip_ros.analysis.fleet import analyze_fleet, find_bags
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.settings.parameter_file import Parameters

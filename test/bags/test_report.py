@@ -15,9 +15,9 @@ from browser import browser
 from selenium.webdriver.common.action_chains import ActionChains
 from support_bags import sticking
 
-from stickslip_ros.bags.analysis import AnalysisOptions, analyze
-from stickslip_ros.bags.report import write_report
-from stickslip_ros.bags.report_plots import PLOTS
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
+from stickslip_ros.analysis.report.plots import PLOTS
+from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from support_ros import Probe, probe
 
-from stickslip_ros.bags.analysis import AnalysisOptions, analyze
-from stickslip_ros.bags.joint_analysis import FollowedJoint, JointAnalysis
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
+from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Friction, Gains, Joint

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.fleet import Answer
-from stickslip_ros.bags.fleet_table import Row, by_joint, rows_of
-from stickslip_ros.bags.html_page import YEAR_2001, anchor, drawn, write_page
+from stickslip_ros.analysis.fleet import Answer
+from stickslip_ros.analysis.fleet_table import Row, by_joint, rows_of
+from stickslip_ros.analysis.report.page import YEAR_2001, anchor, drawn, write_page
 
 _WORST_FIRST = ("stick_slip", "at_risk", "smooth", "not_judged", "at_rest", "unknown")
 _TRENDS = {
@@ -131,7 +131,7 @@ def _trend(key: tuple[str, str], rows: Sequence[Row], figures: list[Any]) -> str
 
 def _axes(rows: Sequence[Row], label: str) -> tuple[Any, list[Any]]:
     """An empty figure and where the recordings stand on it: by date, or by number where there are no dates."""
-    from stickslip_ros.bags.report_plots import new_figure
+    from stickslip_ros.analysis.report.plots import new_figure
 
     times = [row["recorded"] for row in rows]
     dated = all(time is not None and time > YEAR_2001 for time in times)
@@ -141,7 +141,7 @@ def _axes(rows: Sequence[Row], label: str) -> tuple[Any, list[Any]]:
 
 
 def _figure(rows: Sequence[Row], name: str, label: str, figures: list[Any]) -> str:
-    from stickslip_ros.bags.report_plots import BLUE
+    from stickslip_ros.analysis.report.plots import BLUE
 
     plot, at = _axes(rows, label)
     values = np.array([row[name] for row in rows])
@@ -159,7 +159,7 @@ def _figure(rows: Sequence[Row], name: str, label: str, figures: list[Any]) -> s
 
 
 def _sticking(rows: Sequence[Row], figures: list[Any]) -> str:
-    from stickslip_ros.bags.report_plots import RED
+    from stickslip_ros.analysis.report.plots import RED
 
     label = "time spent sticking [%]"
     plot, at = _axes(rows, label)

@@ -38,7 +38,7 @@ def write_page(path: Path, title: str, body: str, figures: Sequence[Any]) -> Non
     for div in divs:
         body = body.replace(_PLACE, div, 1)
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if figures else ""
-    folder = resources.files("stickslip_ros.bags").joinpath("page")
+    folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
     style, own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
     scripts = f"<script>{library}</script>\n{script}\n<script>{own}</script>" if figures else ""
     page = f"""<!DOCTYPE html>

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from stickslip_ros.bags.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.status import Status
 
 

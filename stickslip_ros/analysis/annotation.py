@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.joint_analysis import FollowedJoint
+from stickslip_ros.analysis.joint_analysis import FollowedJoint
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment

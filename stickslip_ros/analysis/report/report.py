@@ -11,10 +11,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.bags import words
-from stickslip_ros.bags.analysis import BagAnalysis
-from stickslip_ros.bags.html_page import YEAR_2001, anchor, drawn, write_page
-from stickslip_ros.bags.joint_analysis import JointAnalysis
+from stickslip_ros.analysis import words
+from stickslip_ros.analysis.analysis import BagAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.report.page import YEAR_2001, anchor, drawn, write_page
 from stickslip_ros.monitoring.estimation import NAMES
 from stickslip_ros.monitoring.status import Status
 
@@ -110,7 +110,7 @@ def _overview(joints: Sequence[JointAnalysis], shown: Sequence[JointAnalysis]) -
 
 
 def _section(joint: JointAnalysis, figures: list[Any]) -> str:
-    from stickslip_ros.bags import report_plots
+    from stickslip_ros.analysis.report import plots as report_plots
 
     plots = [plot for make in report_plots.PLOTS if (plot := make(joint)) is not None]
     figures += [plot.figure for plot in plots]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.joint_analysis import FollowedJoint, JointAnalysis
+from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError

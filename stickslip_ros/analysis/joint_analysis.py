@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.bags.traces import JointTraces
+from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment

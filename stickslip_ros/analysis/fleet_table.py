@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.bags.fleet import Answer
+from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.estimation import NAMES
 

@@ -18,7 +18,7 @@ from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool
 from bokeh.plotting import figure
 from contourpy import contour_generator
 
-from stickslip_ros.bags.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.status import Status

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import stickslip_ros
-from stickslip_ros.bags.analysis import AnalysisOptions, analyze
-from stickslip_ros.bags.analysis_json import bag_json
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
+from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.errors import StickSlipError
 
 _SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")

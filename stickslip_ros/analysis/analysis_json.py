@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.bags.analysis import BagAnalysis
-from stickslip_ros.bags.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.analysis import BagAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate
