@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import once
-from stickslip_ros.monitoring.advice import Kind, Recommendation, recommend
-from stickslip_ros.monitoring.advice_limits import Condition
+from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, recommend
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
 from random_advice import AdviceCase, brute_force, random_case

@@ -19,9 +19,9 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant, recommend
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
-from stickslip_ros.monitoring.sensitivity import Sensitivity, in_words, sensitivities
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
+from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
 from stickslip_ros.output.as_json import margin_json, recommendation_json
 from stickslip_ros.settings.known_joints import load_joint
 

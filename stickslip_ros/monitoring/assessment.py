@@ -12,9 +12,9 @@ from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin
-from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant
-from stickslip_ros.monitoring.advice_limits import AdviceLimits
-from stickslip_ros.monitoring.adviser import Advice
+from stickslip_ros.monitoring.advice.adviser import Advice
+from stickslip_ros.monitoring.advice.limits import AdviceLimits
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.status import Finding

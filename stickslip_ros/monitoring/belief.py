@@ -11,9 +11,9 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring.advice.requirement import Uncertainty
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.estimation import DRAWS, FrictionEstimate
-from stickslip_ros.monitoring.requirement import Uncertainty
 from stickslip_ros.monitoring.samples import FloatArray
 
 _SAME = 0.01

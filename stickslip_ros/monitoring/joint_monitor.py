@@ -16,8 +16,8 @@ from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring import _motion_kernel as kernel
-from stickslip_ros.monitoring.advice_limits import Circumstances
-from stickslip_ros.monitoring.adviser import Adviser
+from stickslip_ros.monitoring.advice.adviser import Adviser
+from stickslip_ros.monitoring.advice.limits import Circumstances
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import uncertainty_of
 from stickslip_ros.monitoring.detection import Cycle, CycleDetector

@@ -10,8 +10,8 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
-from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
+from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same
 from stickslip_ros.monitoring.estimation import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from time import monotonic
 
-from stickslip_ros.monitoring.adviser import Advice, AdviceQuestion, Adviser, advise
+from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, advise
 from stickslip_ros.nodes.background import Background
 from stickslip_ros.nodes.slow_work import SlowWork
 

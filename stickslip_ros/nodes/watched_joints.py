@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.adviser import Adviser
+from stickslip_ros.monitoring.advice.adviser import Adviser
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes import joint_parameters
 from stickslip_ros.nodes.gain_bounds import GainBounds

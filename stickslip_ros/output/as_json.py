@@ -12,8 +12,8 @@ from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
-from stickslip_ros.monitoring.advice import Kind, Recommendation, Variant
-from stickslip_ros.monitoring.sensitivity import Sensitivity
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
+from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 
 
 def number(value: Any) -> float | None:

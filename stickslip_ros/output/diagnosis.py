@@ -11,11 +11,11 @@ from enum import IntEnum
 
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.advice_limits import Condition
+from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.sensitivity import in_words
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection import Cycle
 from stickslip_ros.monitoring.estimation import FrictionEstimate
-from stickslip_ros.monitoring.sensitivity import in_words
 from stickslip_ros.monitoring.status import Status
 from stickslip_ros.settings.parameters import FRICTION_UNITS
 

@@ -17,8 +17,8 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.advice import Kind
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 from stickslip_ros.settings.parameter_values import ParameterValues

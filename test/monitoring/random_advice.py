@@ -15,7 +15,7 @@ from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_rat
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import exactly_smooth
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
 
 _NO_DAMPING = 0.01  # damping ratio that counts as none, as the advice has it
 _CANDIDATES = 40

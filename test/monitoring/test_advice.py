@@ -21,15 +21,15 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import exactly_smooth
-from stickslip_ros.monitoring.advice import Kind, recommend
-from stickslip_ros.monitoring.advice_limits import (
+from stickslip_ros.monitoring.advice.limits import (
     AdviceLimits,
     Circumstances,
     Condition,
     bounds_at,
     largest_bandwidth,
 )
-from stickslip_ros.monitoring.requirement import Uncertainty
+from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.requirement import Uncertainty
 
 STICKING = Gains(stiffness=630.0)
 SPEED = 0.0058

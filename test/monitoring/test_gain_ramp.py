@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.gain_ramp import GainRamp
+from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
 
 positive = st.floats(1e-3, 1e5)
 damping = st.one_of(st.just(0.0), st.floats(1e-3, 1e4))

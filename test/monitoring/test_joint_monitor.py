@@ -15,7 +15,7 @@ from support import record
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.monitoring.advice_limits import AdviceLimits
+from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

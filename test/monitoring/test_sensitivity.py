@@ -13,8 +13,8 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.monitoring.advice_limits import Condition
-from stickslip_ros.monitoring.sensitivity import PARAMETERS, in_words, sensitivities
+from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.sensitivity import PARAMETERS, in_words, sensitivities
 
 GAINS, SPEED = Gains(stiffness=2016.0), 0.00493
 

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice_search import damping_floor
+from stickslip_ros.monitoring.advice.search import damping_floor
 
 _LARGEST_STEP = 0.04  # of the logarithms of the gains, however slow the steps are
 _LARGEST_EFFORT_STEP = 0.05  # of the largest effort of the last second

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity
-from stickslip_ros.monitoring.advice import Recommendation, recommend
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances
-from stickslip_ros.monitoring.requirement import Uncertainty
-from stickslip_ros.monitoring.sensitivity import Sensitivity, sensitivities
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances
+from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend
+from stickslip_ros.monitoring.advice.requirement import Uncertainty
+from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
 
 _SAME_SPEED = 0.01
 _SAME_RATE = 0.05
@@ -22,7 +22,7 @@ _SAME_ERROR = 0.2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdviceQuestion:
-    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend`.
+    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommendation.recommend`.
 
     Attributes
     ----------

@@ -22,9 +22,9 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Circumstances, Condition
-from stickslip_ros.monitoring.advice_search import AdviceSearch, Obstruction
-from stickslip_ros.monitoring.requirement import Requirement, SteadySliding, Uncertainty
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding, Uncertainty
+from stickslip_ros.monitoring.advice.search import AdviceSearch, Obstruction
 
 _MORE_DAMPING = 1.25  # asked for besides, where the integration refutes what a search has found
 _MOST_DAMPING = 10.0

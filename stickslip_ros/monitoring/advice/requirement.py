@@ -15,7 +15,7 @@ from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_rat
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
 from stickslip_ros.monitoring.samples import FloatArray
 
 _LEAST_RATIO = 1e-6  # without any damping no oscillation dies

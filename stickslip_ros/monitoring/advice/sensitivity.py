@@ -15,7 +15,7 @@ from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.advice_limits import Condition
+from stickslip_ros.monitoring.advice.limits import Condition
 from stickslip_ros.monitoring.samples import FloatArray
 
 PARAMETERS = ("stribeck", "stribeck_velocity", "lag", "rise_time", "viscous")

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice_limits import AdviceLimits, Bound, Circumstances, bounds_at
-from stickslip_ros.monitoring.requirement import Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, Circumstances, bounds_at
+from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
 from stickslip_ros.monitoring.samples import FloatArray
 
 _REACH = 1e4  # times the present stiffness, either way
