@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import EventKind, simulate
-from stickslip_ros.monitoring.rests import RestDetector
+from stickslip_ros.monitoring.detection.rests import RestDetector
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.settings.known_joints import load_joint
 

@@ -19,7 +19,7 @@ from stickslip_ros.bags.topics import TopicChoice, Topics, find_topics
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.settings.parameter_file import Parameters
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded

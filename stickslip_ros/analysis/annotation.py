@@ -16,7 +16,7 @@ from stickslip_ros.analysis.joint_analysis import FollowedJoint
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 

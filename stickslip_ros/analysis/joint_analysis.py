@@ -14,11 +14,11 @@ from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-from stickslip_ros.monitoring.status import Segment, Status
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
 

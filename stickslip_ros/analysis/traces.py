@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.sliding import sliding_points

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.monitoring.status import Status
+from stickslip_ros.monitoring.detection.status import Status
 
 
 def finding(joint: JointAnalysis) -> str:

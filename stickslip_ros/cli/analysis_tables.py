@@ -16,7 +16,7 @@ from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.fleet_table import by_joint, rows_of
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.monitoring.status import Status
+from stickslip_ros.monitoring.detection.status import Status
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _WIDTH = 120

@@ -15,9 +15,9 @@ from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.monitoring.advice.adviser import Advice
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.detection.status import Finding
 from stickslip_ros.monitoring.estimation import FrictionEstimate
-from stickslip_ros.monitoring.status import Finding
 
 
 @dataclass(frozen=True, kw_only=True)

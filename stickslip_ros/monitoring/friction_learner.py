@@ -18,7 +18,7 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring import _window_kernel as kernel
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.estimation import (
     NAMES,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate, ParameterEstimate, estimate_friction
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

@@ -15,21 +15,21 @@ import numpy as np
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.monitoring import _motion_kernel as kernel
 from stickslip_ros.monitoring.advice.adviser import Adviser
 from stickslip_ros.monitoring.advice.limits import Circumstances
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import uncertainty_of
-from stickslip_ros.monitoring.detection import Cycle, CycleDetector
+from stickslip_ros.monitoring.detection import _motion_kernel as kernel
+from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
+from stickslip_ros.monitoring.detection.motion import MotionRecord
+from stickslip_ros.monitoring.detection.rests import RestDetector
+from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
+from stickslip_ros.monitoring.detection.status import Finding, Segment, Status
 from stickslip_ros.monitoring.friction_learner import FrictionLearner, LearnerMemory
-from stickslip_ros.monitoring.motion import MotionRecord
 from stickslip_ros.monitoring.outlook import Outlook
-from stickslip_ros.monitoring.rests import RestDetector
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
-from stickslip_ros.monitoring.segments import SILENCE, STATUS_OF, Segments
 from stickslip_ros.monitoring.slip_windows import slip_window
-from stickslip_ros.monitoring.status import Finding, Segment, Status
 
 _RECENT_CYCLES = 5
 _RECENT = 1.0  # [s] over which the largest errors are taken

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _MOST_OBSERVATIONS = 240

@@ -16,7 +16,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
 from stickslip_ros.monitoring.advice.recommendation import Variant
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.status import Status
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
 from stickslip_ros.nodes.gain_source import gain_name
 from stickslip_ros.nodes.remote_parameters import RemoteParameters, number

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.nodes import joint_parameters, monitor_parameters, studies
 from stickslip_ros.nodes.advice_worker import AdviceWorker
 from stickslip_ros.nodes.apply_service import ApplyService, NotYetError, RefusedError

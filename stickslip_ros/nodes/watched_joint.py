@@ -11,10 +11,10 @@ from functools import cached_property
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.status import Status
 from stickslip_ros.nodes.gain_bounds import GainBounds
 from stickslip_ros.settings.parameters import PER_JOINT, JointSettings
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.status import Status
+from stickslip_ros.monitoring.detection.status import Status
 
 MARGIN_FIELDS = (
     "status",

@@ -37,9 +37,9 @@ from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.status import Status
 from stickslip_ros.settings.parameter_file import Parameters
 
 EVENT = "rcl_interfaces/msg/ParameterEvent"

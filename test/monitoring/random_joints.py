@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.slip_windows import SlipWindow, slip_window

@@ -10,7 +10,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, Trajectory, simulate
-from stickslip_ros.monitoring.detection import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 

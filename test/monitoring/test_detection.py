@@ -12,9 +12,9 @@ import pytest
 from support import SimulatedRecording, cycles_of, record
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.status import Status
 
 STIFFNESSES = (50, 100, 200, 350, 500)
 SPEEDS = (0.5, 1.0, 2.0, 5.0)

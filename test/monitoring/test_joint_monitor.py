@@ -17,9 +17,9 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
+from stickslip_ros.monitoring.detection.status import Finding, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.status import Finding, Status
 from stickslip_ros.settings.known_joints import load_joint
 
 STICKING = Gains(stiffness=630.0)

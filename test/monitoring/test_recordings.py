@@ -9,9 +9,9 @@ import pytest
 from conftest import ROOT, recording
 
 from stickslip_ros.bags.table import load_recording
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.status import Status
 
 
 def watch(batch: Batch) -> tuple[int, dict[Status, float]]:

@@ -20,8 +20,8 @@ from contourpy import contour_generator
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.model.friction import Friction, steady_friction
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-from stickslip_ros.monitoring.status import Status
 from stickslip_ros.output.stability_map import map_of, subject_of
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"

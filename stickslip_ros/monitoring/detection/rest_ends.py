@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring import _knot_kernel as kernel
+from stickslip_ros.monitoring.detection import _knot_kernel as kernel
 
 _WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
 _WINDOW_KNOTS = 6

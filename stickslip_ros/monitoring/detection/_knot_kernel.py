@@ -5,7 +5,7 @@
 A knot is set whenever the joint has moved by one band: the encoder's resolution, or the noise if that
 is larger. Slow motion has long gaps between knots, fast motion short ones, whatever the sampling
 rate. A spell is a run of gaps much slower than the motion before it; it ends when the joint moves much
-faster again. Whether a spell was a stick is decided by :mod:`stickslip_ros.monitoring.detection`.
+faster again. Whether a spell was a stick is decided by :mod:`stickslip_ros.monitoring.detection.cycles`.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
-from stickslip_ros.monitoring import _knot_kernel as kernel
 from stickslip_ros.monitoring._quantile_kernel import quantile
+from stickslip_ros.monitoring.detection import _knot_kernel as kernel
 
 SLICE_LENGTH = 0.05  # [s] how finely findings are dated
 PAST = 4096

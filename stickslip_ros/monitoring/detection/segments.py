@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring import _motion_kernel as kernel
+from stickslip_ros.monitoring.detection import _motion_kernel as kernel
+from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.status import Segment, Status
 
 SILENCE = 2.0  # [s] without a sample, from which on the motion before is another story
 STATUS_OF = {

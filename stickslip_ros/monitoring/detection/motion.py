@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.monitoring import _motion_kernel as kernel
+from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.samples import FloatArray
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.monitoring.rests import Rest
+from stickslip_ros.monitoring.detection.rests import Rest
 
 _DRIVEN_SHARE = 0.1  # of the mean speed of the cycle: how fast the reference must go on during a rest
 _LEAST_STEP = 0.2  # of the way that the reference goes during the next rest

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring import _knot_kernel as kernel
-from stickslip_ros.monitoring import _motion_kernel as motion_kernel
-from stickslip_ros.monitoring.motion import MotionRecord
-from stickslip_ros.monitoring.rest_ends import braking_knots, fastest, rest_ends, rest_gaps
+from stickslip_ros.monitoring.detection import _knot_kernel as kernel
+from stickslip_ros.monitoring.detection import _motion_kernel as motion_kernel
+from stickslip_ros.monitoring.detection.motion import MotionRecord
+from stickslip_ros.monitoring.detection.rest_ends import braking_knots, fastest, rest_ends, rest_gaps
 from stickslip_ros.monitoring.samples import Batch
 
 _LEAST_SLIP_BANDS = 3.0
