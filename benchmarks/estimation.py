@@ -21,10 +21,10 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import EventKind
-from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate, estimate_friction
-from stickslip_ros.monitoring.friction_learner import FrictionLearner
-from stickslip_ros.monitoring.slip_fit import Tolerances, evidence
-from stickslip_ros.monitoring.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, estimate_friction
+from stickslip_ros.monitoring.friction.learner import FrictionLearner
+from stickslip_ros.monitoring.friction.slip_fit import Tolerances, evidence
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
 from random_joints import RandomRecording, cut_slips, random_recording

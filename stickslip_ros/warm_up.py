@@ -115,8 +115,8 @@ def _use_verdict() -> None:
 
 def _use_simulation() -> None:
     from stickslip_ros.model.joint_simulation import simulate
-    from stickslip_ros.monitoring.slip_problem import PARAMETERS, SlipProblem
-    from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
+    from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+    from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 
     joint, gains = _example()
     time = 0.01 * np.arange(20.0)

@@ -14,7 +14,7 @@ from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.output.as_json import margin_json, number, recommendation_json
 
 CYCLE_COLUMNS = {

@@ -11,7 +11,7 @@ from typing import Any
 
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.monitoring.friction.estimate import NAMES
 
 _PLAIN = ("samples", "duration", "sample_rate", "status", "velocity")
 _MARGIN = ("energy_margin", "damping_ratio", "critical_damping_ratio", "lowest_smooth_velocity")

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-from stickslip_ros.monitoring.sliding import sliding_points
 
 _BUCKETS = 2000  # of an outline, up to twice as many while it is made
 _CYCLES_KEPT = 5

@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding
-from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 
 
 @dataclass(frozen=True, kw_only=True)

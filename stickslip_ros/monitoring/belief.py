@@ -13,7 +13,7 @@ from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.monitoring.advice.requirement import Uncertainty
 from stickslip_ros.monitoring.drive import DriveGains
-from stickslip_ros.monitoring.estimation import DRAWS, FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import DRAWS, FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 
 _SAME = 0.01

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_problem import SlipProblem
-from stickslip_ros.monitoring.slip_windows import SlipWindow
 
 _LATEST = 12  # slips, since somebody may have turned the gains after the earlier ones
 _LEAST = 3

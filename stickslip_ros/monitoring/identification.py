@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.estimation import NAMES, FrictionEstimate, ParameterEstimate, estimate_friction
+from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate, estimate_friction
+from stickslip_ros.monitoring.friction.sliding import SlidingFriction, sliding_friction
+from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.sliding import SlidingFriction, sliding_friction
-from stickslip_ros.monitoring.slip_windows import slip_window
 
 _FROM_SLIDING = ("coulomb", "viscous", "stribeck", "stribeck_velocity")
 

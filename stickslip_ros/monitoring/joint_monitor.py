@@ -25,11 +25,11 @@ from stickslip_ros.monitoring.detection.motion import MotionRecord
 from stickslip_ros.monitoring.detection.rests import RestDetector
 from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
 from stickslip_ros.monitoring.detection.status import Finding, Segment, Status
-from stickslip_ros.monitoring.friction_learner import FrictionLearner, LearnerMemory
+from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
+from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.outlook import Outlook
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
-from stickslip_ros.monitoring.slip_windows import slip_window
 
 _RECENT_CYCLES = 5
 _RECENT = 1.0  # [s] over which the largest errors are taken

@@ -13,7 +13,7 @@ from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same
-from stickslip_ros.monitoring.estimation import FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.model.friction import Joint
-from stickslip_ros.monitoring import _window_kernel as kernel
 from stickslip_ros.monitoring.drive import drive_gains
-from stickslip_ros.monitoring.estimation import FrictionEstimate, assess, covariance_of, honest_covariance, solve
+from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, assess, covariance_of, honest_covariance, solve
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_problem import LEVEL, STRIBECK
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.slip_problem import LEVEL, STRIBECK
-from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
 
 
 @dataclass(frozen=True, kw_only=True)

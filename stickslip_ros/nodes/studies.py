@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from stickslip_ros.monitoring.friction_learner import FrictionLearner
+from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.study import study
 from stickslip_ros.nodes.slow_work import SlowWork
 

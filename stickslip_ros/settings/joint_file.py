@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stickslip_ros.errors import JointFileError
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.monitoring.friction.estimate import NAMES
 from stickslip_ros.monitoring.identification import Identification
 
 UNITS = {"inertia": "kg·m²"} | {entry.name: str(entry.metadata["unit"]) for entry in fields(Friction)}

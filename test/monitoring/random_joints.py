@@ -12,9 +12,9 @@ import numpy as np
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow, slip_window
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.slip_windows import SlipWindow, slip_window
 
 DURATION, RATE = 30.0, 1000.0
 _LEAST_SLIPS = 4  # at each of the two speeds

@@ -20,11 +20,11 @@ from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.simulation import simulate_cycles
-from stickslip_ros.monitoring.estimation import DOES_NOT_FIT, NAMES, FrictionEstimate, estimate_friction
+from stickslip_ros.monitoring.friction.estimate import DOES_NOT_FIT, NAMES, FrictionEstimate, estimate_friction
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_search import bounds
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.slip_problem import SlipProblem
-from stickslip_ros.monitoring.slip_search import bounds
-from stickslip_ros.monitoring.slip_windows import ForceSource
 
 GAINS = Gains(stiffness=630.0)
 

@@ -11,9 +11,9 @@ import pytest
 from conftest import recording
 
 from stickslip_ros.model.friction import Friction, steady_friction
+from stickslip_ros.monitoring.friction.sliding import sliding_friction
 from stickslip_ros.monitoring.identification import identify
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.sliding import sliding_friction
 
 FRICTION = Friction(stribeck=3.0, stribeck_velocity=0.004, coulomb=5.0, viscous=40.0)
 

@@ -18,7 +18,7 @@ from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.monitoring.friction.estimate import NAMES
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_file import Parameters
 

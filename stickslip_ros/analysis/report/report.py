@@ -16,7 +16,7 @@ from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import YEAR_2001, anchor, drawn, write_page
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.estimation import NAMES
+from stickslip_ros.monitoring.friction.estimate import NAMES
 
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 _MOST_SECTIONS = 12

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
 from stickslip_ros.monitoring.drive import DriveGains
-from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.slip_problem import (
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_problem import (
     INERTIA,
     LAG,
     PARAMETERS,
@@ -31,8 +30,9 @@ from stickslip_ros.monitoring.slip_problem import (
     VISCOUS,
     SlipProblem,
 )
-from stickslip_ros.monitoring.slip_search import Solution, search
-from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.slip_search import Solution, search
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.samples import FloatArray
 
 NAMES = ("inertia", "coulomb", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_time")
 IDENTIFIED = 0.05  # relative standard error from which on the data are said to determine a parameter

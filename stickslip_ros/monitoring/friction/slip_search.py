@@ -17,10 +17,9 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring import _window_kernel as kernel
-from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_fit import Prior, SlipFit, Tolerances, fit_slips
-from stickslip_ros.monitoring.slip_problem import (
+from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
+from stickslip_ros.monitoring.friction.slip_problem import (
     INERTIA,
     LAG,
     LEVEL,
@@ -31,7 +30,8 @@ from stickslip_ros.monitoring.slip_problem import (
     VISCOUS,
     SlipProblem,
 )
-from stickslip_ros.monitoring.slip_start import ShapeGuess, shape_guesses
+from stickslip_ros.monitoring.friction.slip_start import ShapeGuess, shape_guesses
+from stickslip_ros.monitoring.samples import FloatArray
 
 _ALIKE = 4
 _OBSERVATIONS_OF_A_SHAPE = 60  # of each slip, while nothing is known but roughly

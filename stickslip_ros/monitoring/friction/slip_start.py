@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_problem import SlipProblem
 
 _POINTS = 96
 _HIGHEST_DEGREE = 13

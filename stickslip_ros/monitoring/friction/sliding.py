@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring.estimation import ParameterEstimate
+from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 NAMES = ("coulomb", "viscous", "stribeck", "stribeck_velocity", "load", "inertia")

@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring import _window_kernel as kernel
+from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_windows import ForceSource, SlipWindow
 
 # Indices of the parameters; beyond them stand the reference's speeds where only they are known.
 INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)

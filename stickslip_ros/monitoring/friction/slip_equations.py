@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.monitoring.friction.slip_problem import BREAKAWAY, POSITION, UNKNOWNS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_problem import BREAKAWAY, POSITION, UNKNOWNS, SlipProblem
 
 HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
 _ABSURD = 1e150  # a residual so large is as bad as any, and its square is a number

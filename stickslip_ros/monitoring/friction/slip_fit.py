@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.monitoring import _window_kernel as kernel
-from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.slip_equations import WEAK, NormalEquations, Point, robust
-from stickslip_ros.monitoring.slip_problem import (
+from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction.slip_equations import WEAK, NormalEquations, Point, robust
+from stickslip_ros.monitoring.friction.slip_problem import (
     BREAKAWAY,
     LEVEL,
     PARAMETERS,
@@ -24,6 +23,7 @@ from stickslip_ros.monitoring.slip_problem import (
     UNKNOWNS,
     SlipProblem,
 )
+from stickslip_ros.monitoring.samples import FloatArray
 
 _STEP = 1e-4  # of a logarithm, for differences
 _LONGEST_STEP = 0.7  # of a logarithm
