@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.content import seconds
-from stickslip_ros.nodes.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.drain import DrainedSubscription
 from stickslip_ros.output.margin_table import MARGIN_FIELDS
 
 

@@ -15,9 +15,9 @@ from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_positive
-from stickslip_ros.nodes.joint_parameters import declare_specs
+from stickslip_ros.nodes.joints.joint_parameters import declare_specs
 from stickslip_ros.nodes.node_names import other_nodes
-from stickslip_ros.nodes.state_file import default_path
+from stickslip_ros.nodes.state.state_file import default_path
 from stickslip_ros.settings.parameters import COMMON
 
 Changes = Mapping[str, Parameter]

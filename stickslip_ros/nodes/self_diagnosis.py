@@ -11,9 +11,9 @@ from collections import deque
 from collections.abc import Sequence, Sized
 from pathlib import Path
 
-from stickslip_ros.nodes.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.lateness import Meters, machine, why_late
-from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.worker.process import SlowWork
 
 _OVER = 2.0  # [s] that figures are of
 _METERED_EVERY = 0.25  # [s]

@@ -20,27 +20,29 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.nodes import joint_parameters, monitor_parameters, studies
-from stickslip_ros.nodes.advice_worker import AdviceWorker
-from stickslip_ros.nodes.apply_service import ApplyService, NotYetError, RefusedError
+from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
-from stickslip_ros.nodes.exact_worker import UNKNOWN, ExactWorker
-from stickslip_ros.nodes.gain_application import GainApplication
-from stickslip_ros.nodes.gain_bounds import GainBounds
-from stickslip_ros.nodes.gain_intake import GainIntake
-from stickslip_ros.nodes.inputs import Inputs
-from stickslip_ros.nodes.joint_parameters import OwnChange
-from stickslip_ros.nodes.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.gains.apply_service import ApplyService, NotYetError, RefusedError
+from stickslip_ros.nodes.gains.gain_application import GainApplication
+from stickslip_ros.nodes.gains.gain_intake import GainIntake
+from stickslip_ros.nodes.intake.inputs import Inputs
+from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, reference_topic
+from stickslip_ros.nodes.intake.references import reference_message_type
+from stickslip_ros.nodes.intake.refusals import Refusals
+from stickslip_ros.nodes.joints import joint_parameters
+from stickslip_ros.nodes.joints.gain_bounds import GainBounds
+from stickslip_ros.nodes.joints.joint_parameters import OwnChange
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.publications import Findings, Publications
-from stickslip_ros.nodes.reference_topic import ControllerStateTopic, reference_topic
-from stickslip_ros.nodes.references import reference_message_type
-from stickslip_ros.nodes.refusals import Refusals
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
-from stickslip_ros.nodes.slow_work import SlowWork
 from stickslip_ros.nodes.stability_maps import StabilityMaps
-from stickslip_ros.nodes.state_keeper import StateKeeper
-from stickslip_ros.nodes.watched_joint import WatchedJoint
-from stickslip_ros.nodes.watched_joints import WatchedJoints
+from stickslip_ros.nodes.state.state_keeper import StateKeeper
+from stickslip_ros.nodes.worker import studies
+from stickslip_ros.nodes.worker.advice_worker import AdviceWorker
+from stickslip_ros.nodes.worker.exact_worker import UNKNOWN, ExactWorker
+from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.settings.parameters import RECOMMENDED
 

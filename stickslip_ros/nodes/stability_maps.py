@@ -12,10 +12,10 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage
 
-from stickslip_ros.nodes.background import Background
+from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING
 from stickslip_ros.nodes.publications import Findings
-from stickslip_ros.nodes.slow_work import SlowWork
-from stickslip_ros.nodes.watched_joint import WORTH_CHANGING
+from stickslip_ros.nodes.worker.background import Background
+from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 
 _ASK_EVERY = 10.0  # [s] a joint

@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.remote_parameters import RemoteParameters
+from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
 
 LARGEST_LAG = 0.02  # [rad]
 _ASK_EVERY = 1.0  # [s]

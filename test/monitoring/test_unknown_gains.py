@@ -25,7 +25,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.study import StudyQuestion, study
 from stickslip_ros.nodes.conversion import stamp
-from stickslip_ros.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 RATE = 500.0
 DRIVE = Gains(stiffness=630.0, damping=12.0)

@@ -18,7 +18,7 @@ from lifecycle_msgs.msg import Transition
 from support_ros import probe
 
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.nodes.gain_bounds import GainBounds
+from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.settings.parameters import COMMON, PER_JOINT, JointSettings, settings_of
 
 POLICY = ROOT / "policies" / "stickslip_monitor.policy.xml"

@@ -15,7 +15,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.gain_bounds import GainBounds
+from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.settings.parameters import PER_JOINT, JointSettings
 
 _GAINS_KEPT = 16

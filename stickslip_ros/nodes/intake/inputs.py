@@ -9,12 +9,12 @@ import math
 from rclpy.node import Node
 
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.nodes.gain_intake import PD_GAINS, GainIntake
+from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
+from stickslip_ros.nodes.intake.published_types import REFERENCES, PublishedTypes
+from stickslip_ros.nodes.intake.references import reference_type_name
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.not_understood import NotUnderstood
-from stickslip_ros.nodes.published_types import REFERENCES, PublishedTypes
-from stickslip_ros.nodes.references import reference_type_name
-from stickslip_ros.nodes.watched_joint import WatchedJoint
-from stickslip_ros.nodes.watched_joints import WatchedJoints
 
 _STATES = "joint_states"
 

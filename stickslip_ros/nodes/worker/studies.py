@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.study import study
-from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.worker.process import SlowWork
 
 _KIND = "study"
 

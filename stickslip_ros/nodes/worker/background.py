@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.worker.process import SlowWork
 
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")

@@ -12,8 +12,8 @@ from threading import Thread
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state_file import StateFileError, as_text, read_state, set_aside, write_atomically
-from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, set_aside, write_atomically
 
 _EVERY = 60.0  # [s]
 _LONGEST_WAIT = 0.5  # [s] at the end for a file that is being written

@@ -14,8 +14,8 @@ from std_msgs.msg import Float64MultiArray
 
 from stickslip_ros.messages.content import MessageError, gains_from_message
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.nodes.gain_source import ControllerGains
-from stickslip_ros.nodes.remote_parameters import RemoteParameters
+from stickslip_ros.nodes.gains.gain_source import ControllerGains
+from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
 
 PD_GAINS = "pd_gains"
 _MOST_EARLY = 256  # joints whose gains are kept; names come from the graph

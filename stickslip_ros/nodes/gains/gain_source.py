@@ -12,7 +12,7 @@ from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.nodes.remote_parameters import PATIENCE, RemoteParameters, number
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters, number
 
 KINDS = ("p", "i", "d")
 # An event can be lost, above all while the graph is being discovered; reading again makes up for it.

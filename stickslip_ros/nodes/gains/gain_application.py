@@ -18,9 +18,9 @@ from stickslip_ros.monitoring.advice.recommendation import Variant
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
-from stickslip_ros.nodes.gain_source import gain_name
-from stickslip_ros.nodes.remote_parameters import RemoteParameters, number
-from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.nodes.gains.gain_source import gain_name
+from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters, number
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
 _RETREAT_PERIOD = 0.05  # [s]

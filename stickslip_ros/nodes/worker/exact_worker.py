@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
-from stickslip_ros.nodes.background import Background
-from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.worker.background import Background
+from stickslip_ros.nodes.worker.process import SlowWork
 
 UNKNOWN = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02

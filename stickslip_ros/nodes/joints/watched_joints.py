@@ -14,10 +14,10 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.adviser import Adviser
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes import joint_parameters
-from stickslip_ros.nodes.gain_bounds import GainBounds
-from stickslip_ros.nodes.refusals import Refusals
-from stickslip_ros.nodes.watched_joint import WatchedJoint
+from stickslip_ros.nodes.intake.refusals import Refusals
+from stickslip_ros.nodes.joints import joint_parameters
+from stickslip_ros.nodes.joints.gain_bounds import GainBounds
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.settings.parameters import COMMON
 
 _MOST_JOINTS = 256  # names come from the graph; their number is bounded

@@ -10,8 +10,8 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.nodes.deferred_service import Answer, DeferredService
-from stickslip_ros.nodes.gain_application import GainApplication, Outcome
+from stickslip_ros.nodes.gains.deferred_service import Answer, DeferredService
+from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
 
 _PATIENCE = 10.0  # [s] for advice that is being worked out
 

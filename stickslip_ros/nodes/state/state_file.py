@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 _FORMAT = "stickslip_ros state"
 _VERSION = 1

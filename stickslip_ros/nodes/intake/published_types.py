@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
-from stickslip_ros.nodes.references import REFERENCE_TYPES
+from stickslip_ros.nodes.intake.references import REFERENCE_TYPES
 
 REFERENCES = "joint_references"
 _LOOK_EVERY = 1.0  # [s]

@@ -14,11 +14,11 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.messages.blocks import Block, Integers
 from stickslip_ros.messages.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
-from stickslip_ros.nodes.arrival_times import ArrivalTimes
-from stickslip_ros.nodes.backlog import Backlog
-from stickslip_ros.nodes.drain import DrainedSubscription
-from stickslip_ros.nodes.refusals import Refusals
-from stickslip_ros.nodes.sequence_numbers import SequenceNumbers
+from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
+from stickslip_ros.nodes.intake.backlog import Backlog
+from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.refusals import Refusals
+from stickslip_ros.nodes.intake.sequence_numbers import SequenceNumbers
 
 NO_STAMP = "stamp is zero; the time of arrival is used instead"
 _LOOK_EVERY = 0.5  # [s] at the graph, for how many publish

@@ -13,7 +13,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from stickslip_ros.nodes.drain import NeverExecuted
+from stickslip_ros.nodes.intake.drain import NeverExecuted
 
 Answer = Callable[[Any], None]
 

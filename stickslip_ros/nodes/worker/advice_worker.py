@@ -8,8 +8,8 @@ import math
 from time import monotonic
 
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, advise
-from stickslip_ros.nodes.background import Background
-from stickslip_ros.nodes.slow_work import SlowWork
+from stickslip_ros.nodes.worker.background import Background
+from stickslip_ros.nodes.worker.process import SlowWork
 
 _ASK_EVERY = 5.0  # [s] where the speed alone has changed
 

@@ -13,12 +13,12 @@ from rclpy.qos import QoSProfile
 
 from stickslip_ros.messages.content import MessageError, reference_rows, seconds
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.arrival_times import ArrivalTimes
-from stickslip_ros.nodes.backlog import Backlog
-from stickslip_ros.nodes.drain import DrainedSubscription
-from stickslip_ros.nodes.joint_state_topic import NO_STAMP, JointStateTopic, joined
-from stickslip_ros.nodes.references import reference_message_type
-from stickslip_ros.nodes.refusals import Refusals
+from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
+from stickslip_ros.nodes.intake.backlog import Backlog
+from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.joint_state_topic import NO_STAMP, JointStateTopic, joined
+from stickslip_ros.nodes.intake.references import reference_message_type
+from stickslip_ros.nodes.intake.refusals import Refusals
 
 
 class ControllerStateTopic:
