@@ -92,7 +92,7 @@ def _use_detection() -> None:
 
 
 def _use_messages() -> None:
-    from stickslip_ros.bags import _message_kernel as kernel
+    from stickslip_ros.bags.storage import _record_kernel as kernel
     from stickslip_ros.messages.blocks import Block
     from stickslip_ros.messages.joint_states import JointStateDecoder
 

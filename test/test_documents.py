@@ -237,8 +237,8 @@ def test_named_files_exist(path: Path) -> None:
 def test_the_reference_has_every_public_module(floor: str) -> None:
     """Issue 8: the API reference is complete for model and monitoring."""
     named_there = re.findall(r"automodule:: (\S+)", (ROOT / "docs" / "api" / f"{floor}.md").read_text(encoding="utf-8"))
-    files = (ROOT / "stickslip_ros" / floor).glob("[!_]*.py")
-    assert sorted(named_there) == sorted(f"stickslip_ros.{floor}.{path.stem}" for path in files)
+    files = (path.relative_to(ROOT).with_suffix("") for path in (ROOT / "stickslip_ros" / floor).rglob("[!_]*.py"))
+    assert sorted(named_there) == sorted(".".join(path.parts) for path in files)
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=named)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.bags import _message_kernel as kernel
+from stickslip_ros.messages import _gather_kernel as kernel
 from stickslip_ros.messages.blocks import Block, Bytes, Integers
 from stickslip_ros.messages.content import MessageError, check_joint_row
 

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
-from stickslip_ros.bags import _message_kernel as kernel
+from stickslip_ros.bags.storage import _record_kernel as kernel
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn
 
 MAGIC = b"\x89MCAP0\r\n"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled walks through bytes: the records of an MCAP file, and JointState messages of one layout."""
+"""A compiled walk through the records of an MCAP file."""
 
 from __future__ import annotations
 
@@ -58,31 +58,3 @@ def walk(buffer, start, largest, table):
         count += 1
         at = content + length
     return count, at, 0, True
-
-
-@kernel()
-def matching(buffer, offsets, lengths, template, mask, least, most):
-    """Which messages agree with a template in all bytes that a mask of 0 and 255 leaves, and have its length."""
-    matches = np.zeros(offsets.shape[0], dtype=np.bool_)
-    for n in range(offsets.shape[0]):
-        if lengths[n] < least or lengths[n] > most:
-            continue
-        begin = offsets[n]
-        # Without a way out of the loop it compares many bytes at once.
-        differs = np.uint8(0)
-        for k in range(template.shape[0]):
-            differs |= (buffer[begin + k] ^ template[k]) & mask[k]
-        matches[n] = differs == 0
-    return matches
-
-
-@kernel()
-def gather(buffer, offsets, places, sizes, out):
-    """Copy parts of every message, one after the other, into its row of bytes."""
-    for n in range(offsets.shape[0]):
-        to = 0
-        for p in range(places.shape[0]):
-            begin = offsets[n] + places[p]
-            for k in range(sizes[p]):
-                out[n, to + k] = buffer[begin + k]
-            to += sizes[p]
