@@ -17,10 +17,12 @@ import numpy as np
 import pytest
 from nodes.support_ros import Probe, play, probe, sticking_motion
 
+import stickslip_ros
 from stickslip_ros.compilation import source_files
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
+PACKAGE = Path(stickslip_ros.__file__).parent
 COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main"]
 MONITOR = [sys.executable, "-m", "stickslip_ros.nodes.monitor", "--ros-args", "-p", "state_file:=none"]
 _BEGIN = 1e6  # [s] stamps
@@ -109,7 +111,7 @@ def test_nothing_is_left_to_compile(compiled: Path, tmp_path: Path) -> None:
 def test_a_change_of_any_source_compiles_anew(compiled: Path, tmp_path: Path) -> None:
     """Issue 15: numba would go on with what it compiled before, where a function called by another file's changed."""
     package = tmp_path / "stickslip_ros"
-    shutil.copytree(source_files()[0].parents[1], package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     code = "from stickslip_ros.compilation import cache_folder; print(cache_folder().path)"
 
     def folder() -> str:
@@ -120,7 +122,7 @@ def test_a_change_of_any_source_compiles_anew(compiled: Path, tmp_path: Path) ->
 
     found = [folder()]
     for path in source_files():
-        changed = package / path.relative_to(source_files()[0].parents[1])
+        changed = package / path.relative_to(PACKAGE)
         changed.write_text(changed.read_text() + "\n# changed\n")
         found.append(folder())
     assert len(set(found)) == len(found)
