@@ -21,7 +21,6 @@ from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import uncertainty_of
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
-from stickslip_ros.monitoring.detection.motion import MotionRecord
 from stickslip_ros.monitoring.detection.rests import RestDetector
 from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
 from stickslip_ros.monitoring.detection.status import Finding, Segment, Status
@@ -123,10 +122,10 @@ class JointMonitor:
 
     def _begin(self) -> None:
         """Forget the motion seen so far, not what is known of the joint."""
-        self._rests = RestDetector()
+        self._rests = RestDetector(self.options.least_motion)
+        self._motion = self._rests.motion
         self._cycles = CycleDetector()
         self._samples = SampleBuffer()
-        self._motion = MotionRecord(self.options.least_motion)
         self._noted_until = -math.inf  # breakaway of the last cycle counted
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
 
@@ -168,7 +167,7 @@ class JointMonitor:
     @property
     def resolution(self) -> float:
         """Of the position [rad]."""
-        return self._rests.resolution
+        return self._motion.resolution
 
     def recent(self, duration: float) -> Batch | None:
         """The samples of the last seconds, at most a minute; None if there are none."""
@@ -177,7 +176,7 @@ class JointMonitor:
     def process(self, batch: Batch) -> list[Cycle]:
         """Take samples and return the cycles that they complete, oldest first; how they are batched is no matter."""
         cycles: list[Cycle] = []
-        if kernel.unbroken(batch.time, batch.position, self._motion.last_time, SILENCE, LARGEST):
+        if self._motion.goes_on(batch, silence=SILENCE, largest=LARGEST):
             self._filter.pass_on(batch)
             for short in _short_parts(batch):
                 cycles += self._follow(short)
@@ -195,7 +194,7 @@ class JointMonitor:
     def finish(self) -> list[Cycle]:
         """Return the cycle that ended in the present rest: call when no more samples come."""
         cycles = self._settle(self._cycles.finish(self._rests.unfinished_rest()))
-        self._rests.close_slice(self._motion)
+        self._motion.close_slice()
         self._take_slices()
         self.learner.finish()
         if self._studies_at_once:
@@ -205,9 +204,8 @@ class JointMonitor:
     def _follow(self, batch: Batch) -> list[Cycle]:
         cycles: list[Cycle] = []
         self._samples.add(batch)
-        self._motion.window = self.options.least_motion
         self._note_needed_motion()
-        for rest in self._rests.feed(batch, self._motion):
+        for rest in self._rests.feed(batch):
             if rest.complete:
                 cycles += self._settle(self._cycles.take(rest))
                 continue
@@ -236,12 +234,14 @@ class JointMonitor:
         self._recent.extend(cycles)
         self.cycle_count += len(cycles)
         self._last_cycle = cycles[-1] if cycles else self._last_cycle
-        state, rest = self._motion.state, self._cycles.last_rest
-        state[kernel.CYCLES] = len(self._recent)
-        # The median, because a long smooth stretch between two rests makes a long cycle too.
-        state[kernel.PERIOD] = float(np.median([cycle.period for cycle in self._recent])) if self._recent else math.nan
-        state[kernel.LAST_ARREST] = self._recent[-1].arrest if self._recent else math.nan
-        state[kernel.LAST_BREAKAWAY] = rest.breakaway if rest else math.nan
+        rest, last = self._cycles.last_rest, self._recent[-1] if self._recent else None
+        self._motion.note_cycles(
+            count=len(self._recent),
+            # The median, because a long smooth stretch between two rests makes a long cycle too.
+            period=float(np.median([cycle.period for cycle in self._recent])) if self._recent else math.nan,
+            last_arrest=last.arrest if last else math.nan,
+            last_breakaway=rest.breakaway if rest else math.nan,
+        )
         self._note_needed_motion()
 
     def _learn_from(self, cycle: Cycle) -> None:
@@ -254,7 +254,7 @@ class JointMonitor:
         samples = self._samples.between(max(begin, now - _REMEMBERED), min(cycle.arrest + cycle.dwell, now))
         if samples is not None:
             window = slip_window(
-                samples, cycle, self._gains, resolution=self._rests.resolution, noise=self._rests.noise
+                samples, cycle, self._gains, resolution=self._motion.resolution, noise=self._motion.noise
             )
             if window is not None:
                 self.learner.memory = self.options.memory
@@ -280,7 +280,7 @@ class JointMonitor:
             missing = "; ".join(self._filter.dropped) or "no samples yet"
             return Finding(status=Status.UNKNOWN, reason=missing)
         self._note_needed_motion()
-        code, first, second = self._rests.judge(self._motion)
+        code, first, second = self._motion.judge()
         return self._in_words(code, first, second)
 
     def _in_words(self, code: int, first: float, second: float) -> Finding:
@@ -289,7 +289,7 @@ class JointMonitor:
             reason = "too few samples"
         elif code == kernel.STICKS:
             reason = HUNTING if self._recent[-1].hunting else ""
-        elif code == kernel.AT_REST and second > _TRAVELLED * self._rests.band:
+        elif code == kernel.AT_REST and second > _TRAVELLED * self._motion.band:
             reason = f"stuck for {first:.1f} s while the reference moved by {second:.3g} rad"
         elif code == kernel.REVERSING:
             reason = "reversing"
@@ -307,11 +307,11 @@ class JointMonitor:
         """Let the judgement know how long motion without a rest must last before it is called smooth."""
         needed = self.options.least_motion
         if self._recent:
-            needed = max(needed, kernel.PERIODS_TO_TRUST * float(self._motion.state[kernel.PERIOD]))
+            needed = max(needed, kernel.PERIODS_TO_TRUST * self._motion.period)
         elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
             natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
             needed = max(needed, kernel.PERIODS_TO_TRUST * natural_period)
-        self._motion.state[kernel.NEEDED] = needed
+        self._motion.require(motion=needed, window=self.options.least_motion)
 
     def _damping_reserve(self) -> tuple[float, str]:
         """Relative damping reserve ρ/ρ_c − 1 now, and by which condition; infinite if it is not known."""
@@ -325,11 +325,11 @@ class JointMonitor:
 
     def velocity(self) -> tuple[float, str]:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
-        window = self._motion.window = self.options.least_motion
-        reference = self._motion.reference_velocity()
+        window = self.options.least_motion
+        reference = self._motion.reference_velocity(window)
         if math.isfinite(reference):
             return reference, "reference"
-        if self._rests.judge(self._motion)[0] == kernel.STICKS:
+        if self._motion.judge()[0] == kernel.STICKS:
             cycles = list(self._recent)
             way = sum(cycle.slip_distance for cycle in cycles)
             return way / sum(cycle.period for cycle in cycles), "mean motion"
@@ -388,8 +388,8 @@ class JointMonitor:
             velocity_error=velocity_error,
             cycles=self.cycle_count,
             last_cycle=self._last_cycle,
-            resolution=self._rests.resolution,
-            noise=self._rests.noise,
+            resolution=self._motion.resolution,
+            noise=self._motion.noise,
             sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
         )

@@ -22,38 +22,50 @@ BLOCKS_KEPT = 64
 TIME, POSITION, FLAT_END, REFERENCE, REFERENCE_FLAT_END, EFFORT_FLAT_END, SPEED, SLOWEST = range(8)
 KNOT_COLUMNS = 8
 
-# Indices of the state vector.
-(
-    HEAD,  # knots ever set
-    LEVEL,  # the last knot's reading
-    SIGN,  # direction of the last knot
-    LAST_TIME,
-    LAST_REFERENCE,
-    LAST_EFFORT,
-    PEAK,  # fastest motion since the last rest
-    IN_SPELL,
-    LONGEST_GAP,  # knot from which the spell's longest gap runs
-    LONGEST_TIME,
-    PEAK_AFTER,  # fastest motion since the longest gap
-    SAMPLES,  # samples ever taken
-    BAND,
-    RESOLUTION,
-    NOISE,
-    MEDIAN_1,
-    MEDIAN_2,  # the two previous raw positions, the latest first
-    MEDIAN_TIME,
-    MEDIAN_REFERENCE,
-    MEDIAN_EFFORT,
-    LARGEST,
-    SPELL_TIME,  # when the spell began
-    MOTION_TIME,  # when the motion before it began
-    UPDATE,  # how often the position changes while the joint moves fast; sensors may be slower than messages
-    VELOCITY_1,
-    VELOCITY_2,  # the two previous measured velocities, the latest first
-    SLOWEST_VELOCITY,  # measured since the last knot
-    REPLAYED,  # of the first block, which waits to be measured, the samples taken
-) = range(28)
-STATE_SIZE = 28
+# What is measured of one signal, its resolution and its noise.
+SIGNAL = np.dtype(
+    [
+        ("band", float),  # the smallest motion that is told from rest
+        ("resolution", float),
+        ("noise", float),
+        ("largest", float),
+        ("smallest", float, 3),  # steps ever seen
+        ("block", float, BLOCK),  # of raw readings
+        ("noises", float, (2, BLOCKS_KEPT)),  # of the latest blocks
+    ]
+)
+DETECTOR = np.dtype(
+    [
+        ("position", SIGNAL),
+        ("velocity", SIGNAL),
+        ("samples", np.int64),  # ever taken
+        ("early", float, (BLOCK, 5)),  # the first block, which waits to be measured
+        ("replayed", np.int64),  # of it, the samples taken
+        ("median_1", float),
+        ("median_2", float),  # the two previous raw positions, the latest first
+        ("median_time", float),
+        ("median_reference", float),
+        ("median_effort", float),
+        ("velocity_1", float),
+        ("velocity_2", float),  # the two previous measured velocities, the latest first
+        ("slowest_velocity", float),  # measured since the last knot
+        ("last_time", float),
+        ("last_reference", float),
+        ("last_effort", float),
+        ("knots", float, (RING, KNOT_COLUMNS)),
+        ("head", np.int64),  # knots ever set
+        ("level", float),  # the last knot's reading
+        ("sign", float),  # direction of the last knot
+        ("update", float),  # how often the position changes while the joint moves fast; sensors may be slower
+        ("peak", float),  # fastest motion since the last rest
+        ("motion_time", float),  # when that motion began
+        ("in_spell", np.bool_),
+        ("spell_time", float),  # when the spell began
+        ("longest_gap", np.int64),  # knot from which the spell's longest gap runs
+        ("longest_time", float),
+        ("peak_after", float),  # fastest motion since the longest gap
+    ]
+)
 
 _LATEST, _ORDERED = 0, 1  # rows of the noise of the blocks
 SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
@@ -95,17 +107,18 @@ def _upper_quartile(noise, noises):
 
 
 @helper()
-def measure_block(block, state, smallest, noises):
-    """Update resolution and noise from one block of raw positions, and from these the band.
+def measure_block(signal):
+    """Update resolution and noise from the block of raw readings, and from these the band.
 
     ``smallest`` keeps the three smallest steps ever seen; its last one is taken as the resolution, so
     that two odd values do no harm. Noise is taken from steps that turn back at once, which steady
     motion, however fast, does not do; the upper quartile over the last blocks, because motion hides it.
     """
-    largest = state[LARGEST]
+    block, smallest = signal.block, signal.smallest
+    largest = signal.largest
     for i in range(block.shape[0]):
         largest = max(largest, abs(block[i]))
-    state[LARGEST] = largest
+    signal.largest = largest
     for i in range(1, block.shape[0]):
         step = abs(block[i] - block[i - 1])
         if step > _ROUNDING * largest and step > 0.0:
@@ -128,10 +141,10 @@ def measure_block(block, state, smallest, noises):
             third = reversal
     kept = max(0.0, total - first - second - third)
     noise = np.sqrt(kept / _REVERSALS_KEPT / _REVERSAL_OF_UNIT_NOISE)
-    state[NOISE] = _upper_quartile(noise, noises)
+    signal.noise = _upper_quartile(noise, signal.noises)
     resolution = smallest[2]
-    state[RESOLUTION] = resolution if np.isfinite(resolution) else 0.0
-    state[BAND] = max(state[RESOLUTION], _BANDS_PER_NOISE * state[NOISE], 4.0 * _ROUNDING * largest, 1e-15)
+    signal.resolution = resolution if np.isfinite(resolution) else 0.0
+    signal.band = max(signal.resolution, _BANDS_PER_NOISE * signal.noise, 4.0 * _ROUNDING * largest, 1e-15)
 
 
 @helper()
@@ -140,154 +153,157 @@ def _median(a, b, c):
 
 
 @inlined()
-def _set_knot(time, position, step, reference, effort, state, knots):
+def _set_knot(time, position, step, reference, effort, detector):
     """Append a knot; ``step`` is the signed change of the reading since the last one."""
-    head = int(state[HEAD])
+    head = detector.head
     # Rows of the ring. A view of a row costs a hundredth of a second to compile wherever it is taken.
     new, last, one_before = head % RING, (head - 1) % RING, max(head - 2, 0) % RING
-    resolution = state[RESOLUTION]
+    resolution = detector.position.resolution
     sign = 1.0 if step > 0.0 else -1.0
     knot_time, knot_position = time, position
     if head > 0:
-        if abs(step) < state[BAND] + 0.5 * resolution and resolution >= _BANDS_PER_NOISE * state[NOISE]:
+        if (
+            abs(step) < detector.position.band + 0.5 * resolution
+            and resolution >= _BANDS_PER_NOISE * detector.position.noise
+        ):
             # One count: the joint stood on the border between two readings, in between two samples.
-            knot_time = 0.5 * (state[LAST_TIME] + time)
+            knot_time = 0.5 * (detector.last_time + time)
             knot_position = position - 0.5 * sign * resolution
-        knots[last, FLAT_END] = max(state[LAST_TIME], knots[last, TIME])
-        knots[last, REFERENCE_FLAT_END] = state[LAST_REFERENCE]
-        knots[last, EFFORT_FLAT_END] = state[LAST_EFFORT]
-        knots[last, SLOWEST] = state[SLOWEST_VELOCITY]
-    state[SLOWEST_VELOCITY] = np.nan
-    knots[new, TIME] = knot_time
-    knots[new, POSITION] = knot_position
-    knots[new, FLAT_END] = knot_time
-    knots[new, REFERENCE] = reference
-    knots[new, REFERENCE_FLAT_END] = reference
-    knots[new, EFFORT_FLAT_END] = effort
-    knots[new, SLOWEST] = np.nan
-    knots[new, SPEED] = 0.0
+        detector.knots[last, FLAT_END] = max(detector.last_time, detector.knots[last, TIME])
+        detector.knots[last, REFERENCE_FLAT_END] = detector.last_reference
+        detector.knots[last, EFFORT_FLAT_END] = detector.last_effort
+        detector.knots[last, SLOWEST] = detector.slowest_velocity
+    detector.slowest_velocity = np.nan
+    detector.knots[new, TIME] = knot_time
+    detector.knots[new, POSITION] = knot_position
+    detector.knots[new, FLAT_END] = knot_time
+    detector.knots[new, REFERENCE] = reference
+    detector.knots[new, REFERENCE_FLAT_END] = reference
+    detector.knots[new, EFFORT_FLAT_END] = effort
+    detector.knots[new, SLOWEST] = np.nan
+    detector.knots[new, SPEED] = 0.0
     if head > 0:
         before = last
-        if abs(step) >= _STEPS_OF_SPEED * state[BAND]:
-            gap = knot_time - knots[last, TIME]
-            if state[UPDATE] == 0.0:
-                state[UPDATE] = time - state[LAST_TIME]
-            held = gap <= _HELD * state[UPDATE]
-            elapsed = gap if held else max(time - knots[last, FLAT_END], state[UPDATE])
+        if abs(step) >= _STEPS_OF_SPEED * detector.position.band:
+            gap = knot_time - detector.knots[last, TIME]
+            if detector.update == 0.0:
+                detector.update = time - detector.last_time
+            held = gap <= _HELD * detector.update
+            elapsed = gap if held else max(time - detector.knots[last, FLAT_END], detector.update)
             # A running median, in steps of a tenth.
-            state[UPDATE] *= 1.1 if gap > state[UPDATE] else 1.0 / 1.1
+            detector.update *= 1.1 if gap > detector.update else 1.0 / 1.1
         else:
             # Over two gaps, because single counts come in whole samples.
             before = one_before
-            elapsed = knot_time - knots[before, TIME]
+            elapsed = knot_time - detector.knots[before, TIME]
         if elapsed > 0.0:
-            knots[new, SPEED] = (knot_position - knots[before, POSITION]) / elapsed
-    state[LEVEL] = position
-    state[SIGN] = sign
-    state[HEAD] = head + 1
+            detector.knots[new, SPEED] = (knot_position - detector.knots[before, POSITION]) / elapsed
+    detector.level = position
+    detector.sign = sign
+    detector.head = head + 1
 
 
 @inlined()
-def _follow_spell(state, knots):
+def _follow_spell(detector):
     """Update the spell with the gap that the newest knot has ended; True when a spell is complete."""
-    newest = int(state[HEAD]) - 1
+    newest = detector.head - 1
     if newest < 1:
         return False
     now, gap = newest % RING, (newest - 1) % RING
-    flat = knots[gap, FLAT_END] - knots[gap, TIME]
-    speed = abs(knots[now, SPEED])
-    step = abs(knots[now, POSITION] - knots[gap, POSITION])
-    large = step >= _STEPS_OF_SPEED * state[BAND]
+    flat = detector.knots[gap, FLAT_END] - detector.knots[gap, TIME]
+    speed = abs(detector.knots[now, SPEED])
+    step = abs(detector.knots[now, POSITION] - detector.knots[gap, POSITION])
+    large = step >= _STEPS_OF_SPEED * detector.position.band
     # A flat of few updates before a large step is a sensor that repeats itself.
-    stood = flat > (_HELD - 1.0) * state[UPDATE] if large else flat > 0.0
-    slow = stood and state[BAND] < SLOW * state[PEAK] * flat
-    if state[IN_SPELL] == 0.0:
+    stood = flat > (_HELD - 1.0) * detector.update if large else flat > 0.0
+    slow = stood and detector.position.band < SLOW * detector.peak * flat
+    if not detector.in_spell:
         if not slow:
-            state[PEAK] = max(state[PEAK], speed)
+            detector.peak = max(detector.peak, speed)
             return False
-        _begin_spell(newest - 1, flat, state, knots)
+        _begin_spell(newest - 1, flat, detector)
         return False
-    time = knots[now, TIME]
-    left = _has_left(time, state)
-    if left and stood and state[BAND] < SLOW * state[PEAK_AFTER] * flat:
+    time = detector.knots[now, TIME]
+    left = _has_left(time, detector)
+    if left and stood and detector.position.band < SLOW * detector.peak_after * flat:
         return True
-    if stood and flat > state[LONGEST_TIME]:
-        state[LONGEST_GAP], state[LONGEST_TIME], state[PEAK_AFTER] = newest - 1, flat, 0.0
+    if stood and flat > detector.longest_time:
+        detector.longest_gap, detector.longest_time, detector.peak_after = newest - 1, flat, 0.0
         return False
-    after = newest - int(state[LONGEST_GAP])
+    after = newest - detector.longest_gap
     # A speed over two gaps lies wholly after the longest gap from the third knot on.
     if after >= 3 or large:
-        state[PEAK_AFTER] = max(state[PEAK_AFTER], speed)
-    if not _has_left(time, state) or after < _KNOTS_TO_LEAVE:
+        detector.peak_after = max(detector.peak_after, speed)
+    if not _has_left(time, detector) or after < _KNOTS_TO_LEAVE:
         return False
-    return speed >= 0.4 * state[PEAK] or speed < 0.5 * state[PEAK_AFTER] or after >= _KNOTS_TO_WAIT
+    return speed >= 0.4 * detector.peak or speed < 0.5 * detector.peak_after or after >= _KNOTS_TO_WAIT
 
 
 @helper()
-def _has_left(time, state):
+def _has_left(time, detector):
     """Whether the motion since the longest gap is much faster than that gap, and not slow beside the last motion.
 
     The second keeps a creep at rest from passing for motion; it fades, because after a fast move the
     joint may well stick and slip at a much lower speed.
     """
-    if not state[BAND] < SLOW * state[PEAK_AFTER] * state[LONGEST_TIME]:
+    if not detector.position.band < SLOW * detector.peak_after * detector.longest_time:
         return False
-    if not np.isfinite(state[PEAK]):
+    if not np.isfinite(detector.peak):
         return True
-    memory = _MEMORY * max(state[SPELL_TIME] - state[MOTION_TIME], 1e-9)
-    return state[PEAK_AFTER] >= _LEAVING_SHARE * state[PEAK] * np.exp(-(time - state[SPELL_TIME]) / memory)
+    memory = _MEMORY * max(detector.spell_time - detector.motion_time, 1e-9)
+    return detector.peak_after >= _LEAVING_SHARE * detector.peak * np.exp(-(time - detector.spell_time) / memory)
 
 
 @helper()
-def _begin_spell(gap, flat, state, knots):
-    state[LONGEST_GAP] = gap
-    state[LONGEST_TIME] = flat
-    state[PEAK_AFTER] = 0.0
-    state[IN_SPELL] = 1.0
-    state[SPELL_TIME] = knots[gap % RING, TIME]
+def _begin_spell(gap, flat, detector):
+    detector.longest_gap = gap
+    detector.longest_time = flat
+    detector.peak_after = 0.0
+    detector.in_spell = True
+    detector.spell_time = detector.knots[gap % RING, TIME]
 
 
 @kernel()
-def close_spell(state, knots):
+def close_spell(detector):
     """Begin anew after a spell; the newest gap may be the first of the next one."""
-    newest = int(state[HEAD]) - 1
+    newest = detector.head - 1
     gap = (newest - 1) % RING
-    flat = knots[gap, FLAT_END] - knots[gap, TIME]
-    state[MOTION_TIME] = knots[int(state[LONGEST_GAP]) % RING, FLAT_END]
-    state[PEAK] = state[PEAK_AFTER]
-    state[IN_SPELL] = 0.0
-    if newest - 1 > state[LONGEST_GAP] and flat > 0.0 and state[BAND] < SLOW * state[PEAK] * flat:
-        _begin_spell(newest - 1, flat, state, knots)
+    flat = detector.knots[gap, FLAT_END] - detector.knots[gap, TIME]
+    detector.motion_time = detector.knots[detector.longest_gap % RING, FLAT_END]
+    detector.peak = detector.peak_after
+    detector.in_spell = False
+    if newest - 1 > detector.longest_gap and flat > 0.0 and detector.position.band < SLOW * detector.peak * flat:
+        _begin_spell(newest - 1, flat, detector)
 
 
 @helper()
-def take(count, now, raw, pace_now, travel, effort_now, state, knots):
+def take(count, now, raw, pace_now, travel, effort_now, detector):
     """Take sample number ``count``; True if it completes a spell.
 
     It is time, position, velocity, travel of the reference and effort. The longest gap of a completed spell stands in
     the state (``LONGEST_GAP``), its surroundings in the ring of knots.
     """
     # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
-    position = _median(raw, state[MEDIAN_1], state[MEDIAN_2]) if count >= 2 else state[MEDIAN_1]
-    time, reference, effort = state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT]
-    state[MEDIAN_2], state[MEDIAN_1] = state[MEDIAN_1], raw
-    state[MEDIAN_TIME], state[MEDIAN_REFERENCE], state[MEDIAN_EFFORT] = now, travel, effort_now
+    position = _median(raw, detector.median_1, detector.median_2) if count >= 2 else detector.median_1
+    time, reference, effort = detector.median_time, detector.median_reference, detector.median_effort
+    detector.median_2, detector.median_1 = detector.median_1, raw
+    detector.median_time, detector.median_reference, detector.median_effort = now, travel, effort_now
     if count == 0:
         return False
     complete = False
-    first = state[HEAD] == 0.0
-    step = 0.0 if first else position - state[LEVEL]
-    needed = state[BAND] if step * state[SIGN] >= 0.0 else 2.0 * state[BAND]
+    first = detector.head == 0
+    step = 0.0 if first else position - detector.level
+    needed = detector.position.band if step * detector.sign >= 0.0 else 2.0 * detector.position.band
     if first or abs(step) >= needed * (1.0 - 1e-6):
-        _set_knot(time, position, step, reference, effort, state, knots)
+        _set_knot(time, position, step, reference, effort, detector)
         if first:
-            state[SIGN] = 0.0
+            detector.sign = 0.0
         else:
-            complete = _follow_spell(state, knots)
+            complete = _follow_spell(detector)
     # The slowest that a velocity sensor saw since the last knot, impulses left out.
-    pace = abs(_median(pace_now, state[VELOCITY_1], state[VELOCITY_2])) if count >= 2 else np.nan
-    state[VELOCITY_2], state[VELOCITY_1] = state[VELOCITY_1], pace_now
-    if not pace >= state[SLOWEST_VELOCITY]:
-        state[SLOWEST_VELOCITY] = pace
-    state[LAST_TIME], state[LAST_REFERENCE], state[LAST_EFFORT] = time, reference, effort
+    pace = abs(_median(pace_now, detector.velocity_1, detector.velocity_2)) if count >= 2 else np.nan
+    detector.velocity_2, detector.velocity_1 = detector.velocity_1, pace_now
+    if not pace >= detector.slowest_velocity:
+        detector.slowest_velocity = pace
+    detector.last_time, detector.last_reference, detector.last_effort = time, reference, effort
     return complete

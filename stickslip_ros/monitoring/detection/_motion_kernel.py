@@ -23,47 +23,50 @@ _RECENT_KNOTS = 64
 _GAPS_AT_REST = 3.0
 _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jittered stamps make
 
-# Indices of the state vector.
-(
-    FIRST_TIME,
-    NOW,
-    POSITION,
-    REFERENCE,
-    REFERENCE_VELOCITY,
-    TRAVEL,  # way of the reference
-    TRAVELS,  # whether the reference is known
-    INTERVAL,  # between samples
-    TURNED,  # when the motion turned
-    DIRECTION,
-    RESTED_AT,  # when it was last seen at rest
-    SLICE,  # number of the slice that is open, NaN if none is
-    SLICE_BEGIN,  # first stamp in it
-    SLICE_ERROR,  # largest tracking error in it
-    SLICE_REFERENCED,  # whether each sample in it had a reference position
-    SLICE_STEPS,  # intervals in it
-    LAST_END,  # last stamp of the slice before
-    LAST_POSITION,  # position there
-    LAST_REFERENCE,  # reference there
-    ENTRIES,  # slices ever remembered
-    CLOSED,  # slices reported since this was set to zero
-    # What is known of the cycles, set from outside.
-    CYCLES,  # recent ones
-    PERIOD,  # their median
-    LAST_ARREST,
-    LAST_BREAKAWAY,  # of the last rest, NaN before the first
-    NEEDED,  # how long motion without a rest must last before it is called smooth
-    # When to look whether the joint has come to rest.
-    LOOKED,  # knots there were at the last look
-    LOOK_AFTER,  # for how long it must then have stood
-) = range(28)
-STATE_SIZE = 28
+# Columns of what is remembered of a slice.
+TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
+PAST_COLUMNS = 6
+MOTION = np.dtype(
+    [
+        ("first_time", float),
+        ("now", float),
+        ("position", float),
+        ("reference", float),
+        ("reference_velocity", float),
+        ("travel", float),  # way of the reference
+        ("travels", np.bool_),  # whether the reference is known
+        ("interval", float),  # between samples
+        ("turned", float),  # when the motion turned
+        ("direction", float),
+        ("rested_at", float),  # when it was last seen at rest
+        ("slice", float),  # number of the slice that is open, NaN if none is
+        ("slice_begin", float),  # first stamp in it
+        ("slice_error", float),  # largest tracking error in it
+        ("slice_referenced", np.bool_),  # whether each sample in it had a reference position
+        ("steps", float, STEPS),  # intervals in it
+        ("slice_steps", np.int64),  # how many
+        ("last_end", float),  # last stamp of the slice before
+        ("last_position", float),  # position there
+        ("last_reference", float),  # reference there
+        ("past", float, (PAST, PAST_COLUMNS)),  # the slices remembered
+        ("entries", np.int64),  # slices ever remembered
+        ("closed", np.int64),  # slices reported since this was set to zero
+        ("window", float),  # over which velocities are taken where none is given
+        # What is known of the cycles.
+        ("cycles", np.int64),  # recent ones
+        ("period", float),  # their median
+        ("last_arrest", float),
+        ("last_breakaway", float),  # of the last rest, NaN before the first
+        ("needed", float),  # how long motion without a rest must last before it is called smooth
+        # When to look whether the joint has come to rest.
+        ("looked", np.int64),  # knots there were at the last look, -1 before the first
+        ("look_after", float),  # for how long it must then have stood
+    ]
+)
 
 # What ends a call of `follow`.
 ENDED, SPELL, STANDS = range(3)
 
-# Columns of what is remembered of a slice.
-TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
-PAST_COLUMNS = 6
 # Columns of what is reported of a slice.
 BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
 SLICE_COLUMNS = 6
@@ -95,17 +98,17 @@ def unbroken(times, positions, after, silence, largest):
 
 
 @compiled()
-def errors(since, state, past):
+def errors(since, motion):
     """Largest tracking error and velocity error of the slices since a time; NaN where none is known."""
-    tracking, velocity = state[SLICE_ERROR], np.nan
-    for n in range(int(state[ENTRIES]) - 1, max(-1, int(state[ENTRIES]) - PAST - 1), -1):
+    tracking, velocity = motion.slice_error, np.nan
+    for n in range(motion.entries - 1, max(-1, motion.entries - PAST - 1), -1):
         entry = n % PAST
-        if past[entry, TIME] < since:
+        if motion.past[entry, TIME] < since:
             break
-        if not past[entry, ERROR] <= tracking and np.isfinite(past[entry, ERROR]):
-            tracking = past[entry, ERROR]
-        if not past[entry, VELOCITY_ERROR] <= velocity and np.isfinite(past[entry, VELOCITY_ERROR]):
-            velocity = past[entry, VELOCITY_ERROR]
+        if not motion.past[entry, ERROR] <= tracking and np.isfinite(motion.past[entry, ERROR]):
+            tracking = motion.past[entry, ERROR]
+        if not motion.past[entry, VELOCITY_ERROR] <= velocity and np.isfinite(motion.past[entry, VELOCITY_ERROR]):
+            velocity = motion.past[entry, VELOCITY_ERROR]
     return tracking, velocity
 
 
@@ -118,45 +121,45 @@ def _all_finite(values):
 
 
 @helper()
-def _last_knot_time(detector, knots):
-    head = int(detector[kernel.HEAD])
-    return knots[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
+def _last_knot_time(detector):
+    head = detector.head
+    return detector.knots[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
 
 
 @compiled()
-def open_rest(detector, knots):
+def open_rest(detector):
     """Since when the joint has been at rest, if by now that can be told from slow motion; else NaN."""
-    head = int(detector[kernel.HEAD])
-    last = _last_knot_time(detector, knots)
+    head = detector.head
+    last = _last_knot_time(detector)
     if head < 2:
         return last if head else np.nan
-    flat = detector[kernel.LAST_TIME] - last
-    if not flat > _GAPS_AT_REST * detector[kernel.UPDATE]:
+    flat = detector.last_time - last
+    if not flat > _GAPS_AT_REST * detector.update:
         return np.nan
     count = min(head, _RECENT_KNOTS) - 1
     gaps, speeds = np.empty(count), np.empty(count)
     for n in range(count):
         knot, before = (head - 1 - n) % kernel.RING, (head - 2 - n) % kernel.RING
-        gaps[n] = knots[knot, kernel.TIME] - knots[before, kernel.TIME]
-        speeds[n] = abs(knots[knot, kernel.SPEED])
-    usual = max(quantile(gaps, count, 0.5), detector[kernel.UPDATE])
+        gaps[n] = detector.knots[knot, kernel.TIME] - detector.knots[before, kernel.TIME]
+        speeds[n] = abs(detector.knots[knot, kernel.SPEED])
+    usual = max(quantile(gaps, count, 0.5), detector.update)
     fastest = quantile(speeds, count, _FAST_SHARE)
-    stands = flat > _GAPS_AT_REST * usual and detector[kernel.BAND] < kernel.SLOW * fastest * flat
+    stands = flat > _GAPS_AT_REST * usual and detector.position.band < kernel.SLOW * fastest * flat
     return last if stands else np.nan
 
 
 @inlined()
-def slowest_share(since, detector, knots):
+def slowest_share(since, detector):
     """Slowest motion since a time over the mean there, 0 to 1; 1 if there is too little to tell."""
-    head = int(detector[kernel.HEAD])
+    head = detector.head
     first = head
-    while first > max(0, head - kernel.RING) and knots[(first - 1) % kernel.RING, kernel.TIME] >= since:
+    while first > max(0, head - kernel.RING) and detector.knots[(first - 1) % kernel.RING, kernel.TIME] >= since:
         first -= 1
     if head - first < 2 * _WINDOW_KNOTS:
         return 1.0
     begin, end = first % kernel.RING, (head - 1) % kernel.RING
-    way = abs(knots[end, kernel.POSITION] - knots[begin, kernel.POSITION])
-    mean = way / (knots[end, kernel.TIME] - knots[begin, kernel.TIME])
+    way = abs(detector.knots[end, kernel.POSITION] - detector.knots[begin, kernel.POSITION])
+    mean = way / (detector.knots[end, kernel.TIME] - detector.knots[begin, kernel.TIME])
     if mean == 0.0:
         return 1.0
     # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. Slowing
@@ -164,8 +167,8 @@ def slowest_share(since, detector, knots):
     recovered, slowest, candidate = False, np.inf, np.inf
     for n in range(first + _ENOUGH_KNOTS, head):
         knot, before = n % kernel.RING, (n - _ENOUGH_KNOTS) % kernel.RING
-        way = abs(knots[knot, kernel.POSITION] - knots[before, kernel.POSITION])
-        speed = way / (knots[knot, kernel.TIME] - knots[before, kernel.TIME])
+        way = abs(detector.knots[knot, kernel.POSITION] - detector.knots[before, kernel.POSITION])
+        speed = way / (detector.knots[knot, kernel.TIME] - detector.knots[before, kernel.TIME])
         candidate = min(candidate, speed)
         if speed >= 0.5 * mean:
             recovered = True
@@ -174,14 +177,14 @@ def slowest_share(since, detector, knots):
 
 
 @helper()
-def _entry_at(time, state, past):
+def _entry_at(time, motion):
     """Index of the latest slice remembered that ends not after a time, or of the oldest; -1 if there is none."""
-    entries = int(state[ENTRIES])
+    entries = motion.entries
     oldest = max(0, entries - PAST)
     low, high = oldest, entries
     while low < high:
         middle = (low + high) // 2
-        if past[middle % PAST, TIME] <= time:
+        if motion.past[middle % PAST, TIME] <= time:
             low = middle + 1
         else:
             high = middle
@@ -189,198 +192,198 @@ def _entry_at(time, state, past):
 
 
 @inlined()
-def travel_since(time, state, past):
+def travel_since(time, motion):
     """Way of the reference since a time; 0 if unknown."""
-    at = _entry_at(time, state, past)
-    travel = state[TRAVEL] - past[at, WAY] if at >= 0 and state[TRAVELS] else np.nan
+    at = _entry_at(time, motion)
+    travel = motion.travel - motion.past[at, WAY] if at >= 0 and motion.travels else np.nan
     return travel if np.isfinite(travel) else 0.0
 
 
 @compiled()
-def mean_velocity(window, state, past):
+def mean_velocity(window, motion):
     """Mean velocity of the joint over the last ``window`` seconds; NaN if unknown."""
-    at = _entry_at(state[NOW] - window, state, past)
-    if at < 0 or not state[NOW] > past[at, TIME]:
+    at = _entry_at(motion.now - window, motion)
+    if at < 0 or not motion.now > motion.past[at, TIME]:
         return np.nan
-    return (state[POSITION] - past[at, PLACE]) / (state[NOW] - past[at, TIME])
+    return (motion.position - motion.past[at, PLACE]) / (motion.now - motion.past[at, TIME])
 
 
 @compiled()
-def reference_velocity(window, state, past):
+def reference_velocity(window, motion):
     """Desired velocity now: as given, else over the last ``window`` seconds; NaN if unknown."""
-    if np.isfinite(state[REFERENCE_VELOCITY]):
-        return state[REFERENCE_VELOCITY]
-    at = _entry_at(state[NOW] - window, state, past)
-    if at < 0 or not state[NOW] > past[at, TIME]:
+    if np.isfinite(motion.reference_velocity):
+        return motion.reference_velocity
+    at = _entry_at(motion.now - window, motion)
+    if at < 0 or not motion.now > motion.past[at, TIME]:
         return np.nan
-    return (state[REFERENCE] - past[at, REFERENCE_PLACE]) / (state[NOW] - past[at, TIME])
+    return (motion.reference - motion.past[at, REFERENCE_PLACE]) / (motion.now - motion.past[at, TIME])
 
 
 @compiled()
-def judge(rest, state, past, detector, knots):
+def judge(rest, motion, detector):
     """What the motion shows now, with the rest that is open: a code, and two numbers that explain it."""
-    now = state[NOW]
-    if detector[kernel.SAMPLES] < kernel.BLOCK:
+    now = motion.now
+    if detector.samples < kernel.BLOCK:
         return TOO_FEW, 0.0, 0.0
-    left = state[LAST_BREAKAWAY] if np.isfinite(state[LAST_BREAKAWAY]) else state[FIRST_TIME]
-    if state[CYCLES] >= _CYCLES_FOR_STICK_SLIP:
+    left = motion.last_breakaway if np.isfinite(motion.last_breakaway) else motion.first_time
+    if motion.cycles >= _CYCLES_FOR_STICK_SLIP:
         # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
         patience = PERIODS_TO_TRUST if np.isnan(rest) else _PERIODS_AT_REST
-        if now - max(state[LAST_ARREST], left) <= patience * state[PERIOD]:
+        if now - max(motion.last_arrest, left) <= patience * motion.period:
             return STICKS, 0.0, 0.0
-    if np.isfinite(rest) or detector[kernel.HEAD] <= 1:
-        since = rest if np.isfinite(rest) else state[FIRST_TIME]
-        return AT_REST, now - since, travel_since(since, state, past)
+    if np.isfinite(rest) or detector.head <= 1:
+        since = rest if np.isfinite(rest) else motion.first_time
+        return AT_REST, now - since, travel_since(since, motion)
     # A rest is known in full only some time after its end.
-    began = max(left, state[RESTED_AT])
-    moving, needed = now - max(state[TURNED], began), state[NEEDED]
-    if moving < needed or detector[kernel.HEAD] < _LEAST_KNOTS:
-        return REVERSING if state[TURNED] > began else TOO_SHORT, moving, needed
-    dip = slowest_share(max(now - needed, began + _START * needed), detector, knots)
+    began = max(left, motion.rested_at)
+    moving, needed = now - max(motion.turned, began), motion.needed
+    if moving < needed or detector.head < _LEAST_KNOTS:
+        return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
+    dip = slowest_share(max(now - needed, began + _START * needed), detector)
     return DIPS if dip < _DIP_AT_RISK else MOVES, dip, 0.0
 
 
 @compiled()
-def close_slice(window, state, past, steps, slices, detector, knots):
+def close_slice(slices, motion, detector):
     """End the slice that is open, if one is: remember it, judge it, report it."""
-    if np.isnan(state[SLICE]):
+    if np.isnan(motion.slice):
         return
-    now = state[NOW]
-    count = int(state[SLICE_STEPS])
+    now = motion.now
+    count = motion.slice_steps
     if count:
-        interval = quantile(steps, count, 0.5)
-        state[INTERVAL] = (
-            interval if np.isnan(state[INTERVAL]) else state[INTERVAL] + _INTERVAL_WEIGHT * (interval - state[INTERVAL])
+        interval = quantile(motion.steps, count, 0.5)
+        motion.interval = (
+            interval if np.isnan(motion.interval) else motion.interval + _INTERVAL_WEIGHT * (interval - motion.interval)
         )
-    moved, duration = state[POSITION] - state[LAST_POSITION], now - state[LAST_END]
+    moved, duration = motion.position - motion.last_position, now - motion.last_end
     velocity_error = np.nan
     if 0.0 < duration < np.inf:
-        desired = state[REFERENCE_VELOCITY]
-        if not np.isfinite(desired) and state[SLICE_REFERENCED]:
-            desired = (state[REFERENCE] - state[LAST_REFERENCE]) / duration
+        desired = motion.reference_velocity
+        if not np.isfinite(desired) and motion.slice_referenced:
+            desired = (motion.reference - motion.last_reference) / duration
         velocity_error = abs(desired - moved / duration)
-    entry = int(state[ENTRIES]) % PAST
-    past[entry, TIME], past[entry, PLACE], past[entry, REFERENCE_PLACE] = now, state[POSITION], state[REFERENCE]
-    past[entry, WAY] = state[TRAVEL] if state[TRAVELS] else np.nan
-    past[entry, ERROR], past[entry, VELOCITY_ERROR] = state[SLICE_ERROR], velocity_error
-    state[ENTRIES] += 1.0
-    sign = detector[kernel.SIGN]
-    if sign != 0.0 and sign != state[DIRECTION]:
-        if state[DIRECTION] != 0.0:
-            state[TURNED] = _last_knot_time(detector, knots)
-        state[DIRECTION] = sign
-    rest = open_rest(detector, knots)
+    entry = motion.entries % PAST
+    motion.past[entry, TIME], motion.past[entry, PLACE], motion.past[entry, REFERENCE_PLACE] = (
+        now,
+        motion.position,
+        motion.reference,
+    )
+    motion.past[entry, WAY] = motion.travel if motion.travels else np.nan
+    motion.past[entry, ERROR], motion.past[entry, VELOCITY_ERROR] = motion.slice_error, velocity_error
+    motion.entries += 1
+    sign = detector.sign
+    if sign != 0.0 and sign != motion.direction:
+        if motion.direction != 0.0:
+            motion.turned = _last_knot_time(detector)
+        motion.direction = sign
+    rest = open_rest(detector)
     if np.isfinite(rest):
-        state[RESTED_AT] = now
-    code, _, _ = judge(rest, state, past, detector, knots)
+        motion.rested_at = now
+    code, _, _ = judge(rest, motion, detector)
     velocity = np.nan
     if code == MOVES:
-        velocity = reference_velocity(window, state, past)
+        velocity = reference_velocity(motion.window, motion)
         if not np.isfinite(velocity):
-            velocity = mean_velocity(window, state, past)
-    row = int(state[CLOSED])
-    slices[row, BEGIN], slices[row, END] = state[SLICE_BEGIN], now
+            velocity = mean_velocity(motion.window, motion)
+    row = motion.closed
+    slices[row, BEGIN], slices[row, END] = motion.slice_begin, now
     slices[row, CODE], slices[row, VELOCITY] = code, velocity
-    slices[row, FROM], slices[row, TO] = state[LAST_POSITION], state[POSITION]
-    state[CLOSED] += 1.0
-    state[SLICE] = np.nan
-    state[LAST_END], state[LAST_POSITION], state[LAST_REFERENCE] = now, state[POSITION], state[REFERENCE]
+    slices[row, FROM], slices[row, TO] = motion.last_position, motion.position
+    motion.closed += 1
+    motion.slice = np.nan
+    motion.last_end, motion.last_position, motion.last_reference = now, motion.position, motion.reference
 
 
 @inlined()
-def _note(time, position, reference, reference_speed, state, steps):
+def _note(time, position, reference, reference_speed, motion):
     """Remember a sample; returns the way that the reference has gone, NaN if unknown."""
-    step = time - state[NOW]
-    if np.isnan(state[FIRST_TIME]):
-        state[FIRST_TIME] = time
-        state[LAST_POSITION] = position
-    elif int(state[SLICE_STEPS]) < STEPS:
-        steps[int(state[SLICE_STEPS])] = step
-        state[SLICE_STEPS] += 1.0
-    state[NOW], state[POSITION] = time, position
+    step = time - motion.now
+    if np.isnan(motion.first_time):
+        motion.first_time = time
+        motion.last_position = position
+    elif motion.slice_steps < STEPS:
+        motion.steps[motion.slice_steps] = step
+        motion.slice_steps += 1
+    motion.now, motion.position = time, position
     # From its position if given, else from its velocity.
     if np.isfinite(reference):
-        if np.isfinite(state[REFERENCE]):
-            state[TRAVEL] += abs(reference - state[REFERENCE])
+        if np.isfinite(motion.reference):
+            motion.travel += abs(reference - motion.reference)
         error = abs(reference - position)
-        if not error <= state[SLICE_ERROR]:
-            state[SLICE_ERROR] = error
+        if not error <= motion.slice_error:
+            motion.slice_error = error
     else:
-        state[SLICE_REFERENCED] = 0.0
+        motion.slice_referenced = False
         if np.isfinite(reference_speed) and np.isfinite(step):
-            state[TRAVEL] += abs(reference_speed) * step
-    state[REFERENCE], state[REFERENCE_VELOCITY] = reference, reference_speed
-    state[TRAVELS] = 1.0 if np.isfinite(reference) or np.isfinite(reference_speed) else 0.0
-    return state[TRAVEL] if state[TRAVELS] else np.nan
+            motion.travel += abs(reference_speed) * step
+    motion.reference, motion.reference_velocity = reference, reference_speed
+    motion.travels = np.isfinite(reference) or np.isfinite(reference_speed)
+    return motion.travel if motion.travels else np.nan
 
 
 @inlined()
-def _may_rest(state, detector, knots):
+def _may_rest(motion, detector):
     """Whether it is time to look if the joint has come to rest: it stands, and did so for too short a time before."""
-    head = detector[kernel.HEAD]
-    flat = detector[kernel.LAST_TIME] - _last_knot_time(detector, knots)
-    if head != state[LOOKED]:
-        if head < 3.0 or not np.isfinite(detector[kernel.PEAK]):
+    head = detector.head
+    flat = detector.last_time - _last_knot_time(detector)
+    if head != motion.looked:
+        if head < 3 or not np.isfinite(detector.peak):
             return False
         newest = int(head) - 1
-        gap = knots[newest % kernel.RING, kernel.TIME] - knots[(newest - 1) % kernel.RING, kernel.TIME]
-        state[LOOKED] = head
-        state[LOOK_AFTER] = _GAPS_AT_REST * max(gap, state[NOW] - detector[kernel.LAST_TIME])
+        gap = (
+            detector.knots[newest % kernel.RING, kernel.TIME] - detector.knots[(newest - 1) % kernel.RING, kernel.TIME]
+        )
+        motion.looked = head
+        motion.look_after = _GAPS_AT_REST * max(gap, motion.now - detector.last_time)
     # Times that differ by less than the samples do are equal, however stamps are rounded.
-    equal = 0.25 * (state[NOW] - detector[kernel.LAST_TIME])
-    if not flat >= state[LOOK_AFTER] - equal or not detector[kernel.BAND] < kernel.SLOW * detector[kernel.PEAK] * flat:
+    equal = 0.25 * (motion.now - detector.last_time)
+    if not flat >= motion.look_after - equal or not detector.position.band < kernel.SLOW * detector.peak * flat:
         return False
-    state[LOOK_AFTER] = _LOOK_AGAIN * flat
+    motion.look_after = _LOOK_AGAIN * flat
     return True
 
 
 @compiled()
-def replay(early, detector, knots):
+def replay(detector):
     """Take the first block, which had to be measured first; True whenever a spell is complete."""
-    while detector[kernel.SAMPLES] >= kernel.BLOCK and detector[kernel.REPLAYED] < kernel.BLOCK:
-        number = int(detector[kernel.REPLAYED])
-        detector[kernel.REPLAYED] += 1.0
-        if kernel.take(
-            number, early[number, 0], early[number, 1], early[number, 2], early[number, 3], early[number, 4],
-            detector, knots,
-        ):  # fmt: skip
+    early = detector.early
+    while detector.samples >= kernel.BLOCK and detector.replayed < kernel.BLOCK:
+        n = detector.replayed
+        detector.replayed += 1
+        if kernel.take(n, early[n, 0], early[n, 1], early[n, 2], early[n, 3], early[n, 4], detector):
             return True
     return False
 
 
 @compiled()
-def follow(
-    start, times, positions, velocities, efforts, references, reference_speeds,
-    window, state, past, steps, slices,
-    early, block, detector, smallest, noises, velocity_block, velocity_detector, velocity_smallest, velocity_noises,
-    knots,
-):  # fmt: skip
+def follow(start, times, positions, velocities, efforts, references, reference_speeds, slices, motion, detector):
     """Take samples from ``start`` until a spell is complete, the joint may have come to rest, or the samples end.
 
     Returns the index of the next sample, and which of these it is.
     """
+    early = detector.early
     for i in range(start, times.shape[0]):
         number = np.floor(times[i] / SLICE_LENGTH)
-        if number != state[SLICE]:
-            close_slice(window, state, past, steps, slices, detector, knots)
-            state[SLICE], state[SLICE_BEGIN] = number, times[i]
-            state[SLICE_ERROR], state[SLICE_REFERENCED], state[SLICE_STEPS] = np.nan, 1.0, 0.0
-        travel = _note(times[i], positions[i], references[i], reference_speeds[i], state, steps)
-        count = int(detector[kernel.SAMPLES])
-        block[count % kernel.BLOCK] = positions[i]
-        velocity_block[count % kernel.BLOCK] = velocities[i]
-        detector[kernel.SAMPLES] = count + 1
+        if number != motion.slice:
+            close_slice(slices, motion, detector)
+            motion.slice, motion.slice_begin = number, times[i]
+            motion.slice_error, motion.slice_referenced, motion.slice_steps = np.nan, True, 0
+        travel = _note(times[i], positions[i], references[i], reference_speeds[i], motion)
+        count = detector.samples
+        detector.position.block[count % kernel.BLOCK] = positions[i]
+        detector.velocity.block[count % kernel.BLOCK] = velocities[i]
+        detector.samples = count + 1
         if (count + 1) % kernel.BLOCK == 0:
-            kernel.measure_block(block, detector, smallest, noises)
-            if _all_finite(velocity_block):
-                kernel.measure_block(velocity_block, velocity_detector, velocity_smallest, velocity_noises)
+            kernel.measure_block(detector.position)
+            if _all_finite(detector.velocity.block):
+                kernel.measure_block(detector.velocity)
         if count < kernel.BLOCK:
             early[count, 0], early[count, 1], early[count, 2] = times[i], positions[i], velocities[i]
             early[count, 3], early[count, 4] = travel, efforts[i]
-            if count + 1 == kernel.BLOCK and replay(early, detector, knots):
+            if count + 1 == kernel.BLOCK and replay(detector):
                 return i + 1, SPELL
-        elif kernel.take(count, times[i], positions[i], velocities[i], travel, efforts[i], detector, knots):
+        elif kernel.take(count, times[i], positions[i], velocities[i], travel, efforts[i], detector):
             return i + 1, SPELL
-        elif _may_rest(state, detector, knots):
+        elif _may_rest(motion, detector):
             return i + 1, STANDS
     return times.shape[0], ENDED

@@ -1,85 +1,198 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The recent past of a joint and its reference, and what it shows: speeds, travel, turns."""
+"""What is remembered of a joint's motion and its reference, and what it shows: knots, speeds, travel, turns."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from stickslip_ros.monitoring.detection import _knot_kernel as knot_kernel
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 
 class MotionRecord:
-    """What the judgement needs to remember of the samples, one entry a slice of them; filled by the rest detector.
+    """The compiled path's memory, and the only one who touches it.
 
-    Attributes
+    Parameters
     ----------
     window : over which velocities are taken where none is given [s].
     """
 
     def __init__(self, window: float = 1.0) -> None:
-        self.window = window
-        self.state = np.zeros(kernel.STATE_SIZE)
-        self.state[[kernel.NOW, kernel.TURNED, kernel.RESTED_AT, kernel.LAST_END]] = -np.inf
-        self.state[
-            [
-                kernel.FIRST_TIME,
-                kernel.POSITION,
-                kernel.REFERENCE,
-                kernel.REFERENCE_VELOCITY,
-                kernel.INTERVAL,
-                kernel.SLICE,
-                kernel.LAST_REFERENCE,
-                kernel.LAST_BREAKAWAY,
-                kernel.LOOKED,
-            ]
-        ] = np.nan
-        self.past = np.zeros((kernel.PAST, kernel.PAST_COLUMNS))
-        self.steps = np.zeros(kernel.STEPS)
-        self.slices = np.zeros((1, kernel.SLICE_COLUMNS))
+        self._motion = _record(kernel.MOTION)
+        for name in ("now", "turned", "rested_at", "last_end"):
+            self._motion[name] = -np.inf
+        for name in (
+            "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
+            "last_breakaway",
+        ):  # fmt: skip
+            self._motion[name] = np.nan
+        self._motion["looked"] = -1
+        self._motion["window"] = window
+        self._detector = _record(knot_kernel.DETECTOR)
+        self._detector["peak"] = np.inf
+        for signal in (self._detector["position"], self._detector["velocity"]):
+            signal["smallest"] = np.inf
+            signal["noises"] = np.nan
+        self._detector["velocity"]["block"] = np.nan
+        self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
 
-    def make_room(self, count: int) -> None:
-        """Let so many slices be closed before they are taken."""
-        waiting = self.closed()
-        self.slices = np.zeros((len(waiting) + count, kernel.SLICE_COLUMNS))
-        self.slices[: len(waiting)] = waiting
-        self.state[kernel.CLOSED] = len(waiting)
+    def follow(self, samples: Batch) -> Iterator[bool]:
+        """Take samples; stops at every stretch of slow motion that is complete (True), and where a rest may have begun.
+
+        What is asked in between is answered as of then.
+        """
+        duration = float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0
+        self._make_room(min(len(samples), int(duration / kernel.SLICE_LENGTH) + 2) + 1)
+        index = 0
+        while index < len(samples):
+            index, why = kernel.follow(
+                index, samples.time, samples.position, samples.velocity, samples.effort,
+                samples.reference_position, samples.reference_velocity, self._slices, self._motion, self._detector,
+            )  # fmt: skip
+            if why == kernel.STANDS:
+                yield False
+            complete = why == kernel.SPELL
+            while complete:
+                yield True
+                knot_kernel.close_spell(self._detector)
+                # The first block, which had to wait, may hold more than one.
+                complete = kernel.replay(self._detector)
+
+    def close_slice(self) -> None:
+        """End the slice of time that is open, where no more samples come."""
+        self._make_room(1)
+        kernel.close_slice(self._slices, self._motion, self._detector)
 
     def closed(self) -> FloatArray:
         """Take the slices closed since the last time, in the columns of the kernel."""
-        rows: FloatArray = self.slices[: int(self.state[kernel.CLOSED])].copy()
-        self.state[kernel.CLOSED] = 0.0
+        rows: FloatArray = self._slices[: int(self._motion["closed"])].copy()
+        self._motion["closed"] = 0
         return rows
+
+    def note_cycles(self, *, count: int, period: float, last_arrest: float, last_breakaway: float) -> None:
+        """Let the judgement know the recent cycles: how many, their median period [s], when the last one ended [s].
+
+        ``last_breakaway`` is that of the last rest [s], NaN before the first.
+        """
+        self._motion["cycles"], self._motion["period"] = count, period
+        self._motion["last_arrest"], self._motion["last_breakaway"] = last_arrest, last_breakaway
+
+    def require(self, *, motion: float, window: float) -> None:
+        """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""
+        self._motion["needed"], self._motion["window"] = motion, window
+
+    def judge(self) -> tuple[int, float, float]:
+        """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
+        rest = kernel.open_rest(self._detector)
+        code, first, second = kernel.judge(rest, self._motion, self._detector)
+        return int(code), float(first), float(second)
+
+    def goes_on(self, samples: Batch, *, silence: float, largest: float) -> bool:
+        """Whether samples simply go on: in strict order, all within ``largest``, with no silence [s] in between."""
+        return bool(kernel.unbroken(samples.time, samples.position, self.last_time, silence, largest))
 
     @property
     def last_time(self) -> float:
         """Stamp of the last sample [s]; -inf before any."""
-        return float(self.state[kernel.NOW])
+        return float(self._motion["now"])
 
     @property
     def position(self) -> float:
         """At the last sample [rad]."""
-        return float(self.state[kernel.POSITION])
+        return float(self._motion["position"])
 
     @property
     def sample_interval(self) -> float:
         """Usual time between samples [s]; NaN if unknown."""
-        return float(self.state[kernel.INTERVAL])
+        return float(self._motion["interval"])
+
+    @property
+    def period(self) -> float:
+        """Median period of the recent cycles [s]."""
+        return float(self._motion["period"])
 
     def errors(self, window: float) -> tuple[float, float]:
         """Largest tracking error [rad] and velocity error [rad/s] of the last ``window`` seconds; NaN if unknown."""
-        if not self.state[kernel.FIRST_TIME] <= self.last_time:
+        if not self._motion["first_time"] <= self.last_time:
             return math.nan, math.nan
-        tracking, velocity = kernel.errors(self.last_time - window, self.state, self.past)
+        tracking, velocity = kernel.errors(self.last_time - window, self._motion)
         return float(tracking), float(velocity)
 
-    def reference_velocity(self) -> float:
-        """Desired velocity now [rad/s]: as given, else over the window; NaN if unknown."""
-        return float(kernel.reference_velocity(self.window, self.state, self.past))
+    def reference_velocity(self, window: float) -> float:
+        """Desired velocity now [rad/s]: as given, else over the last ``window`` seconds; NaN if unknown."""
+        return float(kernel.reference_velocity(window, self._motion))
 
     def mean_velocity(self, window: float) -> float:
         """Mean velocity of the joint over the last ``window`` seconds [rad/s]; NaN if unknown."""
-        return float(kernel.mean_velocity(window, self.state, self.past))
+        return float(kernel.mean_velocity(window, self._motion))
+
+    @property
+    def band(self) -> float:
+        """The smallest motion told from rest [rad]: resolution or a multiple of the noise."""
+        return float(self._detector["position"]["band"])
+
+    @property
+    def resolution(self) -> float:
+        """Smallest step of the signal [rad]."""
+        return float(self._detector["position"]["resolution"])
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the position's noise [rad]."""
+        return float(self._detector["position"]["noise"])
+
+    @property
+    def velocity_band(self) -> float:
+        """The smallest velocity told from none [rad/s]; NaN until the velocity's steps were seen."""
+        signal = self._detector["velocity"]
+        return float(signal["band"]) if np.isfinite(signal["smallest"][2]) else math.nan
+
+    @property
+    def knot_count(self) -> int:
+        """How many knots were ever set; the latest :data:`._knot_kernel.RING` are kept."""
+        return int(self._detector["head"])
+
+    def knots(self, first: int, last: int) -> FloatArray:
+        """Knots by their numbers, both included, in the columns of the kernel; a copy.
+
+        Of the newest one the stand is that until the last sample.
+        """
+        rows: FloatArray = self._detector["knots"][np.arange(first, last + 1) % knot_kernel.RING]
+        if last == self.knot_count - 1:
+            ends = [knot_kernel.FLAT_END, knot_kernel.REFERENCE_FLAT_END, knot_kernel.EFFORT_FLAT_END]
+            rows[-1, ends] = [self._detector[name] for name in ("last_time", "last_reference", "last_effort")]
+        return rows
+
+    @property
+    def longest_gap(self) -> tuple[int, float]:
+        """The knot from which the longest gap of the slow stretch runs, and its duration [s]; 0 if there is none."""
+        gap = int(self._detector["longest_gap"])
+        return gap, float(self._detector["longest_time"]) if self._detector["in_spell"] else 0.0
+
+    @property
+    def speed_after(self) -> float:
+        """Fastest motion since the longest gap [rad/s]."""
+        return float(self._detector["peak_after"])
+
+    @property
+    def last_detected(self) -> float:
+        """Stamp of the last sample that the search for rests has taken [s]: one sample behind."""
+        return float(self._detector["last_time"])
+
+    def _make_room(self, count: int) -> None:
+        """Let so many slices be closed before they are taken."""
+        waiting = self.closed()
+        self._slices = np.zeros((len(waiting) + count, kernel.SLICE_COLUMNS))
+        self._slices[: len(waiting)] = waiting
+        self._motion["closed"] = len(waiting)
+
+
+def _record(layout: np.dtype[Any]) -> Any:
+    """A record of zeros, as compiled code takes it."""
+    return np.zeros(1, layout)[0]

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.detection import _knot_kernel as kernel
-from stickslip_ros.monitoring.detection import _motion_kernel as motion_kernel
 from stickslip_ros.monitoring.detection.motion import MotionRecord
 from stickslip_ros.monitoring.detection.rest_ends import braking_knots, fastest, rest_ends, rest_gaps
 from stickslip_ros.monitoring.samples import Batch
@@ -70,23 +69,18 @@ class Rest:
 
 
 class RestDetector:
-    """Finds the rests in a stream of samples; how the stream is cut into batches makes no difference."""
+    """Finds the rests in a stream of samples; how the stream is cut into batches makes no difference.
 
-    def __init__(self) -> None:
-        self._block = np.zeros(kernel.BLOCK)
-        self._state = np.zeros(kernel.STATE_SIZE)
-        self._state[kernel.PEAK] = np.inf
-        self._smallest = np.full(3, np.inf)
-        self._noises = np.full((2, kernel.BLOCKS_KEPT), np.nan)
-        self._velocity_block = np.full(kernel.BLOCK, np.nan)
-        self._velocity_state = np.zeros(kernel.STATE_SIZE)
-        self._velocity_smallest = np.full(3, np.inf)
-        self._velocity_noises = np.full((2, kernel.BLOCKS_KEPT), np.nan)
-        self._early = np.zeros((kernel.BLOCK, 5))
-        self._knots = np.zeros((kernel.RING, kernel.KNOT_COLUMNS))
+    Attributes
+    ----------
+    motion : remembers the samples and judges every slice of time.
+    """
+
+    def __init__(self, window: float = 1.0) -> None:
+        self.motion = MotionRecord(window)
         self._rest_end = 0
 
-    def feed(self, samples: Batch, motion: MotionRecord | None = None) -> Iterator[Rest]:
+    def feed(self, samples: Batch) -> Iterator[Rest]:
         """Take samples and yield each rest when it is complete, and before that when it has certainly begun.
 
         What is known by then may be changed in between. A rest that has only begun is not :attr:`Rest.complete`.
@@ -95,68 +89,20 @@ class RestDetector:
         ----------
         samples : in strict order of time, with finite positions; a joint whose measured velocity was never seen
             slow did not rest.
-        motion : remembers the samples and judges every slice of time.
         """
-        motion = motion or MotionRecord()
-        duration = float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0
-        motion.make_room(min(len(samples), int(duration / motion_kernel.SLICE_LENGTH) + 2) + 1)
-        index = 0
-        while index < len(samples):
-            index, why = motion_kernel.follow(
-                index, samples.time, samples.position, samples.velocity, samples.effort,
-                samples.reference_position, samples.reference_velocity,
-                motion.window, motion.state, motion.past, motion.steps, motion.slices,
-                self._early, self._block, self._state, self._smallest, self._noises,
-                self._velocity_block, self._velocity_state, self._velocity_smallest, self._velocity_noises, self._knots,
-            )  # fmt: skip
-            if why == motion_kernel.STANDS:
-                begun = self._begun_rest()
-                if begun is not None:
-                    yield begun
-            complete = why == motion_kernel.SPELL
-            while complete:
-                rest = self._judge()
-                kernel.close_spell(self._state, self._knots)
-                if rest is not None:
-                    yield rest
-                # The first block, which had to wait, may hold more than one spell.
-                complete = motion_kernel.replay(self._early, self._state, self._knots)
-
-    def close_slice(self, motion: MotionRecord) -> None:
-        """End the slice of time that is open, where no more samples come."""
-        motion.make_room(1)
-        motion_kernel.close_slice(
-            motion.window, motion.state, motion.past, motion.steps, motion.slices, self._state, self._knots
-        )
-
-    def judge(self, motion: MotionRecord) -> tuple[int, float, float]:
-        """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
-        rest = motion_kernel.open_rest(self._state, self._knots)
-        code, first, second = motion_kernel.judge(rest, motion.state, motion.past, self._state, self._knots)
-        return int(code), float(first), float(second)
-
-    @property
-    def band(self) -> float:
-        """The smallest motion told from rest [rad]: resolution or a multiple of the noise."""
-        return float(self._state[kernel.BAND])
-
-    @property
-    def resolution(self) -> float:
-        """Smallest step of the signal [rad]."""
-        return float(self._state[kernel.RESOLUTION])
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of the position's noise [rad]."""
-        return float(self._state[kernel.NOISE])
+        for complete in self.motion.follow(samples):
+            rest = self._judge() if complete else self._begun_rest()
+            if rest is not None:
+                yield rest
 
     def _begun_rest(self) -> Rest | None:
         """The rest that lasts at the last sample, if the joint has stood for longer than it takes to turn round."""
         # Fitted to the braking alone, the place within a count dates the arrest to 5 ms instead of 8.
         rest = self.unfinished_rest(_FRACTIONS)
-        if rest is None or rest.breakaway != self._state[kernel.LAST_TIME]:
+        if rest is None or rest.breakaway != self.motion.last_detected:
             return None
-        last = float(self._knots[(int(self._state[kernel.HEAD]) - 1) % kernel.RING, kernel.TIME])
+        newest = self.motion.knot_count - 1
+        last = float(self.motion.knots(newest, newest)[0, kernel.TIME])
         return rest if rest.arrest < rest.breakaway - _TURN * (rest.arrest - last) else None
 
     def unfinished_rest(self, fractions: NDArray[np.float64] = _MIDDLE) -> Rest | None:
@@ -166,33 +112,26 @@ class RestDetector:
         ----------
         fractions : of a count, where the joint may have come to rest beyond the last one seen.
         """
-        head = int(self._state[kernel.HEAD])
+        motion = self.motion
+        head = motion.knot_count
         oldest = max(self._rest_end, head - kernel.RING)
         if head - oldest < 2:
             return None
-        newest = self._knots[(head - 1) % kernel.RING]
-        newest[[kernel.FLAT_END, kernel.REFERENCE_FLAT_END, kernel.EFFORT_FLAT_END]] = self._state[
-            [kernel.LAST_TIME, kernel.LAST_REFERENCE, kernel.LAST_EFFORT]
-        ]
-        last = head - 1
-        longest = int(self._state[kernel.LONGEST_GAP])
-        if (
-            self._state[kernel.IN_SPELL]
-            and longest > oldest
-            and self._state[kernel.LONGEST_TIME] > newest[kernel.FLAT_END] - newest[kernel.TIME]
-        ):
-            last = longest
-        before = self._between(oldest, last)
+        newest = motion.knots(head - 1, head - 1)[0]
+        longest, duration = motion.longest_gap
+        stands = newest[kernel.FLAT_END] - newest[kernel.TIME]
+        last = longest if longest > oldest and duration > stands else head - 1
+        before = motion.knots(oldest, last)
         core = before[-1]
-        if abs(float(core[kernel.POSITION] - before[0, kernel.POSITION])) < _LEAST_SLIP_BANDS * self.band:
+        if abs(float(core[kernel.POSITION] - before[0, kernel.POSITION])) < _LEAST_SLIP_BANDS * self.motion.band:
             return None
         speed = fastest(before[1:])
         direction = 1 if float(core[kernel.POSITION] - before[0, kernel.POSITION]) > 0 else -1
-        if not self.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
+        if not self.motion.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
             return None
         left = braking_knots(before[::-1], speed)
         begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
-        places = float(core[kernel.POSITION]) + direction * self.band * np.repeat(fractions[:, None], 2, axis=1)
+        places = float(core[kernel.POSITION]) + direction * self.motion.band * np.repeat(fractions[:, None], 2, axis=1)
         arrest, _, _ = rest_ends(left, before[:0], places, begin, end, direction, 0)
         return Rest(
             arrest=arrest,
@@ -206,40 +145,35 @@ class RestDetector:
             complete=False,
         )
 
-    def _between(self, first: int, last: int) -> NDArray[np.float64]:
-        knots: NDArray[np.float64] = self._knots[np.arange(first, last + 1) % kernel.RING]
-        return knots
-
     def _judge(self) -> Rest | None:
         """Decide whether the spell just completed was a rest, and when it began and ended."""
-        newest = int(self._state[kernel.HEAD]) - 1
-        longest = int(self._state[kernel.LONGEST_GAP])
+        newest = self.motion.knot_count - 1
+        longest, _ = self.motion.longest_gap
         oldest = max(self._rest_end, newest - kernel.RING + 1)
         if longest < oldest:
             return None
-        knots = self._between(oldest, newest)
+        knots = self.motion.knots(oldest, newest)
         initial = oldest == 0 and longest == 0
         speed_before = np.inf if initial else fastest(knots[1 : longest - oldest + 1]) if longest > oldest else 0.0
-        speed_after = float(self._state[kernel.PEAK_AFTER])
+        speed_after = self.motion.speed_after
         slowest = min(speed_before, speed_after)
         travel = abs(float(knots[longest - oldest, kernel.POSITION] - knots[0, kernel.POSITION]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
-        creep = _CREEP if travel > _FINE * self.band else _CREEP_OF_COUNTS
-        first, last = rest_gaps(knots, longest - oldest, self.band, creep * slowest, _CREPT * travel)
+        creep = _CREEP if travel > _FINE * self.motion.band else _CREEP_OF_COUNTS
+        first, last = rest_gaps(knots, longest - oldest, self.motion.band, creep * slowest, _CREPT * travel)
         before, after = knots[: first + 1], knots[last + 1 :]
         travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
-        if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.band):
+        if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.motion.band):
             return None
         rest_begin, rest_end = float(before[-1, kernel.TIME]), float(knots[last, kernel.FLAT_END])
         moved = abs(float(knots[last, kernel.POSITION] - before[-1, kernel.POSITION]))
-        if not max(self.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
+        if not max(self.motion.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
         measured = knots[first : last + 1, kernel.SLOWEST]
         # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
-        if np.isfinite(measured).any() and np.isfinite(self._velocity_smallest[2]):
-            least = float(self._velocity_state[kernel.BAND]) + _STANDING * slowest
-            if float(np.nanmin(measured)) > least:
-                return None
+        least = self.motion.velocity_band + _STANDING * slowest
+        if np.isfinite(measured).any() and float(np.nanmin(measured)) > least:
+            return None
         direction_after = 1 if float(after[-1, kernel.POSITION] - knots[last, kernel.POSITION]) > 0 else -1
         direction_before = 0
         if not initial:
@@ -255,9 +189,9 @@ class RestDetector:
             at = np.searchsorted(knots[:, kernel.TIME], edges, side="right") - 1
             places = knots[at, kernel.POSITION][None, :]
         elif direction_before * direction_after < 0:
-            places = np.full((1, 2), begin + 0.5 * direction_before * self.band)
+            places = np.full((1, 2), begin + 0.5 * direction_before * self.motion.band)
         else:
-            width = crept + self.band
+            width = crept + self.motion.band
             places = np.repeat(begin + direction_after * _FRACTIONS[:, None] * width, 2, axis=1)
         arrest, breakaway, certain = rest_ends(
             left, right, places, rest_begin, rest_end, direction_before, direction_after
