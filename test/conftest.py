@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 from stickslip_ros.bags.table import load_recording
+from stickslip_ros.cli.processes import free_domains
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.settings.known_joints import load_joint
@@ -40,7 +41,10 @@ EXACT_CRITICAL_DAMPING = [
 # can be run without.
 OPTIONAL = ("bokeh", "catkin_pkg", "dask", "distributed", "lz4", "mcap", "mcap_ros2", "pyarrow", "rosbags", "selenium")
 
-_domains = itertools.count(os.getpid() * 13)
+# Of the tests that run side by side (make test), each takes every WORKERS-th domain, and so never another's.
+WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_tests = itertools.count(os.getpid() * 13)
 
 
 def imported(path: Path) -> set[str]:
@@ -83,7 +87,9 @@ def puma() -> Joint:
 def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
     """A ROS domain and a ROS_HOME for this test alone, on this machine only."""
     monkeypatch.setenv("ROS_HOME", str(tmp_path / "ros_home"))
-    domain = 1 + next(_domains) % 101
+    # Others on this machine may run tests or a demo too; a domain is not taken again while the last test's may end.
+    free = [domain for domain in free_domains() if domain % WORKERS == WORKER]
+    domain = free[next(_tests) % len(free)]
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     return domain

@@ -16,6 +16,8 @@ from types import TracebackType
 from stickslip_ros.parent_death import die_with_parent
 
 _DOMAINS = range(1, 102)  # those whose ports lie below Linux's ephemeral range
+_PORTS = Path("/proc/net")
+_FIRST_PORT, _PORTS_EACH = 7400, 250  # of a domain, as DDS has them
 
 
 def isolate() -> int:
@@ -24,8 +26,20 @@ def isolate() -> int:
     A ROS_DOMAIN_ID that the user has set is kept.
     """
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    domain = os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().choice(_DOMAINS)))
+    domain = os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().choice(free_domains())))
     return int(domain)
+
+
+def free_domains() -> list[int]:
+    """The ROS domains that nobody on this machine uses; all of them where the system does not tell."""
+    used = set()
+    for table in ("udp", "udp6"):
+        try:
+            lines = (_PORTS / table).read_text(encoding="ascii").splitlines()[1:]
+        except OSError:
+            continue
+        used |= {(int(line.split()[1].rpartition(":")[2], 16) - _FIRST_PORT) // _PORTS_EACH for line in lines}
+    return [domain for domain in _DOMAINS if domain not in used] or list(_DOMAINS)
 
 
 class NodeProcess:

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from statistics import median
 
 import numpy as np
 
@@ -238,7 +239,7 @@ class JointMonitor:
         self._motion.note_cycles(
             count=len(self._recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
-            period=float(np.median([cycle.period for cycle in self._recent])) if self._recent else math.nan,
+            period=median(cycle.period for cycle in self._recent) if self._recent else math.nan,
             last_arrest=last.arrest if last else math.nan,
             last_breakaway=rest.breakaway if rest else math.nan,
         )

@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-
-import numpy as np
+from statistics import median
 
 from stickslip_ros.monitoring.detection.rests import Rest
 
@@ -98,7 +97,7 @@ class CycleDetector:
         if cycle is None or self._way * cycle.slip_distance <= 0:
             return None
         # Less than usual may be the first part of a slip that goes on in a moment.
-        if abs(cycle.slip_distance) < _WHOLE_SLIP * float(np.median(self._slips)):
+        if abs(cycle.slip_distance) < _WHOLE_SLIP * median(self._slips):
             return None
         if math.isnan(rest.reference_travel):
             usual = self._pending[-1] if self._pending else cycle
@@ -150,7 +149,7 @@ class CycleDetector:
     def _cycle(self, before: Rest, rest: Rest) -> Cycle | None:
         """The slip between two rests, None if it is but creep within one."""
         distance = rest.position - before.position
-        usual = float(np.median(self._slips)) if self._slips else 0.0
+        usual = median(self._slips) if self._slips else 0.0
         if distance == 0 or abs(distance) < _LEAST_SLIP_SHARE * usual:
             return None
         return Cycle(
@@ -195,7 +194,7 @@ class CycleDetector:
             certain = [cycle]
         elif len(self._pending) >= _TRAIN_WITHOUT_REFERENCE:
             self._confirmed = True
-            least = _LEAST_SLIP_SHARE * float(np.median([abs(other.slip_distance) for other in self._pending]))
+            least = _LEAST_SLIP_SHARE * median(abs(other.slip_distance) for other in self._pending)
             certain = [other for other in self._pending if abs(other.slip_distance) >= least]
         self._pending = self._pending[-_USUAL_SLIPS:]
         if not goes_on:

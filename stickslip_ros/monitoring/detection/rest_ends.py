@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stickslip_ros.monitoring.detection import _knot_kernel as kernel
 
 _WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
+_FAST_SHARE = 0.9  # quantile
 _WINDOW_KNOTS = 6
 _ENOUGH_KNOTS = 3
 _NEAREST_KNOTS = 5
@@ -49,7 +50,13 @@ def rest_gaps(knots: NDArray[np.float64], longest: int, band: float, limit: floa
 
 def fastest(knots: NDArray[np.float64]) -> float:
     """Fastest motion at these knots, without the few outliers that noise and jittered stamps make [rad/s]."""
-    return float(np.quantile(np.abs(knots[:, kernel.SPEED]), 0.9))
+    speeds = np.abs(knots[:, kernel.SPEED])
+    # np.quantile, which takes ten times as long for so few.
+    rank = _FAST_SHARE * (len(speeds) - 1)
+    below = int(rank)
+    ordered = np.partition(speeds, sorted({below, min(below + 1, len(speeds) - 1)}))
+    share, low, high = rank - below, float(ordered[below]), float(ordered[min(below + 1, len(speeds) - 1)])
+    return low + (high - low) * share if share < 0.5 else high - (high - low) * (1.0 - share)
 
 
 def braking_knots(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
