@@ -79,12 +79,12 @@ def test_truncated_anywhere(whole: Path, tmp_path: Path) -> None:
 
 
 def test_bits_flipped_anywhere(whole: Path, tmp_path: Path) -> None:
-    """Issue 6: a bit flipped at 200 random places: never a traceback, never a wrong answer without a word."""
+    """Issue 6: a bit flipped at 70 random places of each kind of file: no traceback, no wrong answer without a word."""
     intact, _, _ = outcome(whole)
     content, generator = whole.read_bytes(), np.random.default_rng(2)
     path = tmp_path / "flipped.mcap"
     found = []
-    for place, bit in zip(generator.integers(0, len(content), 200), generator.integers(0, 8, 200), strict=True):
+    for place, bit in zip(generator.integers(0, len(content), 70), generator.integers(0, 8, 70), strict=True):
         damaged = bytearray(content)
         damaged[place] ^= 1 << int(bit)
         path.write_bytes(damaged)

@@ -49,11 +49,11 @@ def test_table_of_the_exact_boundary(puma: Joint, stiffness: float, velocity: fl
 
 def test_looking_ahead_agrees_with_plain_cycles() -> None:
     """Issue 3: the geometric rule gives what 1,500 plain cycles give, a per cent off the boundary and further."""
-    groups = random_groups(300, seed=4)
+    groups = random_groups(120, seed=4)
     critical = np.asarray(exact_critical_damping_ratio(groups, tolerance=1e-3))
     inside = (critical > 1e-3) & np.isfinite(critical)
-    assert inside.sum() > 200
-    for factor in (0.6, 0.97, 0.99, 1.01, 1.03, 1.4):
+    assert inside.sum() > 80
+    for factor in (0.6, 0.99, 1.01, 1.4):
         tried = with_ratio(groups, np.where(inside, factor * critical, 0.1))
         verdict = np.asarray(cycle_persists(tried))[inside]
         plain = np.isfinite(simulate_cycles(tried, 1500).slip_duration[:, -1])[inside]

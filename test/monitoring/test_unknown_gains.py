@@ -52,7 +52,7 @@ def recorded(joint: Joint, gains: tuple[Gains, ...] = (DRIVE,), *, seconds: floa
 def watched(batch: Batch, monitor: JointMonitor | None = None) -> Assessment:
     """What a monitor says in the end that was told nothing."""
     monitor = monitor or JointMonitor()
-    for piece in np.array_split(np.arange(len(batch)), 15):
+    for piece in np.array_split(np.arange(len(batch)), 8):
         monitor.process(batch.where(slice(int(piece[0]), int(piece[-1]) + 1)))
         monitor.learn()
     return monitor.assessment()

@@ -13,13 +13,13 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.monitoring._quantile_kernel import quantile
-from stickslip_ros.monitoring.detection import _knot_kernel as kernel
+from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
 SLICE_LENGTH = 0.05  # [s] how finely findings are dated
 PAST = 4096
 STEPS = 256
 _INTERVAL_WEIGHT = 0.1
-_RECENT_KNOTS = 64
+_RECENT_CROSSINGS = 64
 _GAPS_AT_REST = 3.0
 _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jittered stamps make
 
@@ -59,7 +59,7 @@ MOTION = np.dtype(
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("needed", float),  # how long motion without a rest must last before it is called smooth
         # When to look whether the joint has come to rest.
-        ("looked", np.int64),  # knots there were at the last look, -1 before the first
+        ("looked", np.int64),  # crossings there were at the last look, -1 before the first
         ("look_after", float),  # for how long it must then have stood
     ]
 )
@@ -77,12 +77,12 @@ TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, DIPS, MOVES = range(7)
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
 _PERIODS_AT_REST = 4.0  # a dwell may last so many periods before the joint is called at rest
 _CYCLES_FOR_STICK_SLIP = 2
-_LEAST_KNOTS = 20
+_LEAST_CROSSINGS = 20
 _DIP_AT_RISK = 0.2  # of the mean speed
 _START = 0.25  # of the motion needed: the start from rest is no dip
 _LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
-_WINDOW_KNOTS = 6
-_ENOUGH_KNOTS = 3
+_WINDOW_CROSSINGS = 6
+_ENOUGH_CROSSINGS = 3
 
 
 @compiled()
@@ -121,27 +121,27 @@ def _all_finite(values):
 
 
 @helper()
-def _last_knot_time(detector):
+def _last_crossing_time(detector):
     head = detector.head
-    return detector.knots[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
+    return detector.crossings[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
 
 
 @compiled()
 def open_rest(detector):
     """Since when the joint has been at rest, if by now that can be told from slow motion; else NaN."""
     head = detector.head
-    last = _last_knot_time(detector)
+    last = _last_crossing_time(detector)
     if head < 2:
         return last if head else np.nan
     flat = detector.last_time - last
     if not flat > _GAPS_AT_REST * detector.update:
         return np.nan
-    count = min(head, _RECENT_KNOTS) - 1
+    count = min(head, _RECENT_CROSSINGS) - 1
     gaps, speeds = np.empty(count), np.empty(count)
     for n in range(count):
-        knot, before = (head - 1 - n) % kernel.RING, (head - 2 - n) % kernel.RING
-        gaps[n] = detector.knots[knot, kernel.TIME] - detector.knots[before, kernel.TIME]
-        speeds[n] = abs(detector.knots[knot, kernel.SPEED])
+        crossing, before = (head - 1 - n) % kernel.RING, (head - 2 - n) % kernel.RING
+        gaps[n] = detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME]
+        speeds[n] = abs(detector.crossings[crossing, kernel.SPEED])
     usual = max(quantile(gaps, count, 0.5), detector.update)
     fastest = quantile(speeds, count, _FAST_SHARE)
     stands = flat > _GAPS_AT_REST * usual and detector.position.band < kernel.SLOW * fastest * flat
@@ -153,22 +153,22 @@ def slowest_share(since, detector):
     """Slowest motion since a time over the mean there, 0 to 1; 1 if there is too little to tell."""
     head = detector.head
     first = head
-    while first > max(0, head - kernel.RING) and detector.knots[(first - 1) % kernel.RING, kernel.TIME] >= since:
+    while first > max(0, head - kernel.RING) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:
         first -= 1
-    if head - first < 2 * _WINDOW_KNOTS:
+    if head - first < 2 * _WINDOW_CROSSINGS:
         return 1.0
     begin, end = first % kernel.RING, (head - 1) % kernel.RING
-    way = abs(detector.knots[end, kernel.POSITION] - detector.knots[begin, kernel.POSITION])
-    mean = way / (detector.knots[end, kernel.TIME] - detector.knots[begin, kernel.TIME])
+    way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
+    mean = way / (detector.crossings[end, kernel.TIME] - detector.crossings[begin, kernel.TIME])
     if mean == 0.0:
         return 1.0
     # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. Slowing
     # down at the end is no dip before the motion has picked up again.
     recovered, slowest, candidate = False, np.inf, np.inf
-    for n in range(first + _ENOUGH_KNOTS, head):
-        knot, before = n % kernel.RING, (n - _ENOUGH_KNOTS) % kernel.RING
-        way = abs(detector.knots[knot, kernel.POSITION] - detector.knots[before, kernel.POSITION])
-        speed = way / (detector.knots[knot, kernel.TIME] - detector.knots[before, kernel.TIME])
+    for n in range(first + _ENOUGH_CROSSINGS, head):
+        crossing, before = n % kernel.RING, (n - _ENOUGH_CROSSINGS) % kernel.RING
+        way = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[before, kernel.POSITION])
+        speed = way / (detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME])
         candidate = min(candidate, speed)
         if speed >= 0.5 * mean:
             recovered = True
@@ -237,7 +237,7 @@ def judge(rest, motion, detector):
     # A rest is known in full only some time after its end.
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
-    if moving < needed or detector.head < _LEAST_KNOTS:
+    if moving < needed or detector.head < _LEAST_CROSSINGS:
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
     dip = slowest_share(max(now - needed, began + _START * needed), detector)
     return DIPS if dip < _DIP_AT_RISK else MOVES, dip, 0.0
@@ -274,7 +274,7 @@ def close_slice(slices, motion, detector):
     sign = detector.sign
     if sign != 0.0 and sign != motion.direction:
         if motion.direction != 0.0:
-            motion.turned = _last_knot_time(detector)
+            motion.turned = _last_crossing_time(detector)
         motion.direction = sign
     rest = open_rest(detector)
     if np.isfinite(rest):
@@ -325,14 +325,12 @@ def _note(time, position, reference, reference_speed, motion):
 def _may_rest(motion, detector):
     """Whether it is time to look if the joint has come to rest: it stands, and did so for too short a time before."""
     head = detector.head
-    flat = detector.last_time - _last_knot_time(detector)
+    flat = detector.last_time - _last_crossing_time(detector)
     if head != motion.looked:
         if head < 3 or not np.isfinite(detector.peak):
             return False
-        newest = int(head) - 1
-        gap = (
-            detector.knots[newest % kernel.RING, kernel.TIME] - detector.knots[(newest - 1) % kernel.RING, kernel.TIME]
-        )
+        newest, before = (head - 1) % kernel.RING, (head - 2) % kernel.RING
+        gap = detector.crossings[newest, kernel.TIME] - detector.crossings[before, kernel.TIME]
         motion.looked = head
         motion.look_after = _GAPS_AT_REST * max(gap, motion.now - detector.last_time)
     # Times that differ by less than the samples do are equal, however stamps are rounded.

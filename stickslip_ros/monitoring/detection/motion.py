@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What is remembered of a joint's motion and its reference, and what it shows: knots, speeds, travel, turns."""
+"""What is remembered of a joint's motion and its reference, and what it shows: crossings, speeds, travel, turns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.monitoring.detection import _knot_kernel as knot_kernel
+from stickslip_ros.monitoring.detection import _crossing_kernel as crossing_kernel
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
@@ -34,7 +34,7 @@ class MotionRecord:
             self._motion[name] = np.nan
         self._motion["looked"] = -1
         self._motion["window"] = window
-        self._detector = _record(knot_kernel.DETECTOR)
+        self._detector = _record(crossing_kernel.DETECTOR)
         self._detector["peak"] = np.inf
         for signal in (self._detector["position"], self._detector["velocity"]):
             signal["smallest"] = np.inf
@@ -60,7 +60,7 @@ class MotionRecord:
             complete = why == kernel.SPELL
             while complete:
                 yield True
-                knot_kernel.close_spell(self._detector)
+                crossing_kernel.close_spell(self._detector)
                 # The first block, which had to wait, may hold more than one.
                 complete = kernel.replay(self._detector)
 
@@ -154,24 +154,24 @@ class MotionRecord:
         return float(signal["band"]) if np.isfinite(signal["smallest"][2]) else math.nan
 
     @property
-    def knot_count(self) -> int:
-        """How many knots were ever set; the latest :data:`._knot_kernel.RING` are kept."""
+    def crossing_count(self) -> int:
+        """How many crossings were ever set; the latest :data:`._crossing_kernel.RING` are kept."""
         return int(self._detector["head"])
 
-    def knots(self, first: int, last: int) -> FloatArray:
-        """Knots by their numbers, both included, in the columns of the kernel; a copy.
+    def crossings(self, first: int, last: int) -> FloatArray:
+        """Crossings by their numbers, both included, in the columns of the kernel; a copy.
 
         Of the newest one the stand is that until the last sample.
         """
-        rows: FloatArray = self._detector["knots"][np.arange(first, last + 1) % knot_kernel.RING]
-        if last == self.knot_count - 1:
-            ends = [knot_kernel.FLAT_END, knot_kernel.REFERENCE_FLAT_END, knot_kernel.EFFORT_FLAT_END]
+        rows: FloatArray = self._detector["crossings"][np.arange(first, last + 1) % crossing_kernel.RING]
+        if last == self.crossing_count - 1:
+            ends = [crossing_kernel.FLAT_END, crossing_kernel.REFERENCE_FLAT_END, crossing_kernel.EFFORT_FLAT_END]
             rows[-1, ends] = [self._detector[name] for name in ("last_time", "last_reference", "last_effort")]
         return rows
 
     @property
     def longest_gap(self) -> tuple[int, float]:
-        """The knot from which the longest gap of the slow stretch runs, and its duration [s]; 0 if there is none."""
+        """Crossing from which the longest gap of the slow stretch runs, and its duration [s]; 0 if there is none."""
         gap = int(self._detector["longest_gap"])
         return gap, float(self._detector["longest_time"]) if self._detector["in_spell"] else 0.0
 

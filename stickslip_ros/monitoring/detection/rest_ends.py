@@ -1,34 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The ends of a rest, from the knots around it: how far it reaches, when it began, when it ended."""
+"""The ends of a rest, from the crossings around it: how far it reaches, when it began, when it ended."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring.detection import _knot_kernel as kernel
+from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
 _WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
 _FAST_SHARE = 0.9  # quantile
-_WINDOW_KNOTS = 6
-_ENOUGH_KNOTS = 3
-_NEAREST_KNOTS = 5
+_WINDOW_CROSSINGS = 6
+_ENOUGH_CROSSINGS = 3
+_NEAREST_CROSSINGS = 5
 _WINDOW_SHARE = 0.3
 _NEARNESS = 0.5
-# Exactly at the rest the powers of the way are 1/2 and 1/3. Over the knots that an encoder gives, the
+# Exactly at the rest the powers of the way are 1/2 and 1/3. Over the crossings that an encoder gives, the
 # deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
 _ARREST_POWER = 0.45
 _BREAKAWAY_POWER = 0.36
 
 
-def rest_gaps(knots: NDArray[np.float64], longest: int, band: float, limit: float, farthest: float) -> tuple[int, int]:
+def rest_gaps(
+    crossings: NDArray[np.float64], longest: int, band: float, limit: float, farthest: float
+) -> tuple[int, int]:
     """First and last gap of the rest around the longest gap: joints creep at rest, and encoders flicker.
 
     The rest goes on as long as the mean speed from its present end stays below the limit [rad/s], and
     it stays within ``farthest`` of the longest gap [rad].
     """
-    times, positions = knots[:, kernel.TIME], knots[:, kernel.POSITION]
+    times, positions = crossings[:, kernel.TIME], crossings[:, kernel.POSITION]
     first = last = longest
     grown = True
     while grown:
@@ -48,9 +50,9 @@ def rest_gaps(knots: NDArray[np.float64], longest: int, band: float, limit: floa
     return first, last
 
 
-def fastest(knots: NDArray[np.float64]) -> float:
-    """Fastest motion at these knots, without the few outliers that noise and jittered stamps make [rad/s]."""
-    speeds = np.abs(knots[:, kernel.SPEED])
+def fastest(crossings: NDArray[np.float64]) -> float:
+    """Fastest motion at these crossings, without the few outliers that noise and jittered stamps make [rad/s]."""
+    speeds = np.abs(crossings[:, kernel.SPEED])
     # np.quantile, which takes ten times as long for so few.
     rank = _FAST_SHARE * (len(speeds) - 1)
     below = int(rank)
@@ -59,20 +61,20 @@ def fastest(knots: NDArray[np.float64]) -> float:
     return low + (high - low) * share if share < 0.5 else high - (high - low) * (1.0 - share)
 
 
-def braking_knots(knots: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
-    """The knots next to the rest, while the motion is still slow; evenly thinned."""
-    fast = np.flatnonzero(np.abs(knots[:, kernel.SPEED]) > _WINDOW_SPEED * fastest)
-    # Not before the third knot: the speed of the first spans the rest itself.
-    fast = fast[fast >= _ENOUGH_KNOTS]
-    end = int(fast[0]) if len(fast) else len(knots)
+def braking_crossings(crossings: NDArray[np.float64], fastest: float) -> NDArray[np.float64]:
+    """The crossings next to the rest, while the motion is still slow; evenly thinned."""
+    fast = np.flatnonzero(np.abs(crossings[:, kernel.SPEED]) > _WINDOW_SPEED * fastest)
+    # Not before the third crossing: the speed of the first spans the rest itself.
+    fast = fast[fast >= _ENOUGH_CROSSINGS]
+    end = int(fast[0]) if len(fast) else len(crossings)
     # Nor beyond a turn: a lightly damped joint bounces back before it rests.
-    steps = np.diff(knots[:end, kernel.POSITION])
+    steps = np.diff(crossings[:end, kernel.POSITION])
     turned = np.flatnonzero(steps * steps[0] < 0) if len(steps) else steps
     end = int(turned[0]) + 1 if len(turned) else end
-    way = np.abs(knots[:end, kernel.POSITION] - knots[0, kernel.POSITION])
-    end = max(min(end, _NEAREST_KNOTS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
-    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, _WINDOW_KNOTS)).astype(int))
-    window: NDArray[np.float64] = knots[chosen]
+    way = np.abs(crossings[:end, kernel.POSITION] - crossings[0, kernel.POSITION])
+    end = max(min(end, _NEAREST_CROSSINGS), int(np.searchsorted(way, _WINDOW_SHARE * way[-1])) if end else 0)
+    chosen = np.unique(np.linspace(0, max(end - 1, 0), min(end, _WINDOW_CROSSINGS)).astype(int))
+    window: NDArray[np.float64] = crossings[chosen]
     return window
 
 
@@ -93,11 +95,11 @@ def rest_ends(
     """
     arrest, breakaway = None, None
     residual = np.zeros(len(places))
-    if len(left) >= _ENOUGH_KNOTS:
+    if len(left) >= _ENOUGH_CROSSINGS:
         way = direction_before * (places[:, :1] - left[None, :, kernel.POSITION])
         arrest, error = _extrapolate(left[:, kernel.TIME], way, _ARREST_POWER, -1.0)
         residual = residual + np.where(arrest < flat_end, error, np.inf)
-    if len(right) >= _ENOUGH_KNOTS:
+    if len(right) >= _ENOUGH_CROSSINGS:
         way = direction_after * (right[None, :, kernel.POSITION] - places[:, 1:])
         breakaway, error = _extrapolate(right[:, kernel.TIME], way, _BREAKAWAY_POWER, 1.0)
         residual = residual + np.where(breakaway > flat_begin, error, np.inf)

@@ -3,7 +3,7 @@
 """When a joint came to rest and when it left: arrests and breakaways from position alone.
 
 The position is read as an encoder or a noisy sensor gives it. Resolution and noise are measured on the
-signal itself and set the band whose crossings (knots) carry the motion; a stretch much slower than the
+signal itself and set the band whose crossings carry the motion; a stretch much slower than the
 motion on both sides of it is a candidate. Its ends are extrapolated, since a joint comes to rest with
 finite deceleration, x_a − x ∝ (t_a − t)², and leaves gently, x − x_a ∝ (t − t_b)³ while the friction
 still remembers rest, so that the first count can come late. If that extrapolation leaves no dwell the
@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring.detection import _knot_kernel as kernel
+from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 from stickslip_ros.monitoring.detection.motion import MotionRecord
-from stickslip_ros.monitoring.detection.rest_ends import braking_knots, fastest, rest_ends, rest_gaps
+from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, fastest, rest_ends, rest_gaps
 from stickslip_ros.monitoring.samples import Batch
 
 _LEAST_SLIP_BANDS = 3.0
-_LEAST_DWELL = 0.105  # of the span of the knots that it is extrapolated from
+_LEAST_DWELL = 0.105  # of the span of the crossings that it is extrapolated from
 _CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025
 _FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
@@ -32,7 +32,7 @@ _CREPT = 0.2  # of the slip before: a joint at rest may creep so far
 _STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
 _FEW_GAPS = 2
 _EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
-_TURN = 1.5  # times as long as from the last knot to the arrest: a joint that turns round sets a knot by then
+_TURN = 1.5  # times as long as from the last crossing to the arrest: a joint that turns round sets a crossing by then
 _FRACTIONS = np.linspace(0.02, 0.98, 17)
 _MIDDLE = np.array([0.5])
 
@@ -91,7 +91,7 @@ class RestDetector:
             slow did not rest.
         """
         for complete in self.motion.follow(samples):
-            rest = self._judge() if complete else self._begun_rest()
+            rest = self._rest_in_spell() if complete else self._begun_rest()
             if rest is not None:
                 yield rest
 
@@ -101,8 +101,8 @@ class RestDetector:
         rest = self.unfinished_rest(_FRACTIONS)
         if rest is None or rest.breakaway != self.motion.last_detected:
             return None
-        newest = self.motion.knot_count - 1
-        last = float(self.motion.knots(newest, newest)[0, kernel.TIME])
+        newest = self.motion.crossing_count - 1
+        last = float(self.motion.crossings(newest, newest)[0, kernel.TIME])
         return rest if rest.arrest < rest.breakaway - _TURN * (rest.arrest - last) else None
 
     def unfinished_rest(self, fractions: NDArray[np.float64] = _MIDDLE) -> Rest | None:
@@ -113,15 +113,15 @@ class RestDetector:
         fractions : of a count, where the joint may have come to rest beyond the last one seen.
         """
         motion = self.motion
-        head = motion.knot_count
+        head = motion.crossing_count
         oldest = max(self._rest_end, head - kernel.RING)
         if head - oldest < 2:
             return None
-        newest = motion.knots(head - 1, head - 1)[0]
+        newest = motion.crossings(head - 1, head - 1)[0]
         longest, duration = motion.longest_gap
         stands = newest[kernel.FLAT_END] - newest[kernel.TIME]
         last = longest if longest > oldest and duration > stands else head - 1
-        before = motion.knots(oldest, last)
+        before = motion.crossings(oldest, last)
         core = before[-1]
         if abs(float(core[kernel.POSITION] - before[0, kernel.POSITION])) < _LEAST_SLIP_BANDS * self.motion.band:
             return None
@@ -129,7 +129,7 @@ class RestDetector:
         direction = 1 if float(core[kernel.POSITION] - before[0, kernel.POSITION]) > 0 else -1
         if not self.motion.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
             return None
-        left = braking_knots(before[::-1], speed)
+        left = braking_crossings(before[::-1], speed)
         begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
         places = float(core[kernel.POSITION]) + direction * self.motion.band * np.repeat(fractions[:, None], 2, axis=1)
         arrest, _, _ = rest_ends(left, before[:0], places, begin, end, direction, 0)
@@ -145,49 +145,49 @@ class RestDetector:
             complete=False,
         )
 
-    def _judge(self) -> Rest | None:
+    def _rest_in_spell(self) -> Rest | None:
         """Decide whether the spell just completed was a rest, and when it began and ended."""
-        newest = self.motion.knot_count - 1
+        newest = self.motion.crossing_count - 1
         longest, _ = self.motion.longest_gap
         oldest = max(self._rest_end, newest - kernel.RING + 1)
         if longest < oldest:
             return None
-        knots = self.motion.knots(oldest, newest)
+        crossings = self.motion.crossings(oldest, newest)
         initial = oldest == 0 and longest == 0
-        speed_before = np.inf if initial else fastest(knots[1 : longest - oldest + 1]) if longest > oldest else 0.0
+        speed_before = np.inf if initial else fastest(crossings[1 : longest - oldest + 1]) if longest > oldest else 0.0
         speed_after = self.motion.speed_after
         slowest = min(speed_before, speed_after)
-        travel = abs(float(knots[longest - oldest, kernel.POSITION] - knots[0, kernel.POSITION]))
+        travel = abs(float(crossings[longest - oldest, kernel.POSITION] - crossings[0, kernel.POSITION]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
         creep = _CREEP if travel > _FINE * self.motion.band else _CREEP_OF_COUNTS
-        first, last = rest_gaps(knots, longest - oldest, self.motion.band, creep * slowest, _CREPT * travel)
-        before, after = knots[: first + 1], knots[last + 1 :]
+        first, last = rest_gaps(crossings, longest - oldest, self.motion.band, creep * slowest, _CREPT * travel)
+        before, after = crossings[: first + 1], crossings[last + 1 :]
         travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
         if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.motion.band):
             return None
-        rest_begin, rest_end = float(before[-1, kernel.TIME]), float(knots[last, kernel.FLAT_END])
-        moved = abs(float(knots[last, kernel.POSITION] - before[-1, kernel.POSITION]))
+        rest_begin, rest_end = float(before[-1, kernel.TIME]), float(crossings[last, kernel.FLAT_END])
+        moved = abs(float(crossings[last, kernel.POSITION] - before[-1, kernel.POSITION]))
         if not max(self.motion.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
-        measured = knots[first : last + 1, kernel.SLOWEST]
+        measured = crossings[first : last + 1, kernel.SLOWEST]
         # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
         least = self.motion.velocity_band + _STANDING * slowest
         if np.isfinite(measured).any() and float(np.nanmin(measured)) > least:
             return None
-        direction_after = 1 if float(after[-1, kernel.POSITION] - knots[last, kernel.POSITION]) > 0 else -1
+        direction_after = 1 if float(after[-1, kernel.POSITION] - crossings[last, kernel.POSITION]) > 0 else -1
         direction_before = 0
         if not initial:
             back = before[max(-4, -len(before)), kernel.POSITION]
             direction_before = 1 if float(before[-1, kernel.POSITION] - back) > 0 else -1
-        left = before[:0] if initial else braking_knots(before[::-1], speed_before)
-        right = braking_knots(after, speed_after)
+        left = before[:0] if initial else braking_crossings(before[::-1], speed_before)
+        right = braking_crossings(after, speed_after)
         begin = float(before[-1, kernel.POSITION])
-        crept = direction_after * float(knots[last, kernel.POSITION] - begin)
+        crept = direction_after * float(crossings[last, kernel.POSITION] - begin)
         if last - first > _FEW_GAPS or crept < 0:
             # The joint crept: where it came to rest and where it left is known, and not the same.
             edges = rest_begin + np.array([_EDGE, 1.0 - _EDGE]) * (rest_end - rest_begin)
-            at = np.searchsorted(knots[:, kernel.TIME], edges, side="right") - 1
-            places = knots[at, kernel.POSITION][None, :]
+            at = np.searchsorted(crossings[:, kernel.TIME], edges, side="right") - 1
+            places = crossings[at, kernel.POSITION][None, :]
         elif direction_before * direction_after < 0:
             places = np.full((1, 2), begin + 0.5 * direction_before * self.motion.band)
         else:
@@ -206,10 +206,10 @@ class RestDetector:
         return Rest(
             arrest=arrest,
             breakaway=breakaway,
-            position=float(0.5 * (begin + knots[last, kernel.POSITION])),
+            position=float(0.5 * (begin + crossings[last, kernel.POSITION])),
             direction_before=direction_before,
             direction_after=direction_after,
             reference_way=float(before[-1, kernel.REFERENCE]),
-            reference_travel=float(knots[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
-            effort=float(knots[last, kernel.EFFORT_FLAT_END]),
+            reference_travel=float(crossings[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
+            effort=float(crossings[last, kernel.EFFORT_FLAT_END]),
         )

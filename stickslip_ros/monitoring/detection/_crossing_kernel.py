@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled first stage of detection: samples to knots, knots to slow spells.
+"""Compiled first stage of detection: samples to crossings, crossings to slow spells.
 
-A knot is set whenever the joint has moved by one band: the encoder's resolution, or the noise if that
-is larger. Slow motion has long gaps between knots, fast motion short ones, whatever the sampling
+A crossing of a level is noted whenever the joint has moved by one band: the encoder's resolution, or the noise if that
+is larger. Slow motion has long gaps between crossings, fast motion short ones, whatever the sampling
 rate. A spell is a run of gaps much slower than the motion before it; it ends when the joint moves much
 faster again. Whether a spell was a stick is decided by :mod:`stickslip_ros.monitoring.detection.cycles`.
 """
@@ -18,9 +18,9 @@ BLOCK = 32
 RING = 4096
 BLOCKS_KEPT = 64
 
-# Columns of a knot.
+# Columns of a crossing.
 TIME, POSITION, FLAT_END, REFERENCE, REFERENCE_FLAT_END, EFFORT_FLAT_END, SPEED, SLOWEST = range(8)
-KNOT_COLUMNS = 8
+CROSSING_COLUMNS = 8
 
 # What is measured of one signal, its resolution and its noise.
 SIGNAL = np.dtype(
@@ -48,20 +48,20 @@ DETECTOR = np.dtype(
         ("median_effort", float),
         ("velocity_1", float),
         ("velocity_2", float),  # the two previous measured velocities, the latest first
-        ("slowest_velocity", float),  # measured since the last knot
+        ("slowest_velocity", float),  # measured since the last crossing
         ("last_time", float),
         ("last_reference", float),
         ("last_effort", float),
-        ("knots", float, (RING, KNOT_COLUMNS)),
-        ("head", np.int64),  # knots ever set
-        ("level", float),  # the last knot's reading
-        ("sign", float),  # direction of the last knot
+        ("crossings", float, (RING, CROSSING_COLUMNS)),
+        ("head", np.int64),  # crossings ever set
+        ("level", float),  # the last crossing's reading
+        ("sign", float),  # direction of the last crossing
         ("update", float),  # how often the position changes while the joint moves fast; sensors may be slower
         ("peak", float),  # fastest motion since the last rest
         ("motion_time", float),  # when that motion began
         ("in_spell", np.bool_),
         ("spell_time", float),  # when the spell began
-        ("longest_gap", np.int64),  # knot from which the spell's longest gap runs
+        ("longest_gap", np.int64),  # crossing from which the spell's longest gap runs
         ("longest_time", float),
         ("peak_after", float),  # fastest motion since the longest gap
     ]
@@ -75,8 +75,8 @@ _BANDS_PER_NOISE = 5.0
 _ROUNDING = 1e-10  # differences below this share of the position are arithmetic, not motion
 _STEPS_OF_SPEED = 3.0
 _HELD = 2.5
-_KNOTS_TO_LEAVE = 4
-_KNOTS_TO_WAIT = 128
+_CROSSINGS_TO_LEAVE = 4
+_CROSSINGS_TO_WAIT = 128
 _LEAVING_SHARE = 0.2
 _MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
 
@@ -153,51 +153,51 @@ def _median(a, b, c):
 
 
 @inlined()
-def _set_knot(time, position, step, reference, effort, detector):
-    """Append a knot; ``step`` is the signed change of the reading since the last one."""
+def _set_crossing(time, position, step, reference, effort, detector):
+    """Append a crossing; ``step`` is the signed change of the reading since the last one."""
     head = detector.head
     # Rows of the ring. A view of a row costs a hundredth of a second to compile wherever it is taken.
     new, last, one_before = head % RING, (head - 1) % RING, max(head - 2, 0) % RING
     resolution = detector.position.resolution
     sign = 1.0 if step > 0.0 else -1.0
-    knot_time, knot_position = time, position
+    crossing_time, crossing_position = time, position
     if head > 0:
         if (
             abs(step) < detector.position.band + 0.5 * resolution
             and resolution >= _BANDS_PER_NOISE * detector.position.noise
         ):
             # One count: the joint stood on the border between two readings, in between two samples.
-            knot_time = 0.5 * (detector.last_time + time)
-            knot_position = position - 0.5 * sign * resolution
-        detector.knots[last, FLAT_END] = max(detector.last_time, detector.knots[last, TIME])
-        detector.knots[last, REFERENCE_FLAT_END] = detector.last_reference
-        detector.knots[last, EFFORT_FLAT_END] = detector.last_effort
-        detector.knots[last, SLOWEST] = detector.slowest_velocity
+            crossing_time = 0.5 * (detector.last_time + time)
+            crossing_position = position - 0.5 * sign * resolution
+        detector.crossings[last, FLAT_END] = max(detector.last_time, detector.crossings[last, TIME])
+        detector.crossings[last, REFERENCE_FLAT_END] = detector.last_reference
+        detector.crossings[last, EFFORT_FLAT_END] = detector.last_effort
+        detector.crossings[last, SLOWEST] = detector.slowest_velocity
     detector.slowest_velocity = np.nan
-    detector.knots[new, TIME] = knot_time
-    detector.knots[new, POSITION] = knot_position
-    detector.knots[new, FLAT_END] = knot_time
-    detector.knots[new, REFERENCE] = reference
-    detector.knots[new, REFERENCE_FLAT_END] = reference
-    detector.knots[new, EFFORT_FLAT_END] = effort
-    detector.knots[new, SLOWEST] = np.nan
-    detector.knots[new, SPEED] = 0.0
+    detector.crossings[new, TIME] = crossing_time
+    detector.crossings[new, POSITION] = crossing_position
+    detector.crossings[new, FLAT_END] = crossing_time
+    detector.crossings[new, REFERENCE] = reference
+    detector.crossings[new, REFERENCE_FLAT_END] = reference
+    detector.crossings[new, EFFORT_FLAT_END] = effort
+    detector.crossings[new, SLOWEST] = np.nan
+    detector.crossings[new, SPEED] = 0.0
     if head > 0:
         before = last
         if abs(step) >= _STEPS_OF_SPEED * detector.position.band:
-            gap = knot_time - detector.knots[last, TIME]
+            gap = crossing_time - detector.crossings[last, TIME]
             if detector.update == 0.0:
                 detector.update = time - detector.last_time
             held = gap <= _HELD * detector.update
-            elapsed = gap if held else max(time - detector.knots[last, FLAT_END], detector.update)
+            elapsed = gap if held else max(time - detector.crossings[last, FLAT_END], detector.update)
             # A running median, in steps of a tenth.
             detector.update *= 1.1 if gap > detector.update else 1.0 / 1.1
         else:
             # Over two gaps, because single counts come in whole samples.
             before = one_before
-            elapsed = knot_time - detector.knots[before, TIME]
+            elapsed = crossing_time - detector.crossings[before, TIME]
         if elapsed > 0.0:
-            detector.knots[new, SPEED] = (knot_position - detector.knots[before, POSITION]) / elapsed
+            detector.crossings[new, SPEED] = (crossing_position - detector.crossings[before, POSITION]) / elapsed
     detector.level = position
     detector.sign = sign
     detector.head = head + 1
@@ -205,14 +205,14 @@ def _set_knot(time, position, step, reference, effort, detector):
 
 @inlined()
 def _follow_spell(detector):
-    """Update the spell with the gap that the newest knot has ended; True when a spell is complete."""
+    """Update the spell with the gap that the newest crossing has ended; True when a spell is complete."""
     newest = detector.head - 1
     if newest < 1:
         return False
     now, gap = newest % RING, (newest - 1) % RING
-    flat = detector.knots[gap, FLAT_END] - detector.knots[gap, TIME]
-    speed = abs(detector.knots[now, SPEED])
-    step = abs(detector.knots[now, POSITION] - detector.knots[gap, POSITION])
+    flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
+    speed = abs(detector.crossings[now, SPEED])
+    step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
     large = step >= _STEPS_OF_SPEED * detector.position.band
     # A flat of few updates before a large step is a sensor that repeats itself.
     stood = flat > (_HELD - 1.0) * detector.update if large else flat > 0.0
@@ -223,7 +223,7 @@ def _follow_spell(detector):
             return False
         _begin_spell(newest - 1, flat, detector)
         return False
-    time = detector.knots[now, TIME]
+    time = detector.crossings[now, TIME]
     left = _has_left(time, detector)
     if left and stood and detector.position.band < SLOW * detector.peak_after * flat:
         return True
@@ -231,12 +231,12 @@ def _follow_spell(detector):
         detector.longest_gap, detector.longest_time, detector.peak_after = newest - 1, flat, 0.0
         return False
     after = newest - detector.longest_gap
-    # A speed over two gaps lies wholly after the longest gap from the third knot on.
+    # A speed over two gaps lies wholly after the longest gap from the third crossing on.
     if after >= 3 or large:
         detector.peak_after = max(detector.peak_after, speed)
-    if not _has_left(time, detector) or after < _KNOTS_TO_LEAVE:
+    if not _has_left(time, detector) or after < _CROSSINGS_TO_LEAVE:
         return False
-    return speed >= 0.4 * detector.peak or speed < 0.5 * detector.peak_after or after >= _KNOTS_TO_WAIT
+    return speed >= 0.4 * detector.peak or speed < 0.5 * detector.peak_after or after >= _CROSSINGS_TO_WAIT
 
 
 @helper()
@@ -260,7 +260,7 @@ def _begin_spell(gap, flat, detector):
     detector.longest_time = flat
     detector.peak_after = 0.0
     detector.in_spell = True
-    detector.spell_time = detector.knots[gap % RING, TIME]
+    detector.spell_time = detector.crossings[gap % RING, TIME]
 
 
 @kernel()
@@ -268,8 +268,8 @@ def close_spell(detector):
     """Begin anew after a spell; the newest gap may be the first of the next one."""
     newest = detector.head - 1
     gap = (newest - 1) % RING
-    flat = detector.knots[gap, FLAT_END] - detector.knots[gap, TIME]
-    detector.motion_time = detector.knots[detector.longest_gap % RING, FLAT_END]
+    flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
+    detector.motion_time = detector.crossings[detector.longest_gap % RING, FLAT_END]
     detector.peak = detector.peak_after
     detector.in_spell = False
     if newest - 1 > detector.longest_gap and flat > 0.0 and detector.position.band < SLOW * detector.peak * flat:
@@ -281,7 +281,7 @@ def take(count, now, raw, pace_now, travel, effort_now, detector):
     """Take sample number ``count``; True if it completes a spell.
 
     It is time, position, velocity, travel of the reference and effort. The longest gap of a completed spell stands in
-    the state (``LONGEST_GAP``), its surroundings in the ring of knots.
+    the state (``LONGEST_GAP``), its surroundings in the ring of crossings.
     """
     # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
     position = _median(raw, detector.median_1, detector.median_2) if count >= 2 else detector.median_1
@@ -295,12 +295,12 @@ def take(count, now, raw, pace_now, travel, effort_now, detector):
     step = 0.0 if first else position - detector.level
     needed = detector.position.band if step * detector.sign >= 0.0 else 2.0 * detector.position.band
     if first or abs(step) >= needed * (1.0 - 1e-6):
-        _set_knot(time, position, step, reference, effort, detector)
+        _set_crossing(time, position, step, reference, effort, detector)
         if first:
             detector.sign = 0.0
         else:
             complete = _follow_spell(detector)
-    # The slowest that a velocity sensor saw since the last knot, impulses left out.
+    # The slowest that a velocity sensor saw since the last crossing, impulses left out.
     pace = abs(_median(pace_now, detector.velocity_1, detector.velocity_2)) if count >= 2 else np.nan
     detector.velocity_2, detector.velocity_1 = detector.velocity_1, pace_now
     if not pace >= detector.slowest_velocity:
