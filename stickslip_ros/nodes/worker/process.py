@@ -12,6 +12,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
+from threading import Thread
 from time import monotonic
 from typing import Any
 
@@ -21,7 +23,7 @@ _NICE = 10  # what else runs on the robot comes first
 _MOST_WAITING = 64  # questions; further ones are skipped until there is room
 _REST = 5.0  # [s] before a question of a key is taken again, where the last one could not be answered
 
-_LAST_WAIT = 0.5  # [s] for the pool's thread to end; it takes milliseconds
+_LAST_WAIT = 0.5  # [s] for the pool to close; it takes milliseconds
 
 Key = tuple[str, str]
 
@@ -56,6 +58,7 @@ class SlowWork:
     def __init__(self, warn: Callable[[str], None]) -> None:
         self._warn = warn
         self._pool: ProcessPoolExecutor | None = None
+        self._processes: list[BaseProcess] = []
         self._running: dict[Key, _Running] = {}
         self._rests: dict[Key, float] = {}
         self.skipped = self.failures = 0
@@ -74,7 +77,7 @@ class SlowWork:
     @property
     def process_ids(self) -> list[int]:
         """Of the process, if it runs."""
-        return list((self._pool._processes or {}) if self._pool is not None else {})
+        return [process.pid for process in self._processes if process.pid is not None]
 
     def is_under_way(self, key: Key) -> bool:
         """Whether the answer of this key is still to come."""
@@ -99,8 +102,12 @@ class SlowWork:
             self._pool = ProcessPoolExecutor(
                 max_workers=1, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
             )
+        others = multiprocessing.active_children() if not self._processes else []
         try:
             self._running[key] = _Running(question, self._pool.submit(function, question), self._pool, monotonic())
+            if not self._processes:
+                # Begun by the first question; nobody else begins one meanwhile.
+                self._processes = [one for one in multiprocessing.active_children() if one not in others]
         except BrokenProcessPool:
             # Killed a moment ago, by a shortage of memory perhaps: the next question begins another.
             self._lose(self._pool)
@@ -145,16 +152,14 @@ class SlowWork:
     def _end(self) -> None:
         if self._pool is None:
             return
-        processes = list((self._pool._processes or {}).values())
-        manager: Any = self._pool._executor_manager_thread
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
+        for process in self._processes:
             with contextlib.suppress(OSError, ValueError):
                 process.kill()
-        if manager is not None:
-            # While it closes its pipes, the end of Python would stumble over them, and hang.
-            manager.join(_LAST_WAIT)
-        self._pool = None
+        # While the pool closes its pipes, the end of Python would stumble over them, and hang.
+        closing = Thread(target=self._pool.shutdown, kwargs={"cancel_futures": True}, daemon=True)
+        closing.start()
+        closing.join(_LAST_WAIT)
+        self._pool, self._processes = None, []
 
 
 def _begin(parent: int) -> None:
