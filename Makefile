@@ -3,16 +3,23 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# Tests run side by side, each on a ROS domain of its own; one that steals work takes it from the end of the other's.
+WORKERS ?= 2
+SIDE_BY_SIDE := -n $(WORKERS) --dist worksteal
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo test check docs bench matrix coverage pictures linkcheck clean
+.PHONY: demo test quick check docs bench matrix coverage pictures linkcheck clean
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
 test: check docs
 	@sh tools/install_test_packages.sh
-	$(BIN)/python -m pytest $(TESTS)
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE) $(TESTS)
+
+# For every save, in less than a minute: what starts no processes and is no long calculation.
+quick: check
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE) --quick $(TESTS)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

@@ -31,6 +31,7 @@ TEST = [
     "pre-commit",
     "pytest",
     "pytest-cov",
+    "pytest-xdist",
     "ruff==0.17.5",
     "selenium",
     "types-PyYAML",

@@ -77,6 +77,21 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
     return _Lacking.from_parent(parent, path=module_path) if lacking(module_path) else None
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of `make quick`."""
+    parser.addoption("--quick", action="store_true", help="leave out what starts processes, and what is marked slow")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what takes long, where that is asked for."""
+    if config.getoption("--quick"):
+        items[:] = [item for item in items if "ros_domain" not in item.fixturenames and not _is_slow(item)]  # type: ignore[attr-defined]
+
+
+def _is_slow(item: pytest.Item) -> bool:
+    return item.get_closest_marker("slow") is not None
+
+
 @pytest.fixture
 def puma() -> Joint:
     """The paper's robot, joint 1."""
