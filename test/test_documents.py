@@ -34,7 +34,7 @@ import yaml
 from conftest import ROOT
 
 from stickslip_ros.cli.main import build_parser
-from stickslip_ros.settings.parameters import COMMON, PER_JOINT
+from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT
 
 FOLDERS = ("docs", "config", "examples")
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))])
@@ -173,8 +173,7 @@ def check_commands(code: str, environment: dict[str, str]) -> None:
 
 def check_monitor_parameters(parameters: dict[str, Any]) -> None:
     """Every parameter is one that the monitor has."""
-    source = (ROOT / "stickslip_ros" / "nodes" / "monitor_parameters.py").read_text(encoding="utf-8")
-    known = {*re.findall(r'parameter\(\s*"(\w+)"', source), *(spec.name for spec in COMMON)}
+    known = {spec.name for spec in (*OF_THE_NODE, *COMMON)}
     known |= {spec.name.format(joint=joint) for spec in PER_JOINT for joint in parameters["joints"]}
     unknown = set(flat(parameters)) - known
     assert not unknown, unknown

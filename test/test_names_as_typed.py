@@ -14,7 +14,8 @@ import pytest
 from stickslip_ros.cli.main import build_parser, main
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.settings.parameter_file import Parameters
-from stickslip_ros.settings.parameters import COMMON, PER_JOINT, settings_of
+from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
+from stickslip_ros.settings.parameters import settings_of
 
 BAD = (math.nan, -1.0, math.inf, -math.inf, "many", [1.0], None, 10**400)
 # Values of the list above that are right, by parameter.

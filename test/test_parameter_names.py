@@ -12,6 +12,7 @@ from conftest import ROOT
 
 from stickslip_ros.settings.parameter_file import ParameterFileError, Parameters
 from stickslip_ros.settings.parameter_names import misnamed_sections, sections_of, unknown_name
+from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT, ParameterSpec
 
 CONFIG = ROOT / "config" / "monitor.yaml"
 
@@ -43,6 +44,23 @@ def test_every_name_of_the_example_is_known() -> None:
     assert section.about_monitors
     assert [unknown_name(name, ["joint1"]) for name in section.parameters] == [None] * len(section.parameters)
     Parameters.of_files([CONFIG])
+
+
+def test_the_example_holds_the_table() -> None:
+    """The example file, config/monitor.yaml, has every parameter of the table and no other, each with its default."""
+    (section,) = sections_of(yaml.safe_load(CONFIG.read_text()))
+    table = {spec.name.format(joint="joint1"): spec.default for spec in (*OF_THE_NODE, *COMMON, *PER_JOINT)}
+    shown = {"joints": ["joint1"], "model.joint1": "puma560_joint1"}  # an example is of some joint
+    assert repr(sorted(section.parameters.items())) == repr(sorted((table | shown).items()))
+
+
+@pytest.mark.parametrize("spec", [*OF_THE_NODE, *COMMON, *PER_JOINT], ids=lambda spec: spec.name)
+def test_a_valid_file_is_read_by_the_commands(spec: ParameterSpec, tmp_path: Path) -> None:
+    """`--parameters` takes every parameter of the table, those of the node itself too, and judges joints by it."""
+    path = tmp_path / "p.yaml"
+    name = spec.name.format(joint="joint1")
+    path.write_text(yaml.safe_dump({"stickslip_monitor": {"ros__parameters": {name: spec.default}}}))
+    Parameters.of_files([path]).settings_of("joint1")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -18,7 +17,7 @@ from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joints.joint_parameters import declare_specs
 from stickslip_ros.nodes.node_names import other_nodes
 from stickslip_ros.nodes.state.state_file import default_path
-from stickslip_ros.settings.parameters import COMMON
+from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE
 
 Changes = Mapping[str, Parameter]
 _JOINT_NAME = re.compile(r"[^\s,]{1,128}")
@@ -26,35 +25,7 @@ _JOINT_NAME = re.compile(r"[^\s,]{1,128}")
 
 def declare(node: Node) -> None:
     """Declare them."""
-
-    def parameter(name: str, default: object, text: str, **more: bool) -> None:
-        node.declare_parameter(name, default, ParameterDescriptor(description=text, **more))
-
-    parameter("joints", [""], "joints to watch; [''] for every joint heard of", read_only=True)
-    parameter(
-        "controller",
-        "",
-        "node whose parameters gains.<joint>.p/.i/.d are followed, or a list of such nodes; empty: none",
-        dynamic_typing=True,
-    )
-    parameter(
-        "reference_type",
-        "JointState",
-        "message on joint_references: JointState, or with control_msgs JointTrajectoryControllerState or "
-        "MultiDOFStateStamped",
-        read_only=True,
-    )
-    parameter("publish_rate", 25.0, "how often diagnostics and margins are published [Hz]", read_only=True)
-    parameter("autostart", True, "whether the node configures and activates itself", read_only=True)
-    parameter(
-        "state_file",
-        "",
-        "where what was learnt is kept; empty: in ROS_HOME (~/.ros), by the node's name; none: nowhere",
-        read_only=True,
-    )
-    parameter("allow_apply", False, "whether ~/apply_recommendation may write gains to the controller")
-    parameter("apply_rate", 0.3, "relative change of gains a second while they are applied [1/s]")
-    declare_specs(node, COMMON)
+    declare_specs(node, (*OF_THE_NODE, *COMMON))
 
 
 def _value(node: Node, name: str, changes: Changes | None) -> Any:

@@ -44,7 +44,7 @@ from stickslip_ros.nodes.worker.advice_worker import AdviceWorker
 from stickslip_ros.nodes.worker.exact_worker import UNKNOWN, ExactWorker
 from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
-from stickslip_ros.settings.parameters import RECOMMENDED
+from stickslip_ros.settings.parameter_table import RECOMMENDED
 
 _STALE_AFTER = 1.0  # [s]
 _QUEUE = 5000

@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
-from stickslip_ros.settings.parameters import FRICTION_UNITS
+from stickslip_ros.settings.parameter_table import FRICTION_UNITS
 
 ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
 PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}

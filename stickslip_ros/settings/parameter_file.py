@@ -23,7 +23,8 @@ from stickslip_ros.settings.parameter_names import (
     sections_of,
     unknown_name,
 )
-from stickslip_ros.settings.parameters import COMMON, PER_JOINT, JointSettings, settings_of
+from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
+from stickslip_ros.settings.parameters import JointSettings, settings_of
 
 
 class ParameterFileError(StickSlipError, ValueError):

@@ -9,21 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
-from stickslip_ros.settings.parameters import COMMON, PER_JOINT, RECOMMENDED
+from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT, RECOMMENDED
 
 MONITOR = "stickslip_monitor"
 SECTION = "ros__parameters"
 EVERY_JOINT = "*"
-NODES_OWN = (
-    "joints", "controller", "reference_type", "publish_rate", "autostart", "state_file", "allow_apply", "apply_rate",
-)  # fmt: skip
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 _QOS = "qos_overrides."
 _CONTROLLERS = (*_OF_EVERY_NODE, _QOS, "gains.", "joints", "controller")  # names that a monitor shares with them
 _OUR_NODES = (MONITOR, "simulated_joint", "replay")
 _SAID_FOR_IT = ("monitor", "stickslip", "stickslip_ros")  # names of the executable and the package
 _SAME_NODE = 0.85  # of difflib's ratio
-_WHOLE = frozenset((*NODES_OWN, *_OF_EVERY_NODE, *(spec.name for spec in COMMON)))
+_WHOLE = frozenset((*_OF_EVERY_NODE, *(spec.name for spec in (*OF_THE_NODE, *COMMON))))
 _ADVICE = tuple(f"recommended.{{joint}}.{key}" for key in RECOMMENDED)
 _TEMPLATES = (*(spec.name for spec in PER_JOINT), *_ADVICE)
 

@@ -19,7 +19,8 @@ from support_ros import probe
 
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
-from stickslip_ros.settings.parameters import COMMON, PER_JOINT, JointSettings, settings_of
+from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
+from stickslip_ros.settings.parameters import JointSettings, settings_of
 
 POLICY = ROOT / "policies" / "stickslip_monitor.policy.xml"
 

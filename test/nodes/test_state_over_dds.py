@@ -22,7 +22,8 @@ from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.nodes.state.state_file import StateFileError, as_text, default_path, read_state, write_atomically
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.settings.known_joints import load_joint
-from stickslip_ros.settings.parameters import COMMON, PER_JOINT, settings_of
+from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
+from stickslip_ros.settings.parameters import settings_of
 
 KNOWS_GAINS = {"joints": "[joint1]", "gains.joint1.p": 630.0}
 LEARNT = "stribeck [N*m]"

@@ -10,14 +10,8 @@ from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from stickslip_ros.settings.parameters import (
-    GAIN_UNITS,
-    PER_JOINT,
-    RECOMMENDED,
-    JointSettings,
-    ParameterSpec,
-    settings_of,
-)
+from stickslip_ros.settings.parameter_table import GAIN_UNITS, PER_JOINT, RECOMMENDED, ParameterSpec
+from stickslip_ros.settings.parameters import JointSettings, settings_of
 
 
 class OwnChange:
@@ -38,7 +32,9 @@ def declare_specs(node: Node, specs: Iterable[ParameterSpec], joint: str = "") -
     for spec in specs:
         if node.has_parameter(spec.name.format(joint=joint)):
             continue
-        descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
+        descriptor = ParameterDescriptor(
+            description=spec.description, read_only=spec.read_only, dynamic_typing=spec.dynamic_typing
+        )
         node.declare_parameter(spec.name.format(joint=joint), spec.default, descriptor)
 
 

@@ -16,7 +16,8 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
-from stickslip_ros.settings.parameters import PER_JOINT, JointSettings
+from stickslip_ros.settings.parameter_table import PER_JOINT
+from stickslip_ros.settings.parameters import JointSettings
 
 _GAINS_KEPT = 16
 WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)

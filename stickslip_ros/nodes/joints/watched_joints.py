@@ -18,7 +18,7 @@ from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
-from stickslip_ros.settings.parameters import COMMON
+from stickslip_ros.settings.parameter_table import COMMON
 
 _MOST_JOINTS = 256  # names come from the graph; their number is bounded
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")
