@@ -15,7 +15,9 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
-from stickslip_ros.output.as_json import margin_json, number, recommendation_json
+from stickslip_ros.output import published as told
+from stickslip_ros.output.as_json import margin_json, recommendation_json
+from stickslip_ros.output.published import number
 
 CYCLE_COLUMNS = {
     "breakaway_s": "breakaway",
@@ -52,37 +54,25 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     margin = None
     if state.joint is not None and state.margin_gains is not None and state.margin is not None:
         margin = margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
-        margin |= {
-            "std": number(state.margin_std),
-            "stick_slip_probability": number(state.stick_slip_probability),
-            "rests_on": state.rests_on,
-            "per_inertia": state.per_inertia,
-        }
+        margin |= told.UNCERTAINTY.for_json(state) | told.BELIEF.for_json(state)
     gains = state.gains
     return {
         "samples": joint.samples,
         "start": number(joint.start),
         "duration": number(joint.duration),
-        "sample_rate": number(state.sample_rate),
-        "resolution": number(state.resolution),
-        "noise": number(state.noise),
-        "status": joint.status.value,
+        **told.SAMPLING.for_json(state),
+        **told.POSITION.for_json(state),
+        **told.STATUS.for_json(joint.status),
         "reason": joint.reason,
         "time_in": {status.value: number(joint.time_in(status)) for status in Status},
-        "velocity": number(joint.velocity),
+        **told.VELOCITY.for_json(joint.velocity),
         "segments": [
             {"start": one.start, "end": one.end, "status": one.status.value, "velocity": number(one.velocity)}
             for one in joint.segments
         ],
         "cycles": [cycle_json(cycle) for cycle in joint.cycles],
         "friction": _friction(state.estimate),
-        "gains": None
-        if gains is None
-        else {
-            "stiffness": float(gains.stiffness),
-            "damping": float(gains.damping),
-            "integral": float(gains.integral),
-        },
+        "gains": None if gains is None else told.GAINS.for_json(gains) | told.INTEGRAL_GAIN.for_json(gains),
         "margin": margin,
         "margin_reason": state.margin_reason,
         "recommendation": None
@@ -93,15 +83,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
 
 def cycle_json(cycle: Cycle) -> dict[str, Any]:
     """One cycle."""
-    return {
-        "breakaway": cycle.breakaway,
-        "arrest": cycle.arrest,
-        "slip_distance": cycle.slip_distance,
-        "dwell": cycle.dwell,
-        "position": cycle.position,
-        "breakaway_friction": number(cycle.effort),
-        "hunting": cycle.hunting,
-    }
+    return told.CYCLE_BEGINS.for_json(cycle) | told.CYCLE_SIZE.for_json(cycle) | told.CYCLE_PLACE.for_json(cycle)
 
 
 def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:

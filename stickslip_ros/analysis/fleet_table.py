@@ -5,16 +5,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.friction.estimate import NAMES
+from stickslip_ros.output import published as told
+from stickslip_ros.output.published import number
 
-_PLAIN = ("samples", "duration", "sample_rate", "status", "velocity")
-_MARGIN = ("energy_margin", "damping_ratio", "critical_damping_ratio", "lowest_smooth_velocity")
 _NEVER = 0.0
 
 Row = dict[str, Any]
@@ -42,13 +43,8 @@ def by_joint(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def _row(path: Path, found: Answer) -> Row:
-    columns = ("bag", "robot", "recorded", "joint", *_PLAIN, "sticking_time", "cycles", "usual_slip", "reserve")
-    empty = dict.fromkeys((*columns, *_MARGIN, "exactly_smooth", "stiffness", "damping"))
-    for name in NAMES:
-        empty |= dict.fromkeys((name, f"{name}_std", f"{name}_identified"))
-    empty |= dict.fromkeys(("per_inertia", "advised_stiffness", "advised_damping", "warnings", "error"))
     known = {"bag": str(path), "robot": robot_of(path, found), "recorded": found.get("recorded")}
-    return empty | known | {"warnings": len(found.get("warnings", []))}
+    return known | _joint(None, None) | {"warnings": len(found.get("warnings", [])), "error": None}
 
 
 def robot_of(path: Path, found: Answer) -> str:
@@ -58,29 +54,38 @@ def robot_of(path: Path, found: Answer) -> str:
     return namespace or path.resolve().parent.name
 
 
-def _joint(name: str, joint: dict[str, Any]) -> Row:
-    slips = sorted(abs(cycle["slip_distance"]) for cycle in joint["cycles"])
-    row: Row = {"joint": name, **{key: joint[key] for key in _PLAIN}}
+def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
+    """The columns that are about a joint, in their order; all None where there is none."""
+    joint = joint or {}
+    margin, friction, advice = joint.get("margin"), joint.get("friction"), joint.get("recommendation")
+    cycles = joint.get("cycles")
+    slips = sorted(abs(cycle["slip_distance"]) for cycle in cycles or ())
+    row: Row = {"joint": name, "samples": joint.get("samples"), "duration": joint.get("duration")}
+    for section in (told.SAMPLING, told.POSITION, told.STATUS, told.VELOCITY):
+        row |= section.for_fleet(joint or None)
     row |= {
-        "sticking_time": joint["time_in"]["stick_slip"] or _NEVER,
-        "cycles": len(slips),
+        "sticking_time": joint["time_in"]["stick_slip"] or _NEVER if joint else None,
+        "cycles": None if cycles is None else len(cycles),
         "usual_slip": slips[len(slips) // 2] if slips else None,
+        "reserve": None if margin is None else _reserve(margin),
     }
-    margin, advice = joint["margin"], joint["recommendation"]
-    if margin is not None:
-        row |= {key: margin[key] for key in _MARGIN}
-        row |= {"per_inertia": margin["per_inertia"], "exactly_smooth": margin["exact"]["smooth"]}
-        if margin["critical_damping_ratio"]:
-            row["reserve"] = margin["damping_ratio"] / margin["critical_damping_ratio"] - 1.0
-    if joint["friction"] is not None:
-        for key in NAMES:
-            found = joint["friction"][key]
-            row |= {key: found["value"], f"{key}_std": found["std"], f"{key}_identified": found["identified"]}
-    if joint["gains"] is not None:
-        row |= {key: joint["gains"][key] for key in ("stiffness", "damping")}
-    if advice is not None:
-        row |= {"advised_stiffness": advice["stiffness"], "advised_damping": advice["damping"]}
+    for section in (told.MARGIN, told.MARGIN_TERMS, told.LOWEST_SMOOTH_VELOCITY, told.UNCERTAINTY):
+        row |= section.for_fleet(margin)
+    row |= told.EXACT.for_fleet(None if margin is None else margin["exact"])
+    for section in (told.GAINS, told.INTEGRAL_GAIN):
+        row |= section.for_fleet(joint.get("gains"))
+    for key in NAMES:
+        found = {} if friction is None else friction[key]
+        row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
+    row |= told.BELIEF.for_fleet(margin)
+    for section in told.OF_ADVICE:
+        row |= section.for_fleet(advice)
     return row
+
+
+def _reserve(margin: Mapping[str, Any]) -> float | None:
+    damping, critical = (margin[key] for key in ("damping_ratio", "critical_damping_ratio"))
+    return None if damping is None or critical is None else number(damping_reserve(damping, critical))
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> None:
@@ -109,9 +114,11 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     except ImportError as error:
         raise StickSlipError(f"Parquet needs the package {error.name}: pip install 'stickslip_ros[parquet]'") from error
     text, whole = pyarrow.string(), pyarrow.int64()
-    flags = {"exactly_smooth", "per_inertia"} | {f"{name}_identified" for name in NAMES}
-    kinds = dict.fromkeys(("bag", "robot", "joint", "status", "error"), text)
-    kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole) | dict.fromkeys(flags, pyarrow.bool_())
+    # What has no unit is an answer, if it is no text.
+    flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
+    kinds = dict.fromkeys(flags | {f"{name}_identified" for name in NAMES}, pyarrow.bool_())
+    kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "error"), text)
+    kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole)
     # Types by name, not by what happens to be there: tables of many runs fit together.
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in (rows[0] if rows else ["bag"])])
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=schema), path)

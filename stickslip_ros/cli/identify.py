@@ -27,7 +27,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.friction.estimate import NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
-from stickslip_ros.output.as_json import number
+from stickslip_ros.output.published import number
 from stickslip_ros.settings.joint_file import UNITS, joint_file_text, write_joint_file
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 

@@ -57,10 +57,15 @@ class StabilityMargin:
     @property
     def damping_reserve(self) -> Real:
         """ρ/ρ_c − 1: damping in excess of what Eq. (43) asks for; ∞ where it asks for none, NaN as the others."""
-        damping, critical = np.asarray(self.damping_ratio), np.asarray(self.critical_damping_ratio)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
-        return reserve if reserve.ndim else float(reserve)
+        return damping_reserve(self.damping_ratio, self.critical_damping_ratio)
+
+
+def damping_reserve(damping_ratio: Real, critical_damping_ratio: Real) -> Real:
+    """ρ/ρ_c − 1: damping in excess of what is asked for; ∞ where none is, NaN where either is unknown."""
+    damping, critical = np.asarray(damping_ratio), np.asarray(critical_damping_ratio)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
+    return reserve if reserve.ndim else float(reserve)
 
 
 def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:

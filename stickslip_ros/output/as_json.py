@@ -14,11 +14,8 @@ from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
-
-
-def number(value: Any) -> float | None:
-    """A number that JSON can hold, or None."""
-    return float(value) if math.isfinite(float(value)) else None
+from stickslip_ros.output import published as told
+from stickslip_ros.output.published import number
 
 
 def margin_json(
@@ -34,22 +31,10 @@ def margin_json(
     exact = exact or exact_verdict(joint, gains, velocity, conditions)
     lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
     return {
-        "applicable": margin.applicable,
-        "reason": margin.reason,
-        "smooth": margin.smooth if margin.applicable else None,
-        "energy_margin": number(margin.energy_margin),
-        "damping_ratio": number(margin.damping_ratio),
-        "critical_damping_ratio": number(margin.critical_damping_ratio),
-        "reduction_factor": number(margin.reduction_factor),
-        "steady_stribeck": number(margin.steady_stribeck),
-        "lowest_smooth_velocity": number(lowest),
-        "exact": {
-            "smooth": exact.smooth,
-            "reason": exact.reason,
-            "critical_damping_ratio": number(exact.critical_damping_ratio),
-            "lowest_smooth_velocity": number(exact.lowest_smooth_velocity),
-            "least_smooth_stiffness": number(exact.least_smooth_stiffness),
-        },
+        **told.MARGIN.for_json(margin),
+        **told.MARGIN_TERMS.for_json(margin),
+        **told.LOWEST_SMOOTH_VELOCITY.for_json(lowest),
+        "exact": told.EXACT.for_json(exact),
     }
 
 
@@ -59,11 +44,8 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
     best = obstruction.best if obstruction is not None else None
     return {
         **_variant_json(advice[Kind.LEAST_CHANGE]),
-        "keep": advice.keep,
-        "condition": advice.condition.value,
-        "velocity": number(advice.velocity),
-        "gains_known": advice.gains_known,
-        "lowest_smooth_velocity": number(advice.slowest_smooth_velocity),
+        **told.ADVICE.for_json(advice),
+        **told.ADVICE_REACHES.for_json(advice),
         "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
         "obstruction": None
         if obstruction is None
@@ -82,14 +64,9 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
 
 def _variant_json(variant: Variant) -> dict[str, Any]:
     return {
-        "stiffness": number(variant.stiffness),
-        "damping": number(variant.damping),
-        "energy_margin": number(variant.energy_margin),
-        "reserve": number(variant.reserve),
-        "exactly_smooth": variant.exactly_smooth,
-        "slides_steadily": variant.slides_steadily,
-        "stiffness_factor": number(variant.stiffness_factor),
-        "damping_factor": number(variant.damping_factor),
-        "change": number(variant.change),
+        **told.ADVISED_GAINS.for_json(variant),
+        **told.ADVISED_MARGIN.for_json(variant),
+        **told.ADVISED_ANSWERS.for_json(variant),
+        **told.ADVISED_FACTORS.for_json(variant),
         "reason": variant.reason,
     }

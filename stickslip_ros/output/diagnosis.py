@@ -17,6 +17,7 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.output import published as told
 from stickslip_ros.settings.parameter_table import FRICTION_UNITS
 
 ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
@@ -124,63 +125,40 @@ def joint_diagnostic(
         level, message = max(level, Level.WARN), f"{message}; {missing}"
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
-        ("status", assessment.finding.status.value),
+        *told.STATUS.for_diagnostics(assessment.finding.status),
         ("reason", assessment.finding.reason),
-        ("velocity [rad/s]", assessment.velocity),
+        *told.VELOCITY.for_diagnostics(assessment.velocity),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
         ("missing", missing),
-        *_margin_values(margin),
+        *_margin_values(told.MARGIN, margin),
     ]
     if margin is not None:
-        values += [
-            ("reduction_factor [1]", margin.reduction_factor),
-            ("steady_stribeck [N*m]", margin.steady_stribeck),
-            ("natural_frequency [rad/s]", margin.natural_frequency),
-            ("lowest_smooth_velocity [rad/s]", assessment.lowest_smooth_velocity),
-        ]
+        values += told.MARGIN_TERMS.for_diagnostics(margin)
+        values += told.LOWEST_SMOOTH_VELOCITY.for_diagnostics(assessment.lowest_smooth_velocity)
     if exact.smooth is not None:
-        values += [
-            ("exact smooth", str(exact.smooth).lower()),
-            ("exact critical_damping_ratio [1]", exact.critical_damping_ratio),
-            ("exact lowest_smooth_velocity [rad/s]", exact.lowest_smooth_velocity),
-            ("exact least_smooth_stiffness [N*m/rad]", exact.least_smooth_stiffness),
-        ]
+        values += told.EXACT.for_diagnostics(exact)
     if exact.reason:
         values.append(("exact reason", exact.reason))
     if gains is not None:
-        values += [
-            ("stiffness [N*m/rad]", gains.stiffness),
-            ("damping [N*m*s/rad]", gains.damping),
-            ("integral [N*m/(rad*s)]", gains.integral),
-        ]
+        values += told.GAINS.for_diagnostics(gains) + told.INTEGRAL_GAIN.for_diagnostics(gains)
     values += _advice_values(assessment) + _trial_values(assessment, trial)
     if applied:
         values.append(("applied", applied))
-    if assessment.rests_on:
-        values.append(("margin rests on", assessment.rests_on))
+    values += told.BELIEF.for_diagnostics(assessment)
     if math.isfinite(assessment.margin_std):
-        values += [
-            ("energy_margin std [M*stribeck_velocity^2]", assessment.margin_std),
-            ("stick_slip_probability [1]", assessment.stick_slip_probability),
-        ]
+        values += told.UNCERTAINTY.for_diagnostics(assessment)
     if assessment.estimate is not None:
         values += friction_values(assessment.estimate)
     if assessment.notice:
         values.append(("friction change", assessment.notice))
-    values.append(("cycles [1]", assessment.cycles))
+    values += told.CYCLES.for_diagnostics(assessment.cycles)
     if cycle is not None:
-        values += [
-            ("last slip_distance [rad]", cycle.slip_distance),
-            ("last dwell [s]", cycle.dwell),
-            ("last slip duration [s]", cycle.slip_duration),
-        ]
-    values += [
-        ("position resolution [rad]", assessment.resolution),
-        ("position noise [rad]", assessment.noise),
-        ("sample rate [Hz]", assessment.sample_rate),
-        ("samples left out", "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())),
-    ]
+        values += told.CYCLE_SIZE.for_diagnostics(cycle, "last ")
+    values += told.POSITION.for_diagnostics(assessment)
+    values += told.SAMPLING.for_diagnostics(assessment)
+    left_out = "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())
+    values.append(("samples left out", left_out))
     return _diagnosis(level, name, message, values)
 
 
@@ -194,38 +172,21 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     advice, chosen = assessment.advice, assessment.recommended
     if advice is None or chosen is None:
         return []
-    known = advice.recommendation.gains_known
+    known, before = advice.recommendation.gains_known, "recommended "
     values: list[tuple[str, object]] = [
         ("recommendation", chosen.reason),
-        ("recommendation is by", advice.recommendation.condition.value),
-        ("recommended for velocity [rad/s]", advice.recommendation.velocity),
-        ("recommended stiffness_factor [1]", chosen.stiffness_factor),
-        ("recommended damping_factor [1]", chosen.damping_factor),
-        ("recommended damping reserve [1]", chosen.reserve),
-        ("recommended lowest_smooth_velocity [rad/s]", advice.recommendation.slowest_smooth_velocity),
+        *told.ADVICE.for_diagnostics(advice.recommendation),
+        *told.ADVISED_FACTORS.for_diagnostics(chosen, before),
+        *told.ADVISED_MARGIN.for_diagnostics(chosen, before),
+        *told.ADVICE_REACHES.for_diagnostics(advice.recommendation),
+        *told.ADVISED_ANSWERS.for_diagnostics(chosen, before),
     ]
-    if chosen.exactly_smooth is not None:
-        values.append(("recommended exact smooth", str(chosen.exactly_smooth).lower()))
-    if chosen.slides_steadily is not None:
-        values.append(("recommended slides steadily", str(chosen.slides_steadily).lower()))
     if known:
-        values += [
-            ("recommended stiffness [N*m/rad]", chosen.stiffness),
-            ("recommended damping [N*m*s/rad]", chosen.damping),
-        ]
+        values += told.ADVISED_GAINS.for_diagnostics(chosen, before)
     for variant in advice.recommendation.variants:
         name = variant.kind.value
         values.append((f"advice, {name.replace('_', ' ')}", variant.reason))
-        if known:
-            values += [
-                (f"{name} stiffness [N*m/rad]", variant.stiffness),
-                (f"{name} damping [N*m*s/rad]", variant.damping),
-            ]
-        else:
-            values += [
-                (f"{name} stiffness_factor [1]", variant.stiffness_factor),
-                (f"{name} damping_factor [1]", variant.damping_factor),
-            ]
+        values += (told.ADVISED_GAINS if known else told.ADVISED_FACTORS).for_diagnostics(variant, f"{name} ")
     obstruction = advice.recommendation.obstruction
     if obstruction is not None:
         values.append(("advice, bounds in the way", ", ".join(obstruction.bounds)))
@@ -236,16 +197,9 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     return values
 
 
-def _margin_values(margin: StabilityMargin | None, prefix: str = "") -> list[tuple[str, object]]:
-    """What Eq. (43) says of gains."""
-    if margin is None:
-        return [(f"{prefix}margin applicable", "")]
-    return [
-        (f"{prefix}margin applicable", str(bool(margin.applicable)).lower()),
-        (f"{prefix}energy_margin [M*stribeck_velocity^2]", margin.energy_margin),
-        (f"{prefix}damping_ratio [1]", margin.damping_ratio),
-        (f"{prefix}critical_damping_ratio [1]", margin.critical_damping_ratio),
-    ]
+def _margin_values(section: told.Section, margin: StabilityMargin | None) -> list[tuple[str, object]]:
+    """What Eq. (43) says of gains; that it says nothing has the key of its first row."""
+    return [(section.rows[0].key(), "")] if margin is None else section.for_diagnostics(margin)
 
 
 def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str, object]]:
@@ -253,14 +207,11 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str
     gains = assessment.trial
     if gains is None:
         return []
-    values: list[tuple[str, object]] = [
-        ("trial stiffness [N*m/rad]", gains.stiffness),
-        ("trial damping [N*m*s/rad]", gains.damping),
-        *_margin_values(assessment.trial_margin, "trial "),
+    return [
+        *told.TRIAL_GAINS.for_diagnostics(gains),
+        *_margin_values(told.TRIAL_MARGIN, assessment.trial_margin),
+        *told.TRIAL_EXACT.for_diagnostics(exact),
     ]
-    if exact.smooth is not None:
-        values.append(("trial exact smooth", str(exact.smooth).lower()))
-    return values
 
 
 def _summary(
@@ -296,13 +247,9 @@ def _summary(
 def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
     values = [
-        ("breakaway [s]", cycle.breakaway),
-        ("arrest [s]", cycle.arrest),
-        ("slip_distance [rad]", cycle.slip_distance),
-        ("dwell [s]", cycle.dwell),
-        ("slip duration [s]", cycle.slip_duration),
-        ("position [rad]", cycle.position),
-        ("breakaway_effort [N*m]", cycle.effort),
+        *told.CYCLE_BEGINS.for_diagnostics(cycle),
+        *told.CYCLE_SIZE.for_diagnostics(cycle),
+        *told.CYCLE_PLACE.for_diagnostics(cycle),
     ]
     message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
     return _diagnosis(Level.WARN, name, message, values)

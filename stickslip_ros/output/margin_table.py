@@ -4,72 +4,31 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from typing import Any
 
-from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.output.published import SECTIONS, STATUS_NUMBERS, Known, MarginField
 
-MARGIN_FIELDS = (
-    "status",
-    "applicable",
-    "energy_margin",
-    "damping_ratio",
-    "critical_damping_ratio",
-    "reduction_factor",
-    "steady_stribeck",
-    "natural_frequency",
-    "velocity",
-    "lowest_smooth_velocity",
-    "stiffness",
-    "damping",
-    "cycles",
-    "exact_smooth",
-    "exact_critical_damping_ratio",
-    "exact_lowest_smooth_velocity",
-    "exact_least_smooth_stiffness",
-    "margin_std",
-    "stick_slip_probability",
-    "stiffness_factor",
-    "damping_factor",
-    "trial_energy_margin",
-    "trial_damping_ratio",
-    "trial_critical_damping_ratio",
-    "trial_exact_smooth",
+_ROWS = sorted(
+    ((row.margins, section, row) for section in SECTIONS for row in section.rows if row.margins is not None),
+    key=lambda found: found[0].place,
 )
-STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
+MARGIN_FIELDS = tuple(field.name for field, _, _ in _ROWS)
 
 
 def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict) -> list[float]:
     """The numbers of :data:`MARGIN_FIELDS`; NaN for what is unknown or not applicable."""
-    gains, advised = assessment.gains, assessment.recommended
-    return [
-        float(STATUS_NUMBERS[assessment.finding.status]),
-        float(assessment.margin is not None and bool(assessment.margin.applicable)),
-        *_of_margin(assessment.margin, MARGIN_FIELDS[2:8]),
-        assessment.velocity,
-        assessment.lowest_smooth_velocity,
-        math.nan if gains is None else float(gains.stiffness),
-        math.nan if gains is None else float(gains.damping),
-        float(assessment.cycles),
-        _as_number(exact.smooth),
-        exact.critical_damping_ratio,
-        exact.lowest_smooth_velocity,
-        exact.least_smooth_stiffness,
-        assessment.margin_std,
-        assessment.stick_slip_probability,
-        math.nan if advised is None else advised.stiffness_factor,
-        math.nan if advised is None else advised.damping_factor,
-        *_of_margin(assessment.trial_margin, ("energy_margin", "damping_ratio", "critical_damping_ratio")),
-        _as_number(trial.smooth),
-    ]
+    known = Known(assessment=assessment, exact=exact, trial=trial)
+    numbers = []
+    for field, section, row in _ROWS:
+        subject = section.of(known)
+        numbers.append(_as_number(None if subject is None else row.value(subject), field))
+    return numbers
 
 
-def _of_margin(margin: StabilityMargin | None, names: Sequence[str]) -> list[float]:
-    return [math.nan if margin is None else float(getattr(margin, name)) for name in names]
-
-
-def _as_number(answer: bool | None) -> float:
-    return math.nan if answer is None else float(answer)
+def _as_number(value: Any, field: MarginField) -> float:
+    if isinstance(value, Status):
+        return float(STATUS_NUMBERS[value])
+    return field.unknown if value is None else float(value)
