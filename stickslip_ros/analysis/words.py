@@ -7,6 +7,8 @@ from __future__ import annotations
 import math
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
 
 
@@ -59,12 +61,10 @@ def advice(joint: JointAnalysis) -> str:
             f"together by {advised.damping_factor:.3g} (the gains themselves are not known){faster}."
         )
     changes = []
-    for name, now, then, unit in (
-        ("stiffness", float(state.gains.stiffness), advised.stiffness, "N·m/rad"),
-        ("damping", float(state.gains.damping), advised.damping, "N·m·s/rad"),
-    ):
+    for name in ("stiffness", "damping"):
+        now, then = float(getattr(state.gains, name)), float(getattr(advised, name))
         if abs(then - now) > 1e-3 * max(abs(now), abs(then)):
-            changes.append(f"{name} from {now:.4g} to {then:.4g} {unit}")
+            changes.append(f"{name} from {now:.4g} to {then:.4g} {unit_of(Gains, name)}")
     if not changes:
         return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
     return f"Change {' and '.join(changes)}{faster}."

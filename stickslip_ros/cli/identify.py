@@ -25,16 +25,16 @@ from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.friction.estimate import NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
 from stickslip_ros.output.published import number
-from stickslip_ros.settings.joint_file import UNITS, joint_file_text, write_joint_file
+from stickslip_ros.settings.joint_file import joint_file_text, write_joint_file
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
 
-_PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s²"}
 _STEP_TIME, _REST, _LARGEST_WAY, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
 
 
@@ -218,11 +218,10 @@ def _print(found: Identification) -> None:
         return
     per_inertia = found.per_inertia
     rows = []
-    for name in NAMES:
-        if name not in parameters:
-            continue
-        unit = _PER_INERTIA.get(name, UNITS[name]) if per_inertia else UNITS[name]
-        rows.append((name.replace("_", " "), *parameters[name], unit))
+    for one in JOINT_PARAMETERS:
+        if one.name in parameters:
+            unit = one.unit_where(per_inertia=per_inertia)
+            rows.append((one.name.replace("_", " "), *parameters[one.name], unit))
     if per_inertia and slips is not None:
         rows.append(("natural frequency", slips.natural_frequency, "slips", "rad/s"))
     table = Table(box=None, padding=(0, 1))

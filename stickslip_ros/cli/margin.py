@@ -15,18 +15,15 @@ from rich.table import Table
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
 from stickslip_ros.model.margin import change_factors
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import margin_json
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
-_FRICTION = {
-    "stribeck": "F_s∞, static friction in excess of Coulomb friction [N·m]",
-    "stribeck_velocity": "Stribeck velocity [rad/s]",
-    "lag": "frictional memory τ_L [s]",
-    "rise_time": "rise time γ of static friction [s]",
-    "viscous": "viscous friction F_v [N·m·s/rad]",
-    "coulomb": "Coulomb friction F_k [N·m]; cancels from the result",
-}
+# What is needed comes first, what cancels last.
+_FRICTION = sorted(FRICTION_PARAMETERS, key=lambda one: (one.name == "coulomb", one.name == "viscous"))
+_NOTES = {"coulomb": "; cancels from the result"}
 _REQUIRED = ("stribeck", "stribeck_velocity")
 
 
@@ -51,13 +48,14 @@ def add_joint_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="known joint (config/joints) or path of a joint file; other options override its values",
     )
-    parser.add_argument("--inertia", type=float, metavar="M", help="inertia [kg·m²]")
-    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p [N·m/rad]")
-    parser.add_argument("--damping", type=float, metavar="KV", help="k_v [N·m·s/rad] (default 0)")
-    parser.add_argument("--integral", type=float, metavar="KI", help="k_i [N·m/(rad·s)] (default 0)")
+    parser.add_argument("--inertia", type=float, metavar="M", help=f"inertia [{unit_of(Joint, 'inertia')}]")
+    parser.add_argument("--stiffness", type=float, metavar="KP", help=f"k_p [{unit_of(Gains, 'stiffness')}]")
+    parser.add_argument("--damping", type=float, metavar="KV", help=f"k_v [{unit_of(Gains, 'damping')}] (default 0)")
+    parser.add_argument("--integral", type=float, metavar="KI", help=f"k_i [{unit_of(Gains, 'integral')}] (default 0)")
     parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
-    for name, text in _FRICTION.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
+    for one in _FRICTION:
+        text = f"{one.help} [{one.unit}]{_NOTES.get(one.name, '')}"
+        parser.add_argument(f"--{one.name.replace('_', '-')}", type=float, metavar="X", help=text)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -97,7 +95,7 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
 
     friction = {
         name: value(name, getattr(known.joint.friction, name) if known else (None if name in _REQUIRED else 0.0))
-        for name in _FRICTION
+        for name in (one.name for one in _FRICTION)
     }
     joint = Joint(inertia=value("inertia", known.joint.inertia if known else None), friction=Friction(**friction))
     gains = Gains(

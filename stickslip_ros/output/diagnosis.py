@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
+from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.margin import StabilityMargin
+from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.limits import Condition
 from stickslip_ros.monitoring.advice.sensitivity import in_words
@@ -18,10 +21,8 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.output import published as told
-from stickslip_ros.settings.parameter_table import FRICTION_UNITS
 
-ESTIMATE_UNITS = {"inertia": "kg*m^2", **FRICTION_UNITS, "load": "N*m"}
-PER_INERTIA = {"viscous": "1/s", "stribeck": "rad/s^2"}
+_ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 
 
 class Level(IntEnum):
@@ -69,14 +70,13 @@ def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     """What was learnt, one number a key, and the whole in words."""
     values: list[tuple[str, object]] = []
     words = []
-    for name, unit in ESTIMATE_UNITS.items():
-        found = estimate.load if name == "load" else estimate[name]
-        if estimate.normalised:
-            if name in ("inertia", "coulomb", "load"):
-                continue
-            unit = PER_INERTIA.get(name, unit)
-        if math.isnan(found.value):
+    learnt = [
+        (one.name, one.unit_where(per_inertia=estimate.normalised), estimate[one.name]) for one in JOINT_PARAMETERS
+    ]
+    for name, unit, found in (*learnt, ("load", unit_of(Conditions, "load"), estimate.load)):
+        if math.isnan(found.value) or (estimate.normalised and name in _ONLY_ABSOLUTE):
             continue
+        unit = in_ascii(unit)
         values += [(f"{name} [{unit}]", found.value), (f"{name} std [{unit}]", found.std)]
         words.append(f"{name.replace('_', ' ')} {found.value:.4g} ± {found.std:.2g}{'' if found.identified else '?'}")
     if estimate.normalised:

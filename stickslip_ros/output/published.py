@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from stickslip_ros.model.friction import Friction, Gains
+from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
@@ -102,6 +104,11 @@ def _as_json(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, str)) else number(value)
 
 
+_ENERGY = "M*stribeck_velocity^2"
+_STIFFNESS, _DAMPING, _INTEGRAL = (in_ascii(unit_of(Gains, name)) for name in ("stiffness", "damping", "integral"))
+_TORQUE = in_ascii(unit_of(Friction, "coulomb"))
+
+
 def _field(place: int, name: str, unknown: float = math.nan) -> MarginField:
     return MarginField(place=place, name=name, unknown=unknown)
 
@@ -137,7 +144,7 @@ MARGIN = Section(
              margins=_field(1, "applicable", unknown=0.0)),
         _row(value=lambda margin: margin.reason, json="reason"),
         _row(value=lambda margin: bool(margin.smooth) if margin.applicable else None, json="smooth"),
-        _row(value=lambda margin: margin.energy_margin, unit="M*stribeck_velocity^2",
+        _row(value=lambda margin: margin.energy_margin, unit=_ENERGY,
              diagnostics="energy_margin", json="energy_margin", fleet="energy_margin",
              margins=_field(2, "energy_margin")),
         _row(value=lambda margin: margin.damping_ratio, unit="1",
@@ -154,7 +161,7 @@ MARGIN_TERMS = Section(
     (
         _row(value=lambda margin: margin.reduction_factor, unit="1",
              diagnostics="reduction_factor", json="reduction_factor", margins=_field(5, "reduction_factor")),
-        _row(value=lambda margin: margin.steady_stribeck, unit="N*m",
+        _row(value=lambda margin: margin.steady_stribeck, unit=_TORQUE,
              diagnostics="steady_stribeck", json="steady_stribeck", margins=_field(6, "steady_stribeck")),
         _row(value=lambda margin: margin.natural_frequency, unit="rad/s",
              diagnostics="natural_frequency", margins=_field(7, "natural_frequency")),
@@ -179,7 +186,7 @@ EXACT = Section(
         _row(value=lambda exact: exact.lowest_smooth_velocity, unit="rad/s",
              diagnostics="exact lowest_smooth_velocity", json="lowest_smooth_velocity",
              margins=_field(15, "exact_lowest_smooth_velocity")),
-        _row(value=lambda exact: exact.least_smooth_stiffness, unit="N*m/rad",
+        _row(value=lambda exact: exact.least_smooth_stiffness, unit=_STIFFNESS,
              diagnostics="exact least_smooth_stiffness", json="least_smooth_stiffness",
              margins=_field(16, "exact_least_smooth_stiffness")),
     ),
@@ -187,21 +194,21 @@ EXACT = Section(
 GAINS = Section(
     lambda known: known.assessment.gains,
     (
-        _row(value=lambda gains: gains.stiffness, unit="N*m/rad", diagnostics="stiffness", json="stiffness",
+        _row(value=lambda gains: gains.stiffness, unit=_STIFFNESS, diagnostics="stiffness", json="stiffness",
              fleet="stiffness", margins=_field(10, "stiffness")),
-        _row(value=lambda gains: gains.damping, unit="N*m*s/rad", diagnostics="damping", json="damping",
+        _row(value=lambda gains: gains.damping, unit=_DAMPING, diagnostics="damping", json="damping",
              fleet="damping", margins=_field(11, "damping")),
     ),
 )  # fmt: skip
 INTEGRAL_GAIN = Section(
     GAINS.of,
-    (_row(value=lambda gains: gains.integral, unit="N*m/(rad*s)", diagnostics="integral", json="integral"),),
+    (_row(value=lambda gains: gains.integral, unit=_INTEGRAL, diagnostics="integral", json="integral"),),
 )
 # Of an assessment, where the friction is learnt.
 UNCERTAINTY = Section(
     lambda known: known.assessment,
     (
-        _row(value=lambda state: state.margin_std, unit="M*stribeck_velocity^2", diagnostics="energy_margin std",
+        _row(value=lambda state: state.margin_std, unit=_ENERGY, diagnostics="energy_margin std",
              json="std", margins=_field(17, "margin_std")),
         _row(value=lambda state: state.stick_slip_probability, unit="1", diagnostics="stick_slip_probability",
              json="stick_slip_probability", margins=_field(18, "stick_slip_probability")),
@@ -234,9 +241,9 @@ ADVICE_REACHES = Section(
 ADVISED_GAINS = Section(
     lambda known: known.assessment.recommended,
     (
-        _row(value=lambda variant: variant.stiffness, unit="N*m/rad", diagnostics="stiffness", json="stiffness",
+        _row(value=lambda variant: variant.stiffness, unit=_STIFFNESS, diagnostics="stiffness", json="stiffness",
              fleet="advised_stiffness"),
-        _row(value=lambda variant: variant.damping, unit="N*m*s/rad", diagnostics="damping", json="damping",
+        _row(value=lambda variant: variant.damping, unit=_DAMPING, diagnostics="damping", json="damping",
              fleet="advised_damping"),
     ),
 )  # fmt: skip
@@ -299,7 +306,7 @@ CYCLE_PLACE = Section(
     CYCLE_BEGINS.of,
     (
         _row(value=lambda cycle: cycle.position, unit="rad", diagnostics="position", json="position"),
-        _row(value=lambda cycle: cycle.effort, unit="N*m", diagnostics="breakaway_effort", json="breakaway_friction"),
+        _row(value=lambda cycle: cycle.effort, unit=_TORQUE, diagnostics="breakaway_effort", json="breakaway_friction"),
         _row(value=lambda cycle: cycle.hunting, json="hunting"),
     ),
 )

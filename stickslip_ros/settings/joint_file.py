@@ -5,47 +5,48 @@
 from __future__ import annotations
 
 import os
-from dataclasses import fields
 from pathlib import Path
 
 from stickslip_ros.errors import JointFileError
-from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.monitoring.friction.estimate import NAMES
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA, JOINT_PARAMETERS, FrictionParameter
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.identification import Identification
 
-UNITS = {"inertia": "kg·m²"} | {entry.name: str(entry.metadata["unit"]) for entry in fields(Friction)}
+_WIDTH = 32  # of a key with its value
 
 
 def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains | None, source: str) -> str:
     """A joint file as text, every value with its unit, its error and where it comes from."""
     known = found.parameters()
-    assumed = [parameter for parameter in NAMES if parameter not in known or not known[parameter][0].identified]
+    names = [parameter.name for parameter in JOINT_PARAMETERS]
+    assumed = [name for name in names if name not in known or not known[name][0].identified]
 
     each = " / inertia" if found.per_inertia else ""
 
-    def line(parameter: str, value: float) -> str:
-        note = UNITS[parameter] + (each if parameter in ("viscous", "stribeck", "coulomb") else "")
-        if parameter in known:
-            estimate, origin = known[parameter]
+    def line(parameter: FrictionParameter, value: float) -> str:
+        note = parameter.unit + (each if parameter.is_force else "")
+        if parameter.name in known:
+            estimate, origin = known[parameter.name]
             note += f", ± {estimate.std:.2g}, from {origin}"
-        if parameter in assumed:
+        if parameter.name in assumed:
             note += ", not identified"
-        return f"{parameter}: {value:.6g}".ljust(32) + f"# {note}"
+        return f"{parameter.name}: {value:.6g}".ljust(_WIDTH) + f"# {note}"
 
     lines = [f"# {text}" for text in source.splitlines()]
     if found.slips is not None and found.slips.mismatch:
         lines.append(f"# {found.slips.mismatch}")
     lines.append(f"name: {name}")
     if found.per_inertia:
-        lines.append("per_inertia: true".ljust(32) + "# the gains were not known; all is over the inertia")
-    lines += [line("inertia", float(joint.inertia)), "friction:"]
-    lines += [f"  {line(parameter, float(getattr(joint.friction, parameter)))}" for parameter in NAMES[1:]]
+        lines.append("per_inertia: true".ljust(_WIDTH) + "# the gains were not known; all is over the inertia")
+    lines += [line(INERTIA, float(joint.inertia)), "friction:"]
+    lines += [f"  {line(one, float(getattr(joint.friction, one.name)))}" for one in FRICTION_PARAMETERS]
     lines.append("gains:                          # of the controller then")
     gains = gains or Gains(stiffness=0.0)
-    for parameter, unit in (("stiffness", "N·m/rad"), ("damping", "N·m·s/rad"), ("integral", "N·m/(rad·s)")):
-        lines.append(f"  {parameter}: {float(getattr(gains, parameter)):.6g}".ljust(32) + f"# {unit}{each}")
-    lines.append(f"velocity: {found.speed:.6g}".ljust(32) + "# rad/s, of the motion then")
-    lines.append(f"encoder_resolution: {found.resolution:.6g}".ljust(32) + "# rad")
+    for gain in ("stiffness", "damping", "integral"):
+        lines.append(f"  {gain}: {float(getattr(gains, gain)):.6g}".ljust(_WIDTH) + f"# {unit_of(Gains, gain)}{each}")
+    lines.append(f"velocity: {found.speed:.6g}".ljust(_WIDTH) + "# rad/s, of the motion then")
+    lines.append(f"encoder_resolution: {found.resolution:.6g}".ljust(_WIDTH) + "# rad")
     lines.append(f"assumed: [{', '.join(assumed)}]")
     return "\n".join(lines) + "\n"
 

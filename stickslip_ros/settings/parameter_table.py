@@ -11,19 +11,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction_parameters import INERTIA, JOINT_PARAMETERS
+from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
 
-FRICTION_UNITS = {
-    "coulomb": "N*m",
-    "viscous": "N*m*s/rad",
-    "stribeck": "N*m",
-    "stribeck_velocity": "rad/s",
-    "lag": "s",
-    "rise_time": "s",
-}
-GAIN_UNITS = {"p": "N*m/rad", "i": "N*m/(rad*s)", "d": "N*m*s/rad"}
-RECOMMENDED = {"p": "stiffness", "d": "damping"}
+GAINS = {"p": "stiffness", "i": "integral", "d": "damping"}  # a controller's words, and ours
+GAIN_UNITS = {key: in_ascii(unit_of(Gains, name)) for key, name in GAINS.items()}
+RECOMMENDED = {key: GAINS[key] for key in ("p", "d")}
 _NOT_SET = math.nan
 
 
@@ -163,11 +159,11 @@ def _per_joint() -> tuple[ParameterSpec, ...]:
             text="known joint (config/joints) or path of a joint file (.yaml); empty: none",
             read_only=True,
         ),
-        spec(name="inertia.{joint}", default=_NOT_SET, unit="kg*m^2", text="inertia; overrides the model's"),
     ]
-    for key, unit in FRICTION_UNITS.items():
-        text = f"{key.replace('_', ' ')}; overrides the model's"
-        found.append(spec(name=f"friction.{{joint}}.{key}", default=_NOT_SET, unit=unit, text=text))
+    for parameter in JOINT_PARAMETERS:
+        name = "inertia.{joint}" if parameter is INERTIA else f"friction.{{joint}}.{parameter.name}"
+        text = f"{parameter.name.replace('_', ' ')}; overrides the model's"
+        found.append(spec(name=name, default=_NOT_SET, unit=in_ascii(parameter.unit), text=text))
     for key, unit in GAIN_UNITS.items():
         text = "gain of the controller, used until one is heard from"
         found.append(spec(name=f"gains.{{joint}}.{key}", default=_NOT_SET, unit=unit, text=text))

@@ -14,12 +14,15 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
-from stickslip_ros.settings.parameter_table import FRICTION_UNITS, GAIN_UNITS, RECOMMENDED
+from stickslip_ros.settings.parameter_table import GAINS, RECOMMENDED
 from stickslip_ros.settings.parameter_values import ParameterValues
+
+_FRICTION = tuple(parameter.name for parameter in FRICTION_PARAMETERS)
 
 Choice = TypeVar("Choice", bound=Enum)
 Getter = Callable[[str], Any]
@@ -80,7 +83,7 @@ def _made_of(name: str) -> dict[str, tuple[str, ...]]:
         "load": (f"load.{name}",),
         "controller_period": (f"controller_period.{name}",),
         "inertia": (f"inertia.{name}",),
-        **{key: (f"friction.{name}.{key}",) for key in FRICTION_UNITS},
+        **{key: (f"friction.{name}.{key}",) for key in _FRICTION},
     }
 
 
@@ -123,7 +126,7 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
     )
     return JointSettings(
         joint=_joint(name, values),
-        gains=_gains("gains", name, GAIN_UNITS, scale, values),
+        gains=_gains("gains", name, GAINS, scale, values),
         options=options,
         gain_scale=scale,
         effort_scale=effort_scale,
@@ -134,10 +137,10 @@ def _joint(name: str, values: ParameterValues) -> Joint | None:
     model = str(values[f"model.{name}"])
     known = _known_joint(f"model.{name}", model) if model else None
     inertia = values.number_if_set(f"inertia.{name}")
-    friction = {key: values.number_if_set(f"friction.{name}.{key}") for key in FRICTION_UNITS}
+    friction = {key: values.number_if_set(f"friction.{name}.{key}") for key in _FRICTION}
     given = {key: number for key, number in friction.items() if number is not None}
     if known is not None:
-        base = {key: getattr(known.joint.friction, key) for key in FRICTION_UNITS}
+        base = {key: getattr(known.joint.friction, key) for key in _FRICTION}
         return Joint(
             inertia=known.joint.inertia if inertia is None else inertia, friction=Friction(**{**base, **given})
         )

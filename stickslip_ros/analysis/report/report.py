@@ -15,31 +15,15 @@ from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import YEAR_2001, anchor, drawn, write_page
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.friction.estimate import NAMES
 
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
-_UNITS = {
-    "inertia": ("kg·m²", "1"),
-    "coulomb": ("N·m", "rad/s²"),
-    "viscous": ("N·m·s/rad", "1/s"),
-    "stribeck": ("N·m", "rad/s²"),
-    "stribeck_velocity": ("rad/s", "rad/s"),
-    "lag": ("s", "s"),
-    "rise_time": ("s", "s"),
-}
-_MEANINGS = {
-    "inertia": "inertia",
-    "coulomb": "Coulomb friction",
-    "viscous": "viscous friction",
-    "stribeck": "Stribeck friction after a long rest",
-    "stribeck_velocity": "Stribeck velocity",
-    "lag": "lag of friction (frictional memory)",
-    "rise_time": "rise time of static friction",
-}
 
 
 def write_report(path: Path, analysis: BagAnalysis) -> None:
@@ -129,10 +113,9 @@ def _parameters(joint: JointAnalysis) -> str:
     state = joint.assessment
     rows = []
     estimate = state.estimate
-    for name in NAMES:
-        unit = _UNITS[name][int(state.per_inertia)]
-        if estimate is not None and estimate.usable:
-            unit = _UNITS[name][int(estimate.normalised)]
+    per_inertia = estimate.normalised if estimate is not None and estimate.usable else state.per_inertia
+    for parameter in JOINT_PARAMETERS:
+        name, unit = parameter.name, parameter.unit_where(per_inertia=per_inertia)
         source, value, error = "configured", math.nan, math.nan
         if estimate is not None and estimate.normalised and name in ("inertia", "coulomb"):
             continue
@@ -145,14 +128,14 @@ def _parameters(joint: JointAnalysis) -> str:
         if math.isfinite(value):
             spread = f"± {error:.2g}" if math.isfinite(error) else ""
             rows.append(
-                f"<tr><td>{_MEANINGS[name]}</td><td>{value:.4g}</td><td class='text'>{spread}</td>"
+                f"<tr><td>{parameter.label}</td><td>{value:.4g}</td><td class='text'>{spread}</td>"
                 f"<td class='text'>{unit}</td><td class='text'>{source}</td></tr>"
             )
     gains = state.gains
     if gains is not None:
         for label, number, unit in (
-            ("stiffness k_p", gains.stiffness, "N·m/rad"),
-            ("damping k_v", gains.damping, "N·m·s/rad"),
+            ("stiffness k_p", gains.stiffness, unit_of(Gains, "stiffness")),
+            ("damping k_v", gains.damping, unit_of(Gains, "damping")),
         ):
             rows.append(
                 f"<tr><td>{label}</td><td>{float(number):.4g}</td><td></td><td class='text'>{unit}</td>"

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
+from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import (
@@ -34,7 +35,7 @@ from stickslip_ros.monitoring.friction.slip_search import Solution, search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-NAMES = ("inertia", "coulomb", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_time")
+NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
 IDENTIFIED = 0.05  # relative standard error from which on the data are said to determine a parameter
 DOES_NOT_FIT = "friction model does not fit"
 LEAST_SLIPS = 3
