@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -22,9 +21,10 @@ from typing import Any
 import stickslip_ros
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
+from stickslip_ros.bags.bag_paths import is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.files import write_whole
 
-_SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 _ATTEMPTS = 2  # of a bag whose process dies
 _KILLED = "its process was killed twice: is there too little memory?"
 
@@ -53,27 +53,19 @@ def find_bags(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         try:
-            found += _bags_in(path) if path.is_dir() and not _is_bag(path) else [path]
+            found += _bags_in(path) if path.is_dir() and not is_bag_folder(path) else [path]
         except OSError:
             # Why it cannot be read is said of it as of any bag.
             found.append(path)
     return list(dict.fromkeys(found))
 
 
-def _is_bag(folder: Path) -> bool:
-    """Whether a folder is a rosbag2 directory: it has metadata, or its files are named as those of one are."""
-    if (folder / "metadata.yaml").exists():
-        return True
-    files = [file.name for file in folder.iterdir() if file.name.endswith(_SUFFIXES)]
-    return bool(files) and all(name.startswith(f"{folder.resolve().name}_") for name in files)
-
-
 def _bags_in(folder: Path) -> list[Path]:
     found: list[Path] = []
     for path in sorted(folder.iterdir()):
         if path.is_dir():
-            found += [path] if _is_bag(path) else _bags_in(path)
-        elif path.name.endswith(_SUFFIXES):
+            found += [path] if is_bag_folder(path) else _bags_in(path)
+        elif is_bag_file(path):
             found.append(path)
     return found
 
@@ -117,9 +109,7 @@ class Answers:
         file = self._file(task)
         if file is None or "error" in found:
             return
-        partial = file.with_suffix(".part")
-        partial.write_text(json.dumps(found, ensure_ascii=False), encoding="utf-8")
-        os.replace(partial, file)
+        write_whole(file, json.dumps(found, ensure_ascii=False))
 
 
 def analyze_fleet(

@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 import heapq
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,15 +16,16 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from stickslip_ros.bags.bag_paths import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.files import whole_file
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 
 FloatArray = NDArray[np.float64]
 COMPRESSIONS = ("zstd", "lz4", "none")
 _CHUNK_SIZE = 1 << 20
-_METADATA = "metadata.yaml"
 
 Serialized = tuple[int, str, bytes]  # time of recording [ns], topic, message
 
@@ -60,14 +61,15 @@ class BagWriter:
                 raise RecordingError(f"bag {path}: is there already; choose another name, or one that ends in .mcap")
             self._directory.mkdir(parents=True)
             path = self._directory / f"{path.name}_0.mcap"
-        self._path, self._partial = path, path.with_name(f".{path.name}.part")
+        self._path = path
         self._topics = dict(topics)
         self._store: Any = get_typestore(Stores.ROS2_JAZZY)
         self._counts: Counter[str] = Counter()
         self._first, self._last = 1 << 63, 0
-        self._file = self._partial.open("wb")
+        self._stack = ExitStack()
+        file = self._stack.enter_context(whole_file(path))
         self._writer = Writer(
-            self._file, chunk_size=_CHUNK_SIZE, compression=CompressionType[compression.upper()], enable_data_crcs=True
+            file, chunk_size=_CHUNK_SIZE, compression=CompressionType[compression.upper()], enable_data_crcs=True
         )
         self._writer.start(profile="ros2", library="stickslip_ros")
         self._channels = {topic: self._channel(topic, kind) for topic, kind in self._topics.items()}
@@ -80,21 +82,21 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if kind is not None:
-            self._file.close()
-            self._partial.unlink(missing_ok=True)
+            self._stack.__exit__(kind, error, trace)
             if self._directory is not None:
                 self._directory.rmdir()
             return
-        metadata = self._metadata()
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)})
-        self._writer.finish()
-        self._file.close()
-        os.replace(self._partial, self._path)
+        with self._stack:
+            metadata = self._metadata()
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)})
+            self._writer.finish()
         if self._directory is not None:
             text = yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False)
-            (self._directory / _METADATA).write_text(text, encoding="utf-8")
+            (self._directory / METADATA).write_text(text, encoding="utf-8")
 
     def write(self, *streams: Iterable[Serialized]) -> None:
         """Write serialized messages, of several streams in the order of their recording."""

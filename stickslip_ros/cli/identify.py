@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip identify`: inertia and friction of a joint, from a recording or from an experiment that moves it.
 
-From a recording (.csv or .npz, columns named with their units, or an .mcap bag with JointStates): its slips,
+From a recording (.csv or .npz, columns named with their units, or a bag with JointStates): its slips,
 and where the effort is known its sliding, are fitted. The experiment rests, moves slowly, faster, and the same
 way back, by the parameters of a simulated joint or as a trajectory for a joint_trajectory_controller; --plan
 only says what it would do.
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from stickslip_ros.bags.bag_paths import is_read_as_bag
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.progress import progress_bar
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recording",
         nargs="?",
         metavar="RECORDING",
-        help="a .csv, .npz or .mcap file, or a known one",
+        help="a .csv or .npz file, a bag (MCAP file, rosbag2 directory or .db3 file), or a known recording",
     )
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then [N·m/rad]")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then [N·m·s/rad] (default 0)")
@@ -84,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     gains = _gains(options)
     if options.recording:
         path = _find(options.recording)
-        batch = read_joint(path, options.on) if path.suffix == ".mcap" else load_recording(path).batch
+        batch = read_joint(path, options.on) if is_read_as_bag(path) else load_recording(path).batch
         name, source = path.stem, f"Identified from {path.name}."
     else:
         experiment = _experiment(options)
@@ -115,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _find(name: str) -> Path:
-    return Path(name) if name.endswith(".mcap") else find_recording(name)
+    return Path(name) if is_read_as_bag(Path(name)) else find_recording(name)
 
 
 def _full(source: str, prior: KnownJoint | None) -> str:

@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from stickslip_ros.bags.bag_paths import is_read_as_bag
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice, find_topics
@@ -55,8 +56,7 @@ class Replay(Node):
         require_not_negative("linger", self._linger)
         if not joint:
             raise InvalidParameterError("joint", "the name of a joint", "''")
-        is_bag = Path(name).is_dir() or Path(name).suffix in (".mcap", ".db3", ".zstd")
-        self._messages = _of_bag(Path(name)) if is_bag else _of_table(name, joint)
+        self._messages = _of_bag(Path(name)) if is_read_as_bag(Path(name)) else _of_table(name, joint)
         self._next = next(self._messages, None)
         self._first = self._next[0] if self._next else 0.0
         self._start = math.nan

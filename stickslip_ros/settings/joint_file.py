@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from stickslip_ros.errors import JointFileError
+from stickslip_ros.files import write_whole
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA, JOINT_PARAMETERS, FrictionParameter
 from stickslip_ros.model.units import unit_of
@@ -63,10 +63,7 @@ def write_joint_file(path: Path, text: str) -> None:
         raise JointFileError(f"joint file {path}: the name must end in .yaml")
     if path.exists():
         raise JointFileError(f"joint file {path}: exists already; choose another name or remove it")
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
+        write_whole(path, text)
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise JointFileError(f"joint file {path}: {error.strerror}") from error

@@ -156,3 +156,16 @@ def test_the_known_joints_say_how_to_contribute() -> None:
     """Issue 4, item 6: the folder of known joints has a README that names the command."""
     text = (ROOT / "config" / "joints" / "README.md").read_text(encoding="utf-8")
     assert "stickslip identify" in text
+
+
+@pytest.mark.parametrize("kind", ["folder", "renamed folder", "mcap"])
+def test_a_bag_in_every_form(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
+    """A folder as rosbag2 makes it is a bag as its file is, and says the same of the friction."""
+    bag = tmp_path / ("waist.mcap" if kind == "mcap" else "waist")
+    assert main(["convert", str(table), "--out", str(bag)]) == 0
+    if kind == "renamed folder":
+        (bag / "metadata.yaml").unlink()
+        bag = bag.rename(tmp_path / "other")
+    capsys.readouterr()
+    assert main(["identify", str(bag), "--on", "joint1", "--stiffness", "630", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["friction"]["inertia"]["value"] == pytest.approx(6.3, rel=0.01)

@@ -19,7 +19,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
-from stickslip_ros.nodes.state.state_file import StateFileError, as_text, default_path, read_state, write_atomically
+from stickslip_ros.nodes.state.state_file import StateFileError, as_text, default_path, read_state, write_state
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
@@ -97,7 +97,7 @@ def test_a_damaged_file_is_set_aside(ros_domain: int, learnt: JointMonitor) -> N
     path = default_path("/stickslip_monitor")
     text = bytearray(as_text({"joint1": learnt.memory()}))
     text[len(text) // 2] ^= 1
-    write_atomically(path, bytes(text))
+    write_state(path, bytes(text))
     with NodeProcess("monitor", KNOWS_GAINS) as monitor, probe() as one:
         one.wait_for_monitor()
         assert "is damaged (its checksum is wrong)" in monitor.output()
@@ -116,7 +116,7 @@ def test_a_folder_is_no_file(ros_domain: int, tmp_path: Path) -> None:
 def test_a_full_disk_is_said_and_costs_nothing_else(ros_domain: int, learnt: JointMonitor, tmp_path: Path) -> None:
     """Issue 7: what was saved before stays, the next save that finds room succeeds; nothing is left lying about."""
     path = tmp_path / "disk" / "state.json"
-    write_atomically(path, as_text({"joint1": learnt.memory()}))
+    write_state(path, as_text({"joint1": learnt.memory()}))
     saved, log = path.read_bytes(), Log()
     keeper, joint = StateKeeper(path, log), watched(learnt)  # type: ignore[arg-type]
     learnt.cycle_count += 1
@@ -166,7 +166,7 @@ def test_it_is_saved_every_minute(learnt: JointMonitor, tmp_path: Path) -> None:
 def test_what_is_read_is_what_was_written(learnt: JointMonitor, tmp_path: Path) -> None:
     """Issue 7: to the last digit; a joint that is configured otherwise than it was does not go on from it."""
     path = tmp_path / "state.json"
-    write_atomically(path, as_text({"joint1": learnt.memory()}))
+    write_state(path, as_text({"joint1": learnt.memory()}))
     memory = read_state(path)["joint1"]
     assert as_text({"joint1": memory}) == path.read_bytes()
     other = JointMonitor(gains=Gains(stiffness=630.0))
@@ -178,7 +178,7 @@ def test_what_is_read_is_what_was_written(learnt: JointMonitor, tmp_path: Path) 
     assert not JointMonitor(load_joint("puma560_joint1").joint).remember(memory)
     with_prior = JointMonitor(load_joint("puma560_joint1").joint, Gains(stiffness=630.0), studies_at_once=True)
     with_prior.process(sticking_motion(12.0))
-    write_atomically(path, as_text({"joint1": with_prior.memory()}))
+    write_state(path, as_text({"joint1": with_prior.memory()}))
     assert JointMonitor(load_joint("puma560_joint1").joint).remember(read_state(path)["joint1"])
 
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from html import escape
 from importlib import resources
@@ -13,6 +12,7 @@ from typing import Any
 
 import stickslip_ros
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.files import write_whole
 
 # Where a figure goes; no name in a page can be mistaken for it, since names are escaped.
 _PLACE = "<!--plot-->"
@@ -61,9 +61,7 @@ stamps.</footer>
 </body>
 </html>
 """
-    partial = path.with_name(f".{path.name}.part")
-    partial.write_text(page, encoding="utf-8")
-    os.replace(partial, path)
+    write_whole(path, page)
 
 
 def drawn(title: str, caption: str) -> str:

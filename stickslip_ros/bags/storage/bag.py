@@ -15,15 +15,14 @@ from typing import IO, Any
 
 import yaml
 
+from stickslip_ros.bags.bag_paths import METADATA, is_bag_file
 from stickslip_ros.bags.storage.sqlite import SqliteStorage
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages.blocks import Block, Channel, Storage
 
-_SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
 _MCAP = b"\x89MCAP"
 _SQLITE = b"SQLite format 3\0"
 _ZSTD = b"\x28\xb5\x2f\xfd"
-_METADATA = "metadata.yaml"
 
 
 class Bag:
@@ -99,7 +98,7 @@ class Bag:
 
     def _files(self) -> list[Path]:
         """The files of a directory in their order, as its metadata say or else by their names."""
-        there = [file for file in self.path.iterdir() if file.name.endswith(_SUFFIXES)]
+        there = [file for file in self.path.iterdir() if is_bag_file(file)]
         by_name = sorted(there, key=lambda file: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", file.name)])
         metadata = self._metadata()
         if metadata is None:
@@ -114,7 +113,7 @@ class Bag:
         return [self.path / name for name in names if name not in missing]
 
     def _metadata(self) -> Any:
-        path = self.path / _METADATA
+        path = self.path / METADATA
         if not path.exists():
             return None
         try:
@@ -124,7 +123,7 @@ class Bag:
             if not isinstance(metadata.get("compression_mode", ""), str):
                 raise TypeError("compression_mode is no text")
         except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
-            self.warnings.append(f"{_METADATA}: damaged ({' '.join(str(error).split())}); files taken by their names")
+            self.warnings.append(f"{METADATA}: damaged ({' '.join(str(error).split())}); files taken by their names")
             return None
         return metadata
 

@@ -6,18 +6,19 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 _FORMAT = "stickslip_ros state"
 _VERSION = 1
+_FOR_THE_USER = 0o600
 _LARGEST = 256_000_000  # bytes; a larger file is none of ours
 
 
@@ -73,8 +74,8 @@ def as_text(joints: Mapping[str, JointMemory]) -> bytes:
     return header + b"\n" + body
 
 
-def write_atomically(path: Path, text: bytes) -> None:
-    """Put a file in place of the one before, in one step.
+def write_state(path: Path, text: bytes) -> None:
+    """Put a file in place of the one before, in one step, for the user alone to read.
 
     Raises
     ------
@@ -82,16 +83,7 @@ def write_atomically(path: Path, text: bytes) -> None:
         If there is no room, or no permission; the file before is then as it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    write_whole(path, text, mode=_FOR_THE_USER, durable=True)
 
 
 def set_aside(path: Path) -> Path:

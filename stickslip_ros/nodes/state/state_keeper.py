@@ -13,7 +13,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
-from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, set_aside, write_atomically
+from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, set_aside, write_state
 
 _EVERY = 60.0  # [s]
 _LONGEST_WAIT = 0.5  # [s] at the end for a file that is being written
@@ -121,7 +121,7 @@ def _write(path: Path, joints: dict[str, JointMemory], saved: bytes, writing: Fu
     try:
         text = as_text(joints)
         if text != saved:
-            write_atomically(path, text)
+            write_state(path, text)
     except BaseException as error:
         writing.set_exception(error)
     else:

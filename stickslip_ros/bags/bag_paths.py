@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What is a bag: decided here for every command and node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+METADATA = "metadata.yaml"
+_SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+
+
+def is_bag_file(path: Path) -> bool:
+    """Whether a file is named as one of rosbag2's."""
+    return path.name.endswith(_SUFFIXES)
+
+
+def is_bag_folder(folder: Path) -> bool:
+    """Whether a folder is one bag: it has metadata, or its files are named as those of one are.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    if (folder / METADATA).exists():
+        return True
+    files = [file.name for file in folder.iterdir() if is_bag_file(file)]
+    return bool(files) and all(name.startswith(f"{folder.resolve().name}_") for name in files)
+
+
+def is_read_as_bag(path: Path) -> bool:
+    """Whether the one recording that a path names is a bag, not a table: any folder is, however its files are named."""
+    return path.is_dir() or is_bag_file(path)
