@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from html import escape
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,64 +15,75 @@ import stickslip_ros
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 
-# Where a figure goes; no name in a page can be mistaken for it, since names are escaped.
-_PLACE = "<!--plot-->"
 YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
 
 
-def write_page(path: Path, title: str, body: str, figures: Sequence[Any]) -> None:
-    """Write a page; ``body`` holds a place for each figure, in order. Nothing is there before it is whole.
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """A figure with what it shows in words, for those who do not see it."""
+
+    figure: Any
+    title: str
+    caption: str
+
+
+def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) -> None:
+    """Write a page; nothing is there before it is whole.
+
+    Parameters
+    ----------
+    template : name of a file in the folder of templates. plots : all that it draws. values : what else it names.
 
     Raises
     ------
     StickSlipError
-        If the package bokeh is missing.
+        If the package bokeh is missing, or jinja2, which it brings.
     OSError
         If it cannot be written.
     """
     try:
         from bokeh.embed import components
         from bokeh.resources import Resources
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from markupsafe import Markup
     except ImportError as error:
         raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
-    script, divs = components(tuple(figures)) if figures else ("", ())
-    for div in divs:
-        body = body.replace(_PLACE, div, 1)
-    library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if figures else ""
+    script, divs = components(tuple(plot.figure for plot in plots)) if plots else ("", ())
+    library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if plots else ""
     folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
     style, own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
-    scripts = f"<script>{library}</script>\n{script}\n<script>{own}</script>" if figures else ""
-    page = f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="stickslip_ros {stickslip_ros.__version__}">
-<link rel="icon" href="data:,">
-<title>{escape(title)}</title>
-<style>{style}</style>
-</head>
-<body>
-{body}
-<footer class="faint">Made by stickslip_ros {stickslip_ros.__version__}, after B. Armstrong-Hélouvry, “Stick Slip and
-Control in Low-Speed Motion”, IEEE Transactions on Automatic Control 38(10), 1993. Times are of the messages’ own
-stamps.</footer>
-{scripts}
-</body>
-</html>
-"""
+    environment = Environment(
+        loader=PackageLoader("stickslip_ros.analysis.report"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters |= {"number": _number, "words": _words, "anchor": _anchor, "file_name": _file_name}
+    environment.tests["finite"] = math.isfinite
+    # The marked ones are this package's own, and bokeh's; all else is escaped.
+    page = environment.get_template(template).render(
+        version=stickslip_ros.__version__,
+        style=Markup(style),
+        scripts=Markup(f"<script>{library}</script>\n{script}\n<script>{own}</script>" if plots else ""),
+        divs={plot: Markup(div) for plot, div in zip(plots, divs, strict=True)},
+        **values,
+    )
     write_whole(path, page)
 
 
-def drawn(title: str, caption: str) -> str:
-    """The place of a figure, with what it shows in words."""
-    return (
-        f"<figure><h3>{escape(title)}</h3><div class='plot' role='img' aria-label='{escape(caption)}'>{_PLACE}</div>"
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+def _number(value: float | None, form: str = ".3g", unit: str = "") -> str:
+    return f"{float(value):{form}}{unit}" if value is not None and math.isfinite(value) else "–"
 
 
-def anchor(name: str) -> str:
+def _words(status: str) -> str:
+    return status.replace("_", " ")
+
+
+def _anchor(name: str) -> str:
     """What a section of any name is linked to by."""
     return "joint-" + "".join(one if one.isalnum() else f"-{ord(one):x}-" for one in name)
+
+
+def _file_name(path: str) -> str:
+    return Path(path).name

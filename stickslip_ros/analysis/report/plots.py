@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from bokeh.plotting import figure
 from contourpy import contour_generator
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.report.page import Plot
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -31,15 +31,6 @@ _BAND = (5.0, 95.0)  # per cent
 _CURVE = 300
 _FEW_DECADES = 2.5
 _SMOOTHED = 5  # samples on either side, where a velocity has to be derived
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A figure with what it shows in words, for those who do not see it."""
-
-    figure: Any
-    title: str
-    caption: str
 
 
 def new_figure(x: str, y: str, *, height: int = 320, log: bool = False, **more: Any) -> Any:

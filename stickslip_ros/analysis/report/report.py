@@ -5,16 +5,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime, timezone
-from html import escape
 from pathlib import Path
-from typing import Any
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.analysis.report.page import YEAR_2001, anchor, drawn, write_page
+from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.units import unit_of
@@ -24,6 +22,29 @@ _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """A parameter, with its error where it was learnt."""
+
+    meaning: str
+    value: float
+    unit: str
+    source: str
+    error: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Section:
+    """What the page says of one joint."""
+
+    joint: JointAnalysis
+    finding: str
+    advice: str
+    rests_on: str
+    plots: list[Plot]
+    parameters: list[_Row]
 
 
 def write_report(path: Path, analysis: BagAnalysis) -> None:
@@ -36,80 +57,52 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
     OSError
         If it cannot be written.
     """
-    write_page(path, f"Stick slip in {Path(analysis.path).name}", *_body(analysis))
-
-
-def _body(analysis: BagAnalysis) -> tuple[str, list[Any]]:
     joints = list(analysis.joints.values())
     shown = [joint for joint in joints if joint.status in _MATTERS]
     if len(joints) <= _FEW_JOINTS:
         shown = [joint for joint in joints if math.isfinite(joint.velocity)]
     shown = sorted(shown, key=lambda joint: (_MATTERS + tuple(Status)).index(joint.status))[:_MOST_SECTIONS]
-    figures: list[Any] = []
-    sections = "".join(_section(joint, figures) for joint in shown)
-    return f"{_header(analysis)}\n{_overview(joints, shown)}\n{sections}", figures
-
-
-def _header(analysis: BagAnalysis) -> str:
-    sticking = [joint.name for joint in analysis.joints.values() if joint.status is Status.STICK_SLIP]
-    verdict = (
-        f"<strong class='stick_slip'>{len(sticking)} of {len(analysis.joints)} joints stick and slip</strong>: "
-        f"{escape(', '.join(sticking))}."
-        if sticking
-        else f"<strong class='smooth'>None of {len(analysis.joints)} joints sticks and slips.</strong>"
-    )
-    start = min((joint.start for joint in analysis.joints.values()), default=math.nan)
-    end = max((joint.end for joint in analysis.joints.values()), default=math.nan)
-    when = datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ") if start > YEAR_2001 else ""
+    sections = [_section(joint) for joint in shown]
+    start = min((joint.start for joint in joints), default=math.nan)
+    end = max((joint.end for joint in joints), default=math.nan)
     topics = analysis.topics
     read = [f"states from {topics.states.topic}"]
     read += [f"references from {channel.topic}" for channel in topics.references]
     read += [f"gains from {channel.topic}" for channel in topics.gains]
-    warnings = "".join(f"<li>{escape(warning)}</li>" for warning in analysis.warnings)
-    noted = f"<div class='warnings'><strong>What is missing</strong><ul>{warnings}</ul></div>" if warnings else ""
-    return (
-        f"<h1>Stick slip in {escape(Path(analysis.path).name)}</h1>"
-        f"<p class='faint'>{when}{end - start:.4g} s; {escape('; '.join(read))}.</p><p>{verdict}</p>{noted}"
+    write_page(
+        path,
+        "report.html",
+        [plot for section in sections for plot in section.plots],
+        title=f"Stick slip in {Path(analysis.path).name}",
+        when=datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ")
+        if start > YEAR_2001
+        else "",
+        duration=end - start,
+        read="; ".join(read),
+        warnings=analysis.warnings,
+        joints=joints,
+        shown=shown,
+        sticking=[joint.name for joint in joints if joint.status is Status.STICK_SLIP],
+        sections=sections,
+        stick_slip=Status.STICK_SLIP,
+        cycles_listed=_CYCLES_LISTED,
     )
 
 
-def _overview(joints: Sequence[JointAnalysis], shown: Sequence[JointAnalysis]) -> str:
-    rows = []
-    for joint in joints:
-        name = escape(joint.name)
-        link = f"<a href='#{anchor(joint.name)}'>{name}</a>" if joint in shown else name
-        rows.append(
-            f"<tr><td>{link}</td><td class='text'><span class='chip {joint.status.value}'>{_status(joint)}</span></td>"
-            f"<td>{joint.time_in(Status.STICK_SLIP):.3g}</td><td>{joint.duration:.4g}</td><td>{len(joint.cycles)}</td>"
-            f"<td>{_number(joint.velocity)}</td><td>{_number(joint.usual_slip)}</td>"
-            f"<td>{_number(100.0 * joint.reserve, '+.0f', ' %')}</td></tr>"
-        )
-    return (
-        "<div class='scroll'><table><caption class='faint'>Every joint of the recording</caption><thead><tr>"
-        "<th>joint</th><th class='text'>status</th><th>sticks [s]</th><th>of [s]</th><th>cycles</th>"
-        "<th>speed [rad/s]</th><th>usual slip [rad]</th><th>reserve by Eq. (43)</th></tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></div>"
-        "<p class='faint'>Reserve: damping in excess of what Eq. (43) asks for; below zero stick slip is predicted.</p>"
+def _section(joint: JointAnalysis) -> _Section:
+    from stickslip_ros.analysis.report.plots import PLOTS
+
+    return _Section(
+        joint=joint,
+        finding=words.finding(joint),
+        advice=words.advice(joint),
+        rests_on=words.rests_on(joint),
+        plots=[plot for make in PLOTS if (plot := make(joint)) is not None],
+        parameters=_parameters(joint),
     )
 
 
-def _section(joint: JointAnalysis, figures: list[Any]) -> str:
-    from stickslip_ros.analysis.report import plots as report_plots
-
-    plots = [plot for make in report_plots.PLOTS if (plot := make(joint)) is not None]
-    figures += [plot.figure for plot in plots]
-    shown = [drawn(plot.title, plot.caption) for plot in plots]
-    # The first plot has the page's width; the others stand in pairs where there is room.
-    return (
-        f"<section id='{anchor(joint.name)}'><h2>{escape(joint.name)}: "
-        f"<span class='chip {joint.status.value}'>{_status(joint)}</span></h2>"
-        f"<p class='todo'>{escape(words.finding(joint))}<br><strong>{escape(words.advice(joint))}</strong></p>"
-        f"{''.join(shown[:1])}<div class='pair'>{''.join(shown[1:])}</div>"
-        f"{_parameters(joint)}{_cycles(joint)}</section>"
-    )
-
-
-def _parameters(joint: JointAnalysis) -> str:
+def _parameters(joint: JointAnalysis) -> list[_Row]:
     state = joint.assessment
     rows = []
     estimate = state.estimate
@@ -126,58 +119,9 @@ def _parameters(joint: JointAnalysis) -> str:
         elif state.joint is not None:
             value = float(state.joint.inertia if name == "inertia" else getattr(state.joint.friction, name))
         if math.isfinite(value):
-            spread = f"± {error:.2g}" if math.isfinite(error) else ""
-            rows.append(
-                f"<tr><td>{parameter.label}</td><td>{value:.4g}</td><td class='text'>{spread}</td>"
-                f"<td class='text'>{unit}</td><td class='text'>{source}</td></tr>"
-            )
-    gains = state.gains
-    if gains is not None:
-        for label, number, unit in (
-            ("stiffness k_p", gains.stiffness, unit_of(Gains, "stiffness")),
-            ("damping k_v", gains.damping, unit_of(Gains, "damping")),
-        ):
-            rows.append(
-                f"<tr><td>{label}</td><td>{float(number):.4g}</td><td></td><td class='text'>{unit}</td>"
-                "<td class='text'>of the controller</td></tr>"
-            )
-    if not rows:
-        return f"<p class='faint'>No friction parameters: {escape(state.margin_reason)}.</p>"
-    basis = words.rests_on(joint)
-    return (
-        "<h3>Parameters</h3><div class='scroll'><table><thead><tr><th>parameter</th><th>value</th>"
-        "<th class='text'>error</th><th class='text'>unit</th><th class='text'>known from</th></tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></div><p class='faint'>Margin and advice rest on: {escape(basis)}."
-        f"{_exactly(joint)}</p>"
-    )
-
-
-def _exactly(joint: JointAnalysis) -> str:
-    if joint.exact.smooth is None:
-        return ""
-    return f" Integrated, Eqs (4)-(6) say: {'smooth' if joint.exact.smooth else 'stick slip'}."
-
-
-def _cycles(joint: JointAnalysis) -> str:
-    if not joint.cycles:
-        return ""
-    rows = "".join(
-        f"<tr><td>{cycle.breakaway - joint.start:.3f}</td><td>{cycle.dwell:.3f}</td><td>{cycle.slip_duration:.3f}</td>"
-        f"<td>{cycle.slip_distance:.5g}</td><td>{_number(cycle.effort)}</td></tr>"
-        for cycle in joint.cycles[:_CYCLES_LISTED]
-    )
-    more = len(joint.cycles) - _CYCLES_LISTED
-    rest = f"<p class='faint'>and {more} more (stickslip analyze --csv lists all).</p>" if more > 0 else ""
-    return (
-        f"<details><summary>The cycles in numbers</summary><div class='scroll'><table><thead><tr>"
-        "<th>breakaway [s]</th><th>dwell [s]</th><th>slip [s]</th><th>distance [rad]</th><th>effort [N·m]</th></tr>"
-        f"</thead><tbody>{rows}</tbody></table></div>{rest}</details>"
-    )
-
-
-def _status(joint: JointAnalysis) -> str:
-    return joint.status.value.replace("_", " ")
-
-
-def _number(value: float, form: str = ".3g", unit: str = "") -> str:
-    return f"{value:{form}}{unit}" if math.isfinite(value) else "–"
+            rows.append(_Row(meaning=parameter.label, value=value, unit=unit, source=source, error=error))
+    if state.gains is not None:
+        for meaning, name in (("stiffness k_p", "stiffness"), ("damping k_v", "damping")):
+            value, unit = float(getattr(state.gains, name)), unit_of(Gains, name)
+            rows.append(_Row(meaning=meaning, value=value, unit=unit, source="of the controller"))
+    return rows
