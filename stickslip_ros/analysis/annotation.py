@@ -14,16 +14,15 @@ import numpy as np
 
 from stickslip_ros.analysis.joint_analysis import FollowedJoint
 from stickslip_ros.bags.writing import BagWriter
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 
 DIAGNOSTICS, CYCLES, MARGINS = "/diagnostics", "/stickslip_monitor/cycles", "/stickslip_monitor/margins"
 _ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
-_UNKNOWN = ExactVerdict(smooth=None)
-_SAME_SPEED = 0.02
 
 
 class Annotation:
@@ -37,7 +36,7 @@ class Annotation:
     def __init__(self, path: Path, warn_margin: float) -> None:
         self._writer = BagWriter(path, {DIAGNOSTICS: _ARRAY, CYCLES: _ARRAY, MARGINS: "std_msgs/msg/Float64MultiArray"})
         self._warn_margin = warn_margin
-        self._verdicts: dict[str, tuple[tuple[Any, ...], float, ExactVerdict]] = {}
+        self._verdicts: dict[str, tuple[ExactQuestion, ExactVerdict]] = {}
 
     def __enter__(self) -> Annotation:
         self._writer.__enter__()
@@ -65,9 +64,9 @@ class Annotation:
         for name, state in states.items():
             exact = self._exact(name, state, joints[name])
             diagnoses.append(
-                joint_diagnostic(name, state, exact, _UNKNOWN, warn_margin=self._warn_margin, silent_for=None)
+                joint_diagnostic(name, state, exact, UNKNOWN, warn_margin=self._warn_margin, silent_for=None)
             )
-            rows.append(margin_row(state, exact, _UNKNOWN))
+            rows.append(margin_row(state, exact, UNKNOWN))
         self._write(DIAGNOSTICS, self._array(time, diagnoses), time + offset)
         self._write(
             MARGINS, self._writer.table(",".join(states), ",".join(MARGIN_FIELDS), np.array(rows)), time + offset
@@ -76,14 +75,17 @@ class Annotation:
     def _exact(self, name: str, state: Assessment, joint: FollowedJoint) -> ExactVerdict:
         """The verdict by integration, worked out again where the question is another."""
         if state.joint is None or state.margin_gains is None or not math.isfinite(state.velocity):
-            return _UNKNOWN
-        known, speed, verdict = self._verdicts.get(name, ((), math.nan, _UNKNOWN))
-        basis = (state.joint, state.margin_gains)
-        if basis != known or not abs(state.velocity - speed) <= _SAME_SPEED * abs(speed):
-            conditions = joint.settings.options.conditions
-            verdict = exact_verdict(state.joint, state.margin_gains, state.velocity, conditions)
-            self._verdicts[name] = (basis, state.velocity, verdict)
-        return verdict
+            return UNKNOWN
+        question = ExactQuestion(
+            joint=state.joint,
+            gains=state.margin_gains,
+            conditions=joint.settings.options.conditions,
+            speed=abs(state.velocity),
+        )
+        known = self._verdicts.get(name)
+        if known is None or not known[0].answers(question):
+            known = self._verdicts[name] = (question, question.verdict())
+        return known[1]
 
     def _array(self, time: float, diagnoses: list[Diagnosis]) -> Any:
         make: Callable[..., Any] = self._writer.message

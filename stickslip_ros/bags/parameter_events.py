@@ -8,10 +8,8 @@ import math
 from collections import Counter
 from typing import Any
 
+from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
 from stickslip_ros.model.friction import Gains
-
-_KINDS = ("p", "i", "d")
-_INTEGER, _DOUBLE = 2, 3  # of rcl_interfaces/ParameterType
 
 
 class GainEvents:
@@ -26,7 +24,7 @@ class GainEvents:
 
     def __init__(self, controller: str | None) -> None:
         self._controller = controller
-        self._values: dict[str, dict[str, float]] = {}
+        self._heard = HeardGains()
         self._owner: dict[str, str] = {}
         self.refused: Counter[str] = Counter()
 
@@ -37,26 +35,17 @@ class GainEvents:
             return {}
         changed = []
         for parameter in (*event.new_parameters, *event.changed_parameters):
-            prefix, _, rest = str(parameter.name).partition(".")
-            joint, _, kind = rest.rpartition(".")
-            if prefix != "gains" or kind not in _KINDS or not joint:
+            found = joint_and_kind(str(parameter.name))
+            if found is None:
                 continue
+            joint, kind = found
             owner = self._owner.setdefault(joint, node)
             if owner != node:
                 self.refused[f"{node} has gains of {joint} too; those of {owner} count (choose with --controller)"] += 1
                 continue
-            number = _number(parameter.value)
+            number = gain_value(parameter.value)
             if math.isfinite(number):
-                self._values.setdefault(joint, {})[kind] = number
+                self._heard.set(joint, kind, number)
                 changed.append(joint)
-        return {
-            joint: Gains(stiffness=values["p"], damping=values.get("d", 0.0), integral=values.get("i", 0.0))
-            for joint in dict.fromkeys(changed)
-            if "p" in (values := self._values[joint])
-        }
-
-
-def _number(value: Any) -> float:
-    if value.type == _DOUBLE:
-        return float(value.double_value)
-    return float(value.integer_value) if value.type == _INTEGER else math.nan
+        gains = {joint: self._heard.of(joint) for joint in dict.fromkeys(changed)}
+        return {joint: known for joint, known in gains.items() if known is not None}

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,11 @@ from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.blocks import Block, Channel, Integers
 from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
+from stickslip_ros.messages.stamps import with_time, with_times
 from stickslip_ros.model.friction import Gains
 
 FloatArray = NDArray[np.float64]
-_NO_STAMP = "stamp is zero; the time of recording is used instead"
+_INSTEAD = "recording"  # whose time stands for a stamp that is not set
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,18 +132,23 @@ class BagReader:
             except MessageError as error:
                 self._refused[f"{channel.topic}: {error}"] += 1
                 continue
-            time = seconds(message.header.stamp)
-            if time == 0.0:
-                self._refused[f"{channel.topic}: {_NO_STAMP}"] += 1
-                time = 1e-9 * float(block.log_time[number])
+            recorded = 1e-9 * float(block.log_time[number])
+            time = with_time(seconds(message.header.stamp), recorded, _INSTEAD, self._refusing(channel))
             for joint, (position, velocity) in rows_of.items():
                 listed.setdefault(joint, []).append((time, position, velocity))
         return {joint: np.array(rows) for joint, rows in listed.items()}
 
     def _times(self, channel: Channel, rows: JointRows, block: Block, chosen: Integers) -> FloatArray:
         """Stamps, or the times of recording where there are none."""
-        unset = rows.time == 0.0
-        if not unset.any():
-            return rows.time
-        self._refused[f"{channel.topic}: {_NO_STAMP}"] += int(unset.sum())
-        return np.where(unset, 1e-9 * block.log_time[chosen[rows.index]], rows.time)
+        recorded = partial(self._recorded, block, chosen, rows)
+        return with_times(rows.time, recorded, _INSTEAD, self._refusing(channel))
+
+    @staticmethod
+    def _recorded(block: Block, chosen: Integers, rows: JointRows) -> FloatArray:
+        return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
+
+    def _refusing(self, channel: Channel) -> Callable[[str, int], None]:
+        def refuse(reason: str, count: int) -> None:
+            self._refused[f"{channel.topic}: {reason}"] += count
+
+        return refuse

@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
+from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.output.diagnosis import Level
 
 _STALE_AFTER = 3.0  # [s] without a status
@@ -115,9 +116,9 @@ class WatchListener:
     def _view(name: str, heard: _Heard) -> JointView:
         silent = time.monotonic() - heard.at
         gone = silent > _STALE_AFTER
-        critical = heard.number("critical_damping_ratio [1]")
         # A joint whose friction has no time to rise needs no damping: its reserve is boundless.
-        reserve = heard.number("damping_ratio [1]") / critical - 1.0 if critical > 0 else math.inf
+        ratios = (heard.number("damping_ratio [1]"), heard.number("critical_damping_ratio [1]"))
+        reserve = float(damping_reserve(*ratios))
         known = heard.values.get("margin applicable") == "true"
         return JointView(
             name=name,

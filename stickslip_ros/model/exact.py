@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _cycle_kernel as kernel
+from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.dimensionless import (
     DimensionlessGroups,
     dimensionless_groups,
@@ -177,10 +178,11 @@ def _boundary(
         return 0.0 if wanted == 1.0 else math.inf
     if math.isnan(before):
         return math.inf if wanted == 1.0 else 0.0
-    while abs(before - argument) > tolerance * argument:
-        middle = math.sqrt(before * argument)
-        if persists(middle) == wanted:
-            argument = middle
-        else:
-            before = middle
+    argument, before = bisected_until(
+        lambda middle: persists(middle) == wanted,
+        argument,
+        before,
+        lambda inside, outside: abs(outside - inside) > tolerance * inside,
+        geometric=True,
+    )
     return argument if wanted == 0.0 else before

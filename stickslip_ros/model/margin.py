@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.dimensionless import (
     DimensionlessGroups,
     dimensionless_groups,
@@ -230,10 +231,7 @@ def _last_unsmooth(
     last = _SCAN_POINTS - 1 - np.argmax(unsmooth[::-1], axis=0)
     left = np.take_along_axis(grid, last[None], axis=0)[0]
     right = np.take_along_axis(grid, np.minimum(last + 1, _SCAN_POINTS - 1)[None], axis=0)[0]
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (left + right)
-        below = margin_at(middle) <= 0
-        left, right = np.where(below, middle, left), np.where(below, right, middle)
+    left, right = bisected(lambda middle: margin_at(middle) <= 0, left, right, _BISECTIONS)
     result = np.where(unsmooth.any(axis=0), right, 0.0)
     result = np.where(unsmooth[-1], np.inf, result)
     result = np.where(np.isnan(margin).any(axis=0), np.nan, result)

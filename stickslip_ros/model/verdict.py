@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.controlled import HUNTING, Conditions, controlled_cycle_persists, hunts
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import (
@@ -153,7 +154,10 @@ def _least_calming_ratio(persists_at: Callable[[float], bool]) -> float:
         low, high = high, 2.0 * high
         if high > LARGEST_DAMPING_RATIO:
             return math.nan
-    while high - low > _CONTROLLED_TOLERANCE * high and high > _LEAST_RATIO:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if persists_at(middle) else (low, middle)
+    low, high = bisected_until(
+        persists_at,
+        low,
+        high,
+        lambda inside, outside: outside - inside > _CONTROLLED_TOLERANCE * outside and outside > _LEAST_RATIO,
+    )
     return 0.5 * (low + high)

@@ -20,6 +20,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.exact_question import UNKNOWN
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.gains.apply_service import ApplyService, NotYetError, RefusedError
@@ -41,7 +42,7 @@ from stickslip_ros.nodes.stability_maps import StabilityMaps
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.nodes.worker import studies
 from stickslip_ros.nodes.worker.advice_worker import AdviceWorker
-from stickslip_ros.nodes.worker.exact_worker import UNKNOWN, ExactWorker
+from stickslip_ros.nodes.worker.exact_worker import ExactWorker
 from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.settings.parameter_table import RECOMMENDED

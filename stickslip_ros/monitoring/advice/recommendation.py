@@ -19,7 +19,7 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
+from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
@@ -309,9 +309,7 @@ class _Case:
             critical = float(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
         else:
             critical = float(critical_damping_ratio(groups))
-        if critical > 0:
-            return float(groups.damping_ratio) / critical - 1.0
-        return math.inf if critical == 0 else math.nan
+        return float(damping_reserve(float(groups.damping_ratio), critical))
 
     def _in_words(self, gains: Gains) -> str:
         viscous = float(self._joint.friction.viscous)

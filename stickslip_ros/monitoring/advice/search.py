@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, Circumstances, bounds_at
 from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
@@ -130,12 +131,9 @@ class AdviceSearch:
             reach = abs(grid[nearest] - self._present)
         inside = float(grid[nearest])
         outside = float(grid[min(max(nearest - int(np.sign(inside - self._present)), 0), len(grid) - 1)])
-        for _ in range(self._bisections):
-            middle = 0.5 * (inside + outside)
-            if self._allows_present_damping(np.array([middle]))[0]:
-                inside = middle
-            else:
-                outside = middle
+        inside, _ = bisected(
+            lambda middle: self._allows_present_damping(np.array([middle]))[0], inside, outside, self._bisections
+        )
         return self._as_gains(inside, float(self._gains.damping))
 
     def least_change(self) -> Gains | None:

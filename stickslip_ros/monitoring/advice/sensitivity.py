@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
@@ -64,7 +65,7 @@ def sensitivities(
         def reached(logarithms: FloatArray) -> NDArray[np.bool_]:
             return _reached(changed(logarithms), 1.0 + wanted_margin, condition)
 
-        below, above = _reserve(changed(np.array([-step, step])), condition)
+        below, above = _damping_over_critical(changed(np.array([-step, step])), condition)
         slope = math.log(above / below) / (2.0 * step) if 0 < below < math.inf and 0 < above < math.inf else math.nan
         found.append(
             Sensitivity(
@@ -93,7 +94,7 @@ def _groups(joint: Joint, parameter: str, factors: FloatArray, gains: Gains, vel
     return dimensionless_groups(changed, replace(gains, integral=0.0), velocity)
 
 
-def _reserve(groups: DimensionlessGroups, condition: Condition) -> FloatArray:
+def _damping_over_critical(groups: DimensionlessGroups, condition: Condition) -> FloatArray:
     """ρ/ρ_c, infinite where none is needed and NaN where there is no answer."""
     with np.errstate(all="ignore"):
         if condition is Condition.EXACT:
@@ -107,7 +108,7 @@ def _reached(groups: DimensionlessGroups, wanted: float, condition: Condition) -
         # With less damping by the wanted margin the cycle must die; that is sooner known than the critical ratio.
         persists = cycle_persists(replace(groups, damping_ratio=groups.damping_ratio / wanted))
         return np.equal(persists, 0.0)
-    return np.asarray(_reserve(groups, condition) >= wanted)
+    return np.asarray(_damping_over_critical(groups, condition) >= wanted)
 
 
 def _nearest_factor(reached: Callable[[FloatArray], NDArray[np.bool_]], grid: FloatArray) -> float:
@@ -119,7 +120,5 @@ def _nearest_factor(reached: Callable[[FloatArray], NDArray[np.bool_]], grid: Fl
     index = int(good[np.argmin(np.abs(grid[good]))])
     inside = float(grid[index])
     outside = float(grid[index - 1] if inside > 0 else grid[min(index + 1, len(grid) - 1)])
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (inside + outside)
-        inside, outside = (middle, outside) if reached(np.array([middle]))[0] else (inside, middle)
+    inside, _ = bisected(lambda middle: reached(np.array([middle]))[0], inside, outside, _BISECTIONS)
     return math.exp(inside)

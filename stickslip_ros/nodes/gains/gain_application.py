@@ -12,14 +12,14 @@ from typing import Any
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.messages.gain_parameters import gain_name, gain_value
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
 from stickslip_ros.monitoring.advice.recommendation import Variant
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
-from stickslip_ros.nodes.gains.gain_source import gain_name
-from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters, number
+from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
@@ -252,7 +252,7 @@ class GainApplication:
                 break
         if values is None:
             raise StoppedError(f"{self._controller.remote} does not answer; {self._in_force()}")
-        stiffness, damping = (number(value) for value in [*values, *values][:2])
+        stiffness, damping = (gain_value(value) for value in [*values, *values][:2])
         if not math.isfinite(stiffness):
             raise StoppedError(f"{self._controller.remote} has no gain {names[0]}; {self._in_force()}")
         return Gains(

@@ -11,21 +11,16 @@ from functools import partial
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
 
+from stickslip_ros.messages.gain_parameters import KINDS, HeardGains, gain_name, gain_value, joint_and_kind
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters, number
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 
-KINDS = ("p", "i", "d")
 # An event can be lost, above all while the graph is being discovered; reading again makes up for it.
 _REREAD = 1.0  # [s]
 _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
 _LOOK_EVERY = 1.0  # [s] at the graph, while the controller is missing
 _NAMED = 6  # other nodes that are named where a controller is missing
-
-
-def gain_name(joint: str, kind: str) -> str:
-    """Name of a controller's parameter."""
-    return f"gains.{joint}.{kind}"
 
 
 class ControllerGains:
@@ -48,7 +43,7 @@ class ControllerGains:
         self.name = controller
         self._on_gains = on_gains
         self._joints = joints
-        self._values: dict[str, dict[str, float]] = {}
+        self._heard = HeardGains()
         self.parameters = RemoteParameters(node, controller)
         self._busy = False
         self._silent = 0
@@ -90,7 +85,7 @@ class ControllerGains:
 
     def has(self, joint: str) -> bool:
         """Whether the controller has gains of a joint."""
-        return "p" in self._values.get(joint, {})
+        return self._heard.of(joint) is not None
 
     def _says(self, state: str, kind: str, *, waiting: bool) -> None:
         """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged."""
@@ -147,24 +142,21 @@ class ControllerGains:
         """Remember what are gains of joints watched, and tell of each joint once."""
         watched, told = set(self._joints()), []
         for name, value in parameters:
-            prefix, _, rest = name.partition(".")
-            joint, _, kind = rest.rpartition(".")
-            if prefix == "gains" and kind in KINDS and joint in watched:
-                self._remember(joint, kind, value)
-                told.append(joint)
+            found = joint_and_kind(name)
+            if found is not None and found[0] in watched:
+                self._remember(*found, value)
+                told.append(found[0])
         for joint in dict.fromkeys(told):
             self._tell(joint)
 
     def _remember(self, joint: str, kind: str, value: ParameterValue) -> None:
-        found = number(value)
+        found = gain_value(value)
         if math.isfinite(found):
-            self._values.setdefault(joint, {})[kind] = found
+            self._heard.set(joint, kind, found)
         elif value.type != ParameterType.PARAMETER_NOT_SET:
             self._node.get_logger().warning(f"gain {kind} of {joint} in {self.name} is not a finite number; ignored")
 
     def _tell(self, joint: str) -> None:
-        values = self._values.get(joint, {})
-        if "p" in values:
-            self._on_gains(
-                joint, Gains(stiffness=values["p"], damping=values.get("d", 0.0), integral=values.get("i", 0.0))
-            )
+        gains = self._heard.of(joint)
+        if gains is not None:
+            self._on_gains(joint, gains)

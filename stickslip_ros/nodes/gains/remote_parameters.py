@@ -4,11 +4,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
@@ -79,12 +77,3 @@ class RemoteParameters:
         self._waiting.clear()
         for client in (self._list, self._get, self._set):
             self._node.destroy_client(client)
-
-
-def number(value: ParameterValue) -> float:
-    """A parameter's value as a finite number; NaN if it is none."""
-    if value.type == ParameterType.PARAMETER_DOUBLE and math.isfinite(value.double_value):
-        return float(value.double_value)
-    if value.type == ParameterType.PARAMETER_INTEGER:
-        return float(value.integer_value)
-    return math.nan

@@ -14,13 +14,14 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.messages.blocks import Block, Integers
 from stickslip_ros.messages.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
+from stickslip_ros.messages.stamps import with_times
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.intake.sequence_numbers import SequenceNumbers
 
-NO_STAMP = "stamp is zero; the time of arrival is used instead"
+INSTEAD_OF_A_STAMP = "arrival"
 _LOOK_EVERY = 0.5  # [s] at the graph, for how many publish
 _CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
 _LONGEST_REASON = 300
@@ -112,11 +113,7 @@ class JointStateTopic:
 
     def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
         """Stamps, or the times of arrival where there are none."""
-        unset = rows.time == 0.0
-        if not unset.any():
-            return rows.time
-        self._refuse_many(NO_STAMP, int(unset.sum()))
-        return np.where(unset, arrivals[rows.index], rows.time)
+        return with_times(rows.time, lambda: arrivals[rows.index], INSTEAD_OF_A_STAMP, self._refuse_many)
 
     def _look_at_the_graph(self) -> None:
         now = monotonic()

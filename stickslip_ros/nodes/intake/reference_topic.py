@@ -12,11 +12,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from stickslip_ros.messages.content import MessageError, reference_rows, seconds
+from stickslip_ros.messages.stamps import with_time
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
-from stickslip_ros.nodes.intake.joint_state_topic import NO_STAMP, JointStateTopic, joined
+from stickslip_ros.nodes.intake.joint_state_topic import INSTEAD_OF_A_STAMP, JointStateTopic, joined
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 
@@ -52,12 +53,12 @@ class ControllerStateTopic:
         except MessageError as error:
             self._refuse(f"{self._topic}: {error}")
             return
-        time = seconds(message.header.stamp)
-        if time == 0.0:
-            self._refuse(f"{self._topic}: {NO_STAMP}")
-            time = arrival
+        time = with_time(seconds(message.header.stamp), arrival, INSTEAD_OF_A_STAMP, self._refuse_many)
         for name, (position, velocity) in found.items():
             rows.setdefault(name, []).append((time, position, velocity))
+
+    def _refuse_many(self, reason: str, count: int) -> None:
+        self._refuse(f"{self._topic}: {reason}", count)
 
     def close(self) -> None:
         """Listen no more."""

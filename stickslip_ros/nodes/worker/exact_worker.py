@@ -8,40 +8,29 @@ from dataclasses import dataclass
 
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
 
-UNKNOWN = ExactVerdict(smooth=None)
-_SAME_SPEED = 0.02
-_SAME_GAINS = 0.01
 _SAME_GAINS_INTERVAL = 5.0  # [s] between verdicts that only a change of speed asks for
 
 
 @dataclass(frozen=True)
-class _Question:
-    joint: Joint
-    gains: Gains
-    conditions: Conditions
-    speed: float
-    asked_at: float
-
-    def of_the_same_controller(self, other: _Question) -> bool:
-        """Whether conditions and gains are the same, the latter but for what learning makes of them per inertia."""
-        pairs = [(getattr(self.gains, name), getattr(other.gains, name)) for name in vars(self.gains)]
-        near = all(abs(float(one) - float(two)) <= _SAME_GAINS * abs(float(two)) for one, two in pairs)
-        return near and self.conditions == other.conditions
+class _Asked:
+    question: ExactQuestion
+    at: float
 
 
-def _answer(question: _Question) -> ExactVerdict:
-    return exact_verdict(question.joint, question.gains, question.speed, question.conditions)
+def _answer(asked: _Asked) -> ExactVerdict:
+    return asked.question.verdict()
 
 
 class ExactWorker:
     """Asks again where gains or speed have changed."""
 
     def __init__(self, work: SlowWork) -> None:
-        self._background: Background[_Question, ExactVerdict] = Background(work, "exact verdict", _answer)
+        self._background: Background[_Asked, ExactVerdict] = Background(work, "exact verdict", _answer)
 
     def verdict(
         self, name: str, joint: Joint, gains: Gains, conditions: Conditions, velocity: float, now: float
@@ -52,13 +41,16 @@ class ExactWorker:
         ----------
         name : under which the joint asks. velocity : [rad/s]. now : a steady time [s].
         """
-        question = _Question(joint, gains, conditions, abs(velocity), now)
+        question = ExactQuestion(joint=joint, gains=gains, conditions=conditions, speed=abs(velocity))
         known = self._background.latest(name)
-        if known is None or not known[0].of_the_same_controller(question):
-            self._background.ask(name, question)
+        if known is None or not known[0].question.of_the_same_controller(question):
+            self._background.ask(name, _Asked(question, now))
             return UNKNOWN
-        same_speed = abs(known[0].speed - question.speed) <= _SAME_SPEED * question.speed
-        if known[0].joint != joint or (not same_speed and now - known[0].asked_at >= _SAME_GAINS_INTERVAL):
-            self._background.ask(name, question)
+        asked, verdict = known
+        same_speed = asked.question.at_the_same_speed(question)
+        if not asked.question.answers(question) and (
+            asked.question.joint != joint or now - asked.at >= _SAME_GAINS_INTERVAL
+        ):
+            self._background.ask(name, _Asked(question, now))
         # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
-        return known[1] if same_speed else UNKNOWN
+        return verdict if same_speed else UNKNOWN

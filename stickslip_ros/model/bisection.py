@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Bisection of a boundary that a scan has found. Compiled kernels have their own: they can be handed no function."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arguments = TypeVar("Arguments", float, NDArray[np.float64])
+Apart = Callable[[float, float], bool]
+
+
+def bisected(
+    holds: Callable[[Arguments], Any], inside: Arguments, outside: Arguments, steps: int
+) -> tuple[Arguments, Arguments]:
+    """Arguments on both sides of a boundary, each halfway nearer ``steps`` times.
+
+    Parameters
+    ----------
+    holds : whether something is so at an argument, or at each of an array. inside : where it is. outside : where not.
+    """
+    for _ in range(steps):
+        middle = 0.5 * (inside + outside)
+        if isinstance(middle, float):
+            inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+        else:
+            so = holds(middle)
+            inside, outside = np.where(so, middle, inside), np.where(so, outside, middle)
+    return inside, outside
+
+
+def bisected_until(
+    holds: Callable[[float], bool], inside: float, outside: float, apart: Apart, *, geometric: bool = False
+) -> tuple[float, float]:
+    """The same as long as both sides are too far ``apart``; ``geometric`` : by ratios, after a logarithmic scan."""
+    while apart(inside, outside):
+        middle = math.sqrt(inside * outside) if geometric else 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+    return inside, outside

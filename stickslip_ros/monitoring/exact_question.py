@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Questions for exact verdicts, which take milliseconds to seconds; and when the answer to one answers another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+
+UNKNOWN = ExactVerdict(smooth=None)
+_SAME_SPEED = 0.02
+_SAME_GAINS = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactQuestion:
+    """Whether a joint sticks and slips at a speed [rad/s], which is not negative."""
+
+    joint: Joint
+    gains: Gains
+    conditions: Conditions
+    speed: float
+
+    def verdict(self) -> ExactVerdict:
+        """The answer, worked out."""
+        return exact_verdict(self.joint, self.gains, self.speed, self.conditions)
+
+    def of_the_same_controller(self, other: ExactQuestion) -> bool:
+        """Whether conditions and gains are the same, the latter but for what learning makes of them per inertia."""
+        pairs = [(getattr(self.gains, name), getattr(other.gains, name)) for name in vars(self.gains)]
+        near = all(abs(float(one) - float(two)) <= _SAME_GAINS * abs(float(two)) for one, two in pairs)
+        return near and self.conditions == other.conditions
+
+    def at_the_same_speed(self, other: ExactQuestion) -> bool:
+        """Whether the speeds are as good as the same."""
+        return abs(self.speed - other.speed) <= _SAME_SPEED * other.speed
+
+    def answers(self, other: ExactQuestion) -> bool:
+        """Whether the answer to this one is as good as the other's own: they are about the same joint too."""
+        return self.joint == other.joint and self.of_the_same_controller(other) and self.at_the_same_speed(other)
