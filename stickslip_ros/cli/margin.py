@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
@@ -24,6 +25,7 @@ from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 # What is needed comes first, what cancels last.
 _FRICTION = sorted(FRICTION_PARAMETERS, key=lambda one: (one.name == "coulomb", one.name == "viscous"))
 _NOTES = {"coulomb": "; cancels from the result"}
+_LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
 
 
@@ -56,6 +58,7 @@ def add_joint_arguments(parser: argparse.ArgumentParser) -> None:
     for one in _FRICTION:
         text = f"{one.help} [{one.unit}]{_NOTES.get(one.name, '')}"
         parser.add_argument(f"--{one.name.replace('_', '-')}", type=float, metavar="X", help=text)
+    parser.add_argument("--law", choices=list(LAWS), help=_LAW)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -97,7 +100,10 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
         name: value(name, getattr(known.joint.friction, name) if known else (None if name in _REQUIRED else 0.0))
         for name in (one.name for one in _FRICTION)
     }
-    joint = Joint(inertia=value("inertia", known.joint.inertia if known else None), friction=Friction(**friction))
+    law = options.law or (known.joint.friction.law if known else PAPERS_LAW)
+    joint = Joint(
+        inertia=value("inertia", known.joint.inertia if known else None), friction=Friction(**friction, law=law)
+    )
     gains = Gains(
         stiffness=value("stiffness", known.gains.stiffness if known else None),
         damping=value("damping", known.gains.damping if known else 0.0),

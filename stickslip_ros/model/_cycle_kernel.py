@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """Compiled cycles, their persistence and its boundary, for many parameter points in one call.
 
-The arrays of points are ρ, F*_s∞, ξ˙_d, τ*, γ*, of one length each.
+The arrays of points are ρ, F*_s∞, ξ˙_d, τ*, γ*, of one length each; all points are of one law of ``_friction_law``.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ def _cycle(level, point, prepared, tolerance, record):
     Returns how the slip ends, slip duration, slip distance, dwell, level at arrest, level at the next breakaway
     and the rows recorded.
     """
-    damping_ratio, stribeck, velocity, lag, rise_time = point
+    damping_ratio, stribeck, velocity, lag, rise_time, law = point
     while True:
         ends, duration, end, shape, distance, rows = slip(
-            level, velocity, damping_ratio, lag, prepared, tolerance, record
+            level, velocity, damping_ratio, lag, law, prepared, tolerance, record
         )
         if ends != TOO_ROUGH or not tolerance < np.inf:
             break
@@ -67,7 +67,7 @@ def _feasible(damping_ratio, stribeck, velocity):
 
 @kernel(nogil=True)
 def cycles(
-    damping_ratios, stribecks, velocities, lags, rise_times, levels, refinement, tolerance, summaries, record, rows
+    damping_ratios, stribecks, velocities, lags, rise_times, law, levels, refinement, tolerance, summaries, record, rows
 ):
     """Fill ``summaries`` (points, cycles, CYCLE_COLUMNS), NaN from where the cycle has died out.
 
@@ -82,7 +82,7 @@ def cycles(
             for column in range(CYCLE_COLUMNS):
                 summaries[i, n, column] = np.nan
         slips = 0
-        point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
+        point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
         if recorded == 0 and not _feasible(point[0], point[1], point[2]):
             continue
         prepared = prepare(point[0], point[1], point[2], point[3], refinement)
@@ -115,7 +115,7 @@ def _gain(level, point, prepared, nothing):
 
 
 @helper()
-def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
+def _persists(damping_ratio, stribeck, velocity, lag, rise_time, law):
     """Whether the breakaway levels, begun at full static friction, come to rest, or go up and down for ever.
 
     Levels near a fixed point of the map converge geometrically. Two looks ahead replace most of the cycles:
@@ -126,7 +126,7 @@ def _persists(damping_ratio, stribeck, velocity, lag, rise_time):
     if not _feasible(damping_ratio, stribeck, velocity):
         return UNKNOWN
     prepared = prepare(damping_ratio, stribeck, velocity, lag, 1.0)
-    point = (damping_ratio, stribeck, velocity, lag, rise_time)
+    point = (damping_ratio, stribeck, velocity, lag, rise_time, law)
     nothing = np.empty((0, 4))
     level = stribeck
     oldest = older = newest = np.nan
@@ -232,7 +232,7 @@ def _catches(low, low_gain, high, high_gain, point, prepared, nothing):
 
 
 @kernel(nogil=True)
-def extinction(damping_ratios, stribecks, velocities, lags, rise_times, guesses, largest, tolerance, found):
+def extinction(damping_ratios, stribecks, velocities, lags, rise_times, law, guesses, largest, tolerance, found):
     """Fill ``found`` with the damping ratio at which the cycle just dies out, bisected to a relative tolerance.
 
     0 where it dies undamped, NaN where even ``largest`` does not end it or the integration is refused.
@@ -241,19 +241,21 @@ def extinction(damping_ratios, stribecks, velocities, lags, rise_times, guesses,
     """
     for i in range(stribecks.shape[0]):
         if guesses.shape[0] == 0:
-            found[i] = _persists(damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i])
+            found[i] = _persists(damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
         else:
-            found[i] = _critical(stribecks[i], velocities[i], lags[i], rise_times[i], guesses[i], largest, tolerance)
+            found[i] = _critical(
+                stribecks[i], velocities[i], lags[i], rise_times[i], law, guesses[i], largest, tolerance
+            )
 
 
 @inlined()
-def _critical(stribeck, velocity, lag, rise_time, guess, largest, tolerance):
-    undamped = _persists(0.0, stribeck, velocity, lag, rise_time)
+def _critical(stribeck, velocity, lag, rise_time, law, guess, largest, tolerance):
+    undamped = _persists(0.0, stribeck, velocity, lag, rise_time, law)
     if undamped != PERSISTS:
         return 0.0 if undamped == DIES else np.nan
     low, high = 0.0, min(guess, largest)
     while True:
-        verdict = _persists(high, stribeck, velocity, lag, rise_time)
+        verdict = _persists(high, stribeck, velocity, lag, rise_time, law)
         if verdict == UNKNOWN or (verdict == PERSISTS and high >= largest):
             return np.nan
         if verdict == DIES:
@@ -261,7 +263,7 @@ def _critical(stribeck, velocity, lag, rise_time, guess, largest, tolerance):
         low, high = high, min(2.0 * high, largest)
     while high - low > tolerance * high and high > _LEAST_RATIO:
         middle = 0.5 * (low + high)
-        verdict = _persists(middle, stribeck, velocity, lag, rise_time)
+        verdict = _persists(middle, stribeck, velocity, lag, rise_time, law)
         if verdict == UNKNOWN:
             return np.nan
         if verdict == PERSISTS:

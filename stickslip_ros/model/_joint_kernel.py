@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined, kernel
+from stickslip_ros.model import _friction_law
 
 # Indices of the state vector.
 TIME, POSITION, VELOCITY, INTEGRAL, DIRECTION, EVENT_TIME, LEVEL, HISTORY_HEAD, HISTORY_COUNT, HISTORY_CURSOR = range(
@@ -23,10 +24,11 @@ TIME, POSITION, VELOCITY, INTEGRAL, DIRECTION, EVENT_TIME, LEVEL, HISTORY_HEAD, 
 )
 STATE_SIZE = 10
 # Indices of the parameter vector.
-INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD = range(
-    11
-)
-PARAMETERS_SIZE = 11
+(
+    INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, LAW,
+    STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
+) = range(12)  # fmt: skip
+PARAMETERS_SIZE = 12
 # Columns of an event.
 EVENT_COLUMNS = 5  # time, +1 breakaway / -1 arrest, direction of the slip, position, Stribeck friction level
 BREAKAWAY, ARREST = 1.0, -1.0
@@ -34,11 +36,8 @@ BREAKAWAY, ARREST = 1.0, -1.0
 _MOST_EVENTS = 64  # in one sampling period
 
 
-@helper()
-def _risen(level: float, stribeck: float, rise_time: float, dwell: float) -> float:
-    if rise_time <= 0.0:
-        return stribeck
-    return level + (stribeck - level) * dwell / (dwell + rise_time)
+_risen_level = inlined()(_friction_law.risen_level)
+_stribeck_friction = inlined()(_friction_law.stribeck_friction)
 
 
 @inlined()
@@ -65,8 +64,7 @@ def _lagged_velocity(time, state, history):
 
 @helper()
 def _instant_shape(velocity, parameters):
-    ratio = velocity / parameters[STRIBECK_VELOCITY]
-    return 1.0 / (1.0 + ratio * ratio)
+    return _stribeck_friction(parameters[LAW], 1.0, velocity / parameters[STRIBECK_VELOCITY])
 
 
 @helper()
@@ -145,7 +143,7 @@ def _excess(dwell, time, start, reference, reference_velocity, state, parameters
         )
         - parameters[LOAD]
     )
-    level = _risen(state[LEVEL], parameters[STRIBECK], parameters[RISE_TIME], dwell)
+    level = _risen_level(state[LEVEL], parameters[STRIBECK], dwell, parameters[RISE_TIME])
     return abs(force) - parameters[COULOMB] - level, 1.0 if force >= 0.0 else -1.0
 
 
@@ -185,7 +183,7 @@ def _stick_until(end, reference, reference_velocity, state, parameters, events, 
     state[INTEGRAL] += (reference - state[POSITION]) * elapsed + 0.5 * reference_velocity * elapsed * elapsed
     state[TIME] = breakaway
     if broken:
-        state[LEVEL] = _risen(state[LEVEL], parameters[STRIBECK], parameters[RISE_TIME], breakaway - arrest)
+        state[LEVEL] = _risen_level(state[LEVEL], parameters[STRIBECK], breakaway - arrest, parameters[RISE_TIME])
         state[DIRECTION] = sign_later
         state[EVENT_TIME] = breakaway
         state[HISTORY_COUNT] = 0

@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.model import _friction_law
 from stickslip_ros.model._linear_step import (
     AT_END,
     COLUMNS,
@@ -52,6 +53,10 @@ _MOST_SHORTENING = 64
 _MOST_LAG_STEPS = 1 << 15
 _REMEMBERED = 256
 _MOST_PERIODS = 500
+
+_dwell_until_met = inlined()(_friction_law.dwell_until_met)
+_risen_level = inlined()(_friction_law.risen_level)
+_stribeck_friction = inlined()(_friction_law.stribeck_friction)
 
 
 @helper()
@@ -92,8 +97,8 @@ def shorten(prepared):
 
 
 @helper()
-def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
-    """One slip from breakaway at ``level``.
+def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
+    """One slip from breakaway at ``level``, by a law of ``_friction_law``.
 
     Returns how it ends, its duration, the position at its end (relative to steady motion without Stribeck
     friction), Ψ then, the distance slipped and the number of rows written to ``record``: time, position,
@@ -125,7 +130,7 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
     rough = tolerance * level
     minimum, drop, rises = np.inf, np.inf, 0
     settled_check, amplitude_before = 2.0 * np.pi, np.inf
-    steady = -level / (1.0 + velocity * velocity)
+    steady = -_stribeck_friction(law, level, velocity)
     while time < _MOST_PERIODS * 2.0 * np.pi:
         vector[0] = position
         vector[1] = speed
@@ -141,16 +146,15 @@ def slip(level, velocity, damping_ratio, lag, prepared, tolerance, record):
                     return TOO_ROUGH, time, position, 0.0, 0.0, recorded
             multiply(matrices, halving, vector, result)
             for j in range(POINTS):
-                v = velocity + result[j]
-                ring[slot, j] = 1.0 / (1.0 + v * v)
+                ring[slot, j] = _stribeck_friction(law, 1.0, velocity + result[j])
         else:
             while True:
                 step = longest * 0.5**halving
                 if not filled[halving]:
                     _fill(halving, step, lag, lag_steps, damping_ratio, matrices, lagged_rows, filled)
                 solved = _iterate(
-                    time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows, halving, latest, index,
-                    vector, responses, coefficients,
+                    time, level, velocity, damping_ratio, lag, law, step, acceleration, lagged_rows, halving, latest,
+                    index, vector, responses, coefficients,
                 )  # fmt: skip
                 left_over = roughness(vector)
                 if (solved and left_over <= rough) or halving + 1 == _MOST_HALVINGS:
@@ -272,7 +276,7 @@ def _record(record, row, time, position, velocity, shape):
 
 @inlined()
 def _iterate(
-    time, level, velocity, damping_ratio, lag, step, acceleration, lagged_rows, halving, latest, index, vector,
+    time, level, velocity, damping_ratio, lag, law, step, acceleration, lagged_rows, halving, latest, index, vector,
     responses, coefficients,
 ):  # fmt: skip
     """Fill in the friction at the Gauss points of a step longer than the lag; False if it does not settle."""
@@ -284,14 +288,14 @@ def _iterate(
         else:
             first = min(first, j)
             lagged = velocity + vector[1] + acceleration * shift
-        vector[2 + j] = level / (1.0 + lagged * lagged)
+        vector[2 + j] = _stribeck_friction(law, level, lagged)
     for _ in range(_MOST_SWEEPS):
         change = 0.0
         for j in range(first, POINTS):
             lagged = velocity
             for k in range(COLUMNS):
                 lagged += lagged_rows[halving, j, k] * vector[k]
-            friction = level / (1.0 + lagged * lagged)
+            friction = _stribeck_friction(law, level, lagged)
             change = max(change, abs(friction - vector[2 + j]))
             vector[2 + j] = friction
         if change <= 1e-14 * level:
@@ -303,17 +307,9 @@ def _iterate(
 def stick(end, shape, level, velocity, damping_ratio, stribeck, rise_time):
     """Dwell after an arrest, and the level at the next breakaway: Eq. (6) met by the applied force.
 
-    The force at arrest falls short of what friction holds, and grows with the commanded velocity; where both
-    meet is a quadratic equation.
+    The force at arrest falls short of what friction holds, and grows with the commanded velocity.
     """
     arrested = level * shape
     deficit = min(-end + 2.0 * damping_ratio * velocity - arrested, 0.0)
-    missing = stribeck - arrested
-    if np.isinf(rise_time):
-        return -deficit / velocity, arrested
-    half = 0.5 * (deficit + velocity * rise_time - missing)
-    product = -deficit * rise_time * velocity
-    root = np.sqrt(half * half + product)
-    dwell = -deficit * rise_time / (half + root) if half > 0.0 else (root - half) / velocity
-    total = dwell + rise_time
-    return dwell, arrested + missing * (dwell / total if total > 0.0 else 1.0)
+    dwell = _dwell_until_met(deficit, stribeck - arrested, velocity, rise_time)
+    return dwell, _risen_level(arrested, stribeck, dwell, rise_time)

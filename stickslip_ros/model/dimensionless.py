@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Gains, Joint, Real
 
 _LEAST_STRIBECK = 1e-9  # [N·m] without Stribeck friction there would be no scale
@@ -15,7 +16,7 @@ _LEAST_STRIBECK = 1e-9  # [N·m] without Stribeck friction there would be no sca
 
 @dataclass(frozen=True, kw_only=True)
 class DimensionlessGroups:
-    """The five dimensionless numbers, and the frequency that turns them back into SI units.
+    """The five dimensionless numbers, the frequency that turns them back into SI units, and the friction law.
 
     Attributes
     ----------
@@ -26,6 +27,7 @@ class DimensionlessGroups:
     velocity : ξ˙_d = |x˙_d|/x˙_s; both directions are alike.
     lag : τ* = ω τ_L.
     rise_time : γ* = ω γ.
+    law : one for all points, by its name in :class:`stickslip_ros.model.friction.Friction`.
     """
 
     natural_frequency: Real
@@ -34,6 +36,12 @@ class DimensionlessGroups:
     velocity: Real
     lag: Real
     rise_time: Real
+    law: str = PAPERS_LAW
+
+    @property
+    def numbers(self) -> tuple[Real, ...]:
+        """All but the law."""
+        return (self.natural_frequency, self.damping_ratio, self.stribeck, self.velocity, self.lag, self.rise_time)
 
 
 def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> DimensionlessGroups:
@@ -54,6 +62,7 @@ def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> Dimensio
             velocity=np.abs(velocity) / friction.stribeck_velocity,
             lag=natural_frequency * friction.lag,
             rise_time=natural_frequency * friction.rise_time,
+            law=friction.law,
         )
 
 

@@ -11,11 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _cycle_kernel as kernel
+from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.dimensionless import (
     DimensionlessGroups,
@@ -54,7 +56,7 @@ def cycle_persists(groups: DimensionlessGroups) -> float | NDArray[np.float64]:
     """
     shape, points = point_arrays(groups)
     verdicts = np.empty(points[0].size)
-    kernel.extinction(*points, _NO_GUESSES, LARGEST_DAMPING_RATIO, _TOLERANCE, verdicts)
+    kernel.extinction(*points, LAWS[groups.law], _NO_GUESSES, LARGEST_DAMPING_RATIO, _TOLERANCE, verdicts)
     answers = np.where(verdicts == kernel.UNKNOWN, np.nan, verdicts == kernel.PERSISTS)
     return float(answers[0]) if shape == () else answers.reshape(shape)
 
@@ -85,9 +87,7 @@ def exact_critical_damping_ratio(
     InvalidParameterError
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
-    undamped = DimensionlessGroups(
-        **{**vars(groups), "natural_frequency": np.nan, "damping_ratio": np.zeros(np.shape(groups.damping_ratio))}
-    )
+    undamped = replace(groups, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(groups.damping_ratio)))
     shape, points = point_arrays(undamped)
     undamped_ratios, stribecks, velocities, lags, rise_times = points
     paper = np.asarray(critical_damping_ratio(undamped), dtype=float)
@@ -97,7 +97,7 @@ def exact_critical_damping_ratio(
     def work(part: slice) -> int:
         kernel.extinction(
             undamped_ratios[part], stribecks[part], velocities[part], lags[part], rise_times[part],
-            guesses[part].copy(), LARGEST_DAMPING_RATIO, tolerance, found[part],
+            LAWS[groups.law], guesses[part].copy(), LARGEST_DAMPING_RATIO, tolerance, found[part],
         )  # fmt: skip
         return found[part].size
 
@@ -160,7 +160,7 @@ def _boundary(
     def persists(argument: float) -> float:
         with np.errstate(all="ignore"):
             groups = groups_at(argument)
-        values = [float(value) for value in vars(groups).values()]
+        values = [float(value) for value in groups.numbers]
         if not all(math.isfinite(value) and value >= 0 for value in values) or groups.velocity == 0:
             return math.nan
         return float(cycle_persists(groups))

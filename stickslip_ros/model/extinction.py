@@ -4,7 +4,8 @@
 
 The condition integrates the work of friction along the unperturbed circle; it is an approximation.
 Functions of dimensionless numbers take scalars or arrays that broadcast, and answer NaN outside
-their domain; :mod:`stickslip_ros.model.margin` gives the verdict together with the reason.
+their domain, which is of the paper's friction law alone; :mod:`stickslip_ros.model.margin` gives the
+verdict together with the reason.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 from stickslip_ros.model.friction import Friction, Joint, Real
 
@@ -112,7 +114,8 @@ def steady_stribeck(groups: DimensionlessGroups, *, rises_from_coulomb: bool = F
         arrest whatever the lag; the assumption behind Fig. 12, where τ_L = 0.
     """
     factor = 1.0 if rises_from_coulomb else reduction_factor(groups.velocity, groups.lag)
-    return _unwrap(np.asarray(groups.stribeck - 0.5 * factor * groups.velocity * groups.rise_time))
+    domain = 1.0 if groups.law == PAPERS_LAW else np.nan
+    return _unwrap(np.asarray(groups.stribeck - 0.5 * factor * groups.velocity * groups.rise_time * domain))
 
 
 def friction_work(groups: DimensionlessGroups, *, rises_from_coulomb: bool = False) -> Real:

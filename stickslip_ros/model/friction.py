@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The friction law of the paper, Eqs (1)-(6): Coulomb, viscous and Stribeck with memory.
+"""The friction of a joint, Eqs (1)-(6): Coulomb, viscous and Stribeck with memory, by the paper's law or another.
 
 All quantities are in SI units of rotation; a prismatic joint uses N, N·s/m, m/s and kg through the
 same code. Equation numbers are those of Armstrong-Hélouvry (1993).
@@ -8,11 +8,15 @@ same code. Equation numbers are those of Armstrong-Hélouvry (1993).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW, risen_level, stribeck_friction
 from stickslip_ros.model._validation import require_not_negative, require_positive
 
 Real = float | NDArray[np.float64]
@@ -20,7 +24,7 @@ Real = float | NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Friction:
-    """Parameters of the friction law; each a float or an array (they broadcast together).
+    """A friction law and its parameters; each a float or an array (they broadcast together).
 
     Attributes
     ----------
@@ -30,11 +34,13 @@ class Friction:
     rise_time : γ [s], characteristic time of the rise of static friction.
     viscous : F_v [N·m·s/rad].
     coulomb : F_k [N·m], kinetic friction; it cancels from every stability result.
+    law : how Stribeck friction falls with speed, Ψ of Eq. (5). "hess_soom", 1/(1 + (x˙/x˙_s)²) after Hess and Soom,
+        is the paper's, and the only one that Eq. (43) holds for; "exponential" is exp(−(x˙/x˙_s)²).
 
     Raises
     ------
     InvalidParameterError
-        If a value is not finite or negative, or the Stribeck velocity is zero.
+        If a value is not finite or negative, the Stribeck velocity is zero, or the law is not known.
     """
 
     stribeck: Real = field(metadata={"unit": "N·m"})
@@ -43,11 +49,29 @@ class Friction:
     rise_time: Real = field(default=0.0, metadata={"unit": "s"})
     viscous: Real = field(default=0.0, metadata={"unit": "N·m·s/rad"})
     coulomb: Real = field(default=0.0, metadata={"unit": "N·m"})
+    law: str = PAPERS_LAW
 
     def __post_init__(self) -> None:
         require_positive("stribeck_velocity", self.stribeck_velocity)
         for name in ("stribeck", "lag", "rise_time", "viscous", "coulomb"):
             require_not_negative(name, getattr(self, name))
+        if not isinstance(self.law, str) or self.law not in LAWS:
+            raise InvalidParameterError("law", f"one of {', '.join(LAWS)}", self.law)
+
+    @property
+    def numbers(self) -> dict[str, Real]:
+        """The parameters by name; all but the law."""
+        return {entry.name: getattr(self, entry.name) for entry in fields(self) if "unit" in entry.metadata}
+
+    def changed(self, numbers: Mapping[str, Real]) -> Friction:
+        """The same law with other parameters, by name."""
+        values: dict[str, Any] = dict(numbers)
+        return replace(self, **values)
+
+    @property
+    def of_the_paper(self) -> bool:
+        """Whether the law is the paper's."""
+        return self.law == PAPERS_LAW
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,19 +115,19 @@ class Gains:
     integral: Real = field(default=0.0, metadata={"unit": "N·m/(rad·s)"})
 
 
-def stribeck_shape(lagged_velocity: Real, stribeck_velocity: Real) -> Real:
-    """Ψ of Eq. (5) after the first τ_L of a slip: 1 / (1 + (x˙(t − τ_L)/x˙_s)²), dimensionless.
+def stribeck_shape(lagged_velocity: Real, stribeck_velocity: Real, law: str = PAPERS_LAW) -> Real:
+    """Ψ of Eq. (5) after the first τ_L of a slip, by a law of :class:`Friction`; dimensionless.
 
-    During the first τ_L after breakaway Ψ is 1; the caller knows the time since breakaway and
-    passes a lagged velocity of zero there. (Some printings show 1 + (…)²; the text has it right.)
+    By the paper's it is 1 / (1 + (x˙(t − τ_L)/x˙_s)²). During the first τ_L after breakaway Ψ is 1; the caller knows
+    the time since breakaway and passes a lagged velocity of zero there. (Some printings show 1 + (…)²; the text has it
+    right.)
     """
-    ratio = np.asarray(lagged_velocity) / stribeck_velocity
-    return 1.0 / (1.0 + ratio * ratio)
+    return stribeck_friction(LAWS[law], 1.0, np.asarray(lagged_velocity) / stribeck_velocity)
 
 
 def steady_friction(friction: Friction, velocity: Real) -> Real:
     """Friction in steady sliding, the Stribeck curve of Eqs (4) and (5) [N·m]; odd in velocity [rad/s]."""
-    shape = stribeck_shape(velocity, friction.stribeck_velocity)
+    shape = stribeck_shape(velocity, friction.stribeck_velocity, friction.law)
     return np.sign(velocity) * (friction.coulomb + friction.stribeck * shape) + friction.viscous * velocity
 
 
@@ -112,7 +136,4 @@ def static_friction_level(friction: Friction, level_at_arrest: Real, dwell: Real
 
     F_s,b = F_s,a + (F_s∞ − F_s,a) t₂/(t₂ + γ); with γ = 0 it is F_s∞ at once.
     """
-    total = np.asarray(dwell, dtype=float) + friction.rise_time
-    with np.errstate(invalid="ignore", divide="ignore"):
-        risen = np.where(total > 0, dwell / total, 1.0)
-    return level_at_arrest + (friction.stribeck - level_at_arrest) * risen
+    return risen_level(level_at_arrest, friction.stribeck, np.asarray(dwell, dtype=float), friction.rise_time)

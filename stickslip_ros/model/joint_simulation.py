@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _joint_kernel as kernel
+from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model._validation import require_finite, require_positive
 from stickslip_ros.model.friction import Gains, Joint
 
@@ -177,6 +178,7 @@ class JointSimulation:
         parameters[kernel.STRIBECK_VELOCITY] = friction.stribeck_velocity
         parameters[kernel.LAG] = friction.lag
         parameters[kernel.RISE_TIME] = friction.rise_time
+        parameters[kernel.LAW] = LAWS[friction.law]
         parameters[kernel.STIFFNESS] = gains.stiffness
         parameters[kernel.DAMPING] = gains.damping
         parameters[kernel.INTEGRAL_GAIN] = gains.integral

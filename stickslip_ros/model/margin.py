@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.dimensionless import (
     DimensionlessGroups,
@@ -72,7 +73,7 @@ def damping_reserve(damping_ratio: Real, critical_damping_ratio: Real) -> Real:
 def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:
     """Why Eq. (43) does not apply, element by element; None where it does. The last check listed wins."""
     shape = np.broadcast_shapes(
-        *(np.shape(value) for value in vars(groups).values()),
+        *(np.shape(value) for value in groups.numbers),
         *(np.shape(value) for value in vars(gains).values()),
         np.shape(velocity),
     )
@@ -81,7 +82,7 @@ def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArr
     def mark(condition: bool | NDArray[np.bool_], text: str) -> None:
         reasons[np.broadcast_to(np.asarray(condition), shape)] = f"not applicable, because {text}"
 
-    numbers = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in vars(groups).values()))
+    numbers = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in groups.numbers))
     mark(~np.all(np.isfinite(numbers), axis=0), "a gain is too small or too large to compute with")
     mark(np.asarray(groups.lag) > 2 * np.pi, "the lag is longer than one natural period (τ* > 2π)")
     mark(np.asarray(groups.damping_ratio) < 0, "the total damping is negative: the joint is unstable by itself")
@@ -91,6 +92,8 @@ def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArr
         ~(np.asarray(gains.stiffness) > 0),
         "the stiffness is not positive: without stiffness (velocity control) there is no natural period",
     )
+    if groups.law != PAPERS_LAW:
+        mark(True, f"it is of the paper's friction law ({PAPERS_LAW}), and this joint's is {groups.law}")
     finite = (
         np.isfinite(velocity) & np.isfinite(gains.stiffness) & np.isfinite(gains.damping) & np.isfinite(gains.integral)
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model import _cycle_kernel as kernel
+from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 from stickslip_ros.model.friction import Real
@@ -91,7 +92,8 @@ def simulate_cycles(
         require_not_negative("level", level)
     start = points[1] if level is None else np.broadcast_to(np.asarray(level, dtype=float), shape).ravel().copy()
     summaries = np.empty((points[0].size, count, kernel.CYCLE_COLUMNS))
-    kernel.cycles(*points, start, float(step_refinement), float(tolerance), summaries, *_NO_RECORD)
+    law = LAWS[groups.law]
+    kernel.cycles(*points, law, start, float(step_refinement), float(tolerance), summaries, *_NO_RECORD)
     return _cycles(summaries.reshape(*shape, count, kernel.CYCLE_COLUMNS))
 
 
@@ -104,7 +106,7 @@ def simulate_trajectory(groups: DimensionlessGroups, count: int, *, level: float
     found = np.empty((1, count, kernel.CYCLE_COLUMNS))
     record = np.empty((count * _ROWS_A_CYCLE, 4))
     rows = np.zeros(count, dtype=np.int64)
-    slips = kernel.cycles(*points, start, _PLOT_REFINEMENT, TOLERANCE, found, record, rows)
+    slips = kernel.cycles(*points, LAWS[groups.law], start, _PLOT_REFINEMENT, TOLERANCE, found, record, rows)
     summaries = found[0]
     damping_ratio, velocity = float(points[0][0]), float(points[2][0])
     pieces: list[NDArray[np.float64]] = []

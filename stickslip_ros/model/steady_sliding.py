@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from stickslip_ros.model._friction_law import LAWS, stribeck_slope
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 
 _POINTS = 2000
@@ -20,8 +21,8 @@ _POINTS = 2000
 def sliding_damping_ratio(groups: DimensionlessGroups) -> float:
     """Damping ratio above which steady sliding is stable against small disturbances; scalars only.
 
-    With c = 2 F*_s∞ ξ˙_d / (1 + ξ˙_d²)², the slope at which friction falls with speed, a disturbance obeys
-    ξ¨ + 2ρ ξ˙ − c ξ˙(t − τ*) + ξ = 0. It neither grows nor decays at the frequencies ν with
+    With c the slope at which friction falls with speed, by the paper's law 2 F*_s∞ ξ˙_d / (1 + ξ˙_d²)², a disturbance
+    obeys ξ¨ + 2ρ ξ˙ − c ξ˙(t − τ*) + ξ = 0. It neither grows nor decays at the frequencies ν with
     1 − ν² = c ν sin(ν τ*), where ρ = ½ c cos(ν τ*): the largest of these is the answer, without lag ½ c. A slip after a
     short rest has less Stribeck friction, and needs less.
 
@@ -30,7 +31,7 @@ def sliding_damping_ratio(groups: DimensionlessGroups) -> float:
     The damping ratio, not negative; NaN where a group is not finite.
     """
     speed, lag = float(groups.velocity), float(groups.lag)
-    slope = 2.0 * float(groups.stribeck) * speed / (1.0 + speed * speed) ** 2
+    slope = -float(stribeck_slope(LAWS[groups.law], float(groups.stribeck), speed))
     if not (math.isfinite(slope) and math.isfinite(lag)):
         return math.nan
     fastest = 0.5 * (slope + math.sqrt(slope * slope + 4.0))

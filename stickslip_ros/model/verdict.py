@@ -117,7 +117,7 @@ def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:
         return "the total damping is negative: the joint is unstable by itself"
     if not float(groups.damping_ratio) <= LARGEST_DAMPING_RATIO:
         return f"the damping ratio is beyond {LARGEST_DAMPING_RATIO:g}"
-    if not np.isfinite([float(value) for value in vars(groups).values()]).all():
+    if not np.isfinite([float(value) for value in groups.numbers]).all():
         return "a gain is too small or too large to compute with"
     return ""
 

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate, estimate_friction
@@ -83,7 +84,8 @@ class Identification:
                     name, "shown by the motion (slips with known gains or effort show it), or given by --joint", None
                 )
         inertia = values.pop("inertia")
-        return Joint(inertia=inertia, friction=Friction(**{name: max(value, 0.0) for name, value in values.items()}))
+        numbers = {name: max(value, 0.0) for name, value in values.items()}
+        return Joint(inertia=inertia, friction=Friction(**numbers, law=PAPERS_LAW))
 
 
 def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> Identification:
@@ -91,8 +93,16 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
 
     Parameters
     ----------
-    batch : samples in order of time. gains : of the controller, None if unknown. prior : as for a monitor.
+    batch : samples in order of time. gains : of the controller, None if unknown. prior : of the paper's law, which
+        is what is fitted.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the prior is of another law.
     """
+    if prior is not None and not prior.friction.of_the_paper:
+        raise InvalidParameterError("prior", f"a joint of the law that is fitted, {PAPERS_LAW}", prior.friction.law)
     monitor = JointMonitor(prior, gains)
     cycles = monitor.process(batch) + monitor.finish()
     state = monitor.assessment()

@@ -85,11 +85,13 @@ def _look_alike(one: MapSubject, other: MapSubject) -> bool:
     """Whether nobody could tell the two maps apart."""
     if (one.advised is None) != (other.advised is None) or one.per_inertia != other.per_inertia:
         return False
+    if one.joint.friction.law != other.joint.friction.law:
+        return False
     pairs = zip(_numbers(one), _numbers(other), strict=True)
     return all(math.isclose(first, second, rel_tol=_TO_BE_SEEN) for first, second in pairs)
 
 
 def _numbers(subject: MapSubject) -> list[float]:
     gains = [each for each in (subject.gains, subject.advised) if each is not None]
-    numbers = [abs(subject.velocity), float(subject.joint.inertia), *astuple(subject.joint.friction)]
+    numbers = [abs(subject.velocity), float(subject.joint.inertia), *subject.joint.friction.numbers.values()]
     return [*map(float, numbers), *(float(value) for each in gains for value in astuple(each))]

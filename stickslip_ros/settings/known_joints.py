@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from stickslip_ros.errors import InvalidParameterError, JointFileError, UnknownJointError
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.friction import Friction, Gains, Joint
 
@@ -110,7 +111,10 @@ def _parse(content: Any) -> KnownJoint:
         name=str(content["name"]),
         joint=Joint(
             inertia=float(content["inertia"]),
-            friction=Friction(**{key: float(value) for key, value in friction.items()}),
+            friction=Friction(
+                **{key: float(value) for key, value in friction.items() if key != "law"},
+                law=friction.get("law", PAPERS_LAW),
+            ),
         ),
         gains=Gains(**{key: float(value) for key, value in gains.items()}),
         velocity=float(content.get("velocity", 0.0)),

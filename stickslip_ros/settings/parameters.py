@@ -11,6 +11,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.model.controlled import Conditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -140,13 +141,13 @@ def _joint(name: str, values: ParameterValues) -> Joint | None:
     friction = {key: values.number_if_set(f"friction.{name}.{key}") for key in _FRICTION}
     given = {key: number for key, number in friction.items() if number is not None}
     if known is not None:
-        base = {key: getattr(known.joint.friction, key) for key in _FRICTION}
         return Joint(
-            inertia=known.joint.inertia if inertia is None else inertia, friction=Friction(**{**base, **given})
+            inertia=known.joint.inertia if inertia is None else inertia,
+            friction=known.joint.friction.changed(given),
         )
     # What is given is looked at even where it makes no joint yet.
     whole = {"stribeck": 0.0, "stribeck_velocity": 1.0, **given}
-    joint = Joint(inertia=1.0 if inertia is None else inertia, friction=Friction(**whole))
+    joint = Joint(inertia=1.0 if inertia is None else inertia, friction=Friction(**whole, law=PAPERS_LAW))
     return joint if inertia is not None and {"stribeck", "stribeck_velocity"} <= set(given) else None
 
 

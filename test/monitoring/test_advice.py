@@ -257,7 +257,7 @@ def test_learnt_friction_is_not_trusted_far_away() -> None:
     joint, gains = Joint(inertia=0.1, friction=friction), Gains(stiffness=10.0)
     draws = Joint(
         inertia=np.full(4, 0.1),
-        friction=Friction(**{name: np.full(4, value) for name, value in vars(friction).items()}),
+        friction=friction.changed({name: np.full(4, value) for name, value in friction.numbers.items()}),
     )
     far = recommend(joint, gains, 0.001)
     assert max(far[Kind.LEAST_CHANGE].stiffness_factor, far[Kind.LEAST_CHANGE].damping_factor) > 100.0

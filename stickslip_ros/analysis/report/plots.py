@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -255,10 +256,9 @@ def _band(joint: JointAnalysis, speeds: FloatArray) -> tuple[FloatArray, FloatAr
     draws, _ = estimate.draws()
     friction = draws.friction
     above = np.maximum(speeds, 1e-12 * float(speeds[-1]))[:, None]
-    ratio = above / np.asarray(friction.stribeck_velocity)
     middle = joint.assessment.joint
     coulomb = float(middle.friction.coulomb) if middle is not None else 0.0
-    values = coulomb + np.asarray(friction.stribeck) / (1.0 + ratio**2) + np.asarray(friction.viscous) * above
+    values = np.asarray(steady_friction(replace(friction, coulomb=coulomb), above))
     low, high = np.percentile(values, _BAND, axis=1)
     return low, high
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
-from stickslip_ros.model.friction import Friction, Gains, Joint, Real
+from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
 from stickslip_ros.monitoring.samples import FloatArray
@@ -148,14 +149,15 @@ def _thinned(uncertainty: Uncertainty) -> Uncertainty:
     def some(value: Real) -> FloatArray:
         return np.broadcast_to(np.asarray(value, dtype=float), (count,))[every]
 
-    friction = Friction(**{name: some(value) for name, value in vars(uncertainty.joint.friction).items()})
-    joint = Joint(inertia=some(uncertainty.joint.inertia), friction=friction)
-    return Uncertainty(joint=joint, stiffness=uncertainty.stiffness[every])
+    return Uncertainty(joint=_each(uncertainty.joint, some), stiffness=uncertainty.stiffness[every])
 
 
 def _with_axis(joint: Joint) -> Joint:
     """The draws along the last axis but one, beside the speeds."""
-    friction = {
-        name: np.atleast_1d(np.asarray(value, dtype=float))[:, None] for name, value in vars(joint.friction).items()
-    }
-    return Joint(inertia=np.atleast_1d(np.asarray(joint.inertia, dtype=float))[:, None], friction=Friction(**friction))
+    return _each(joint, lambda value: np.atleast_1d(np.asarray(value, dtype=float))[:, None])
+
+
+def _each(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
+    """The joint with every number changed."""
+    values = {name: change(value) for name, value in joint.friction.numbers.items()}
+    return Joint(inertia=change(joint.inertia), friction=joint.friction.changed(values))

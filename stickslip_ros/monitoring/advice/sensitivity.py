@@ -15,7 +15,7 @@ from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
-from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.limits import Condition
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -88,9 +88,9 @@ def in_words(found: tuple[Sensitivity, ...]) -> str:
 
 
 def _groups(joint: Joint, parameter: str, factors: FloatArray, gains: Gains, velocity: float) -> DimensionlessGroups:
-    friction = {name: np.full(factors.shape, value) for name, value in vars(joint.friction).items()}
-    friction[parameter] = friction[parameter] * factors
-    changed = Joint(inertia=joint.inertia, friction=Friction(**friction))
+    values = {name: np.full(factors.shape, value) for name, value in joint.friction.numbers.items()}
+    values[parameter] = values[parameter] * factors
+    changed = replace(joint, friction=joint.friction.changed(values))
     return dimensionless_groups(changed, replace(gains, integral=0.0), velocity)
 
 

@@ -8,8 +8,9 @@ import math
 
 import numpy as np
 
-from stickslip_ros.compilation import helper
+from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
+from stickslip_ros.model import _friction_law
 from stickslip_ros.model import _joint_kernel as kernel
 
 # Indices of the parameter vector.
@@ -22,6 +23,8 @@ HELD, ARREST, ARREST_POSITION, REMAINS = range(4)
 FOUND_COLUMNS = 4
 
 _NO_RETURN = 100.0  # levels
+
+_stribeck_friction = inlined()(_friction_law.stribeck_friction)
 
 
 @helper()
@@ -49,6 +52,7 @@ def simulate_windows(
     plant[kernel.LAG] = parameters[LAG]
     plant[kernel.STRIBECK] = parameters[STRIBECK]
     plant[kernel.RISE_TIME] = parameters[RISE_TIME]
+    plant[kernel.LAW] = _friction_law.HESS_SOOM
     # Steps end at nodes and are no longer than the lag.
     room = 2 * int(parameters[LAG] / step) + 64
     for n in range(directions.shape[0]):
@@ -104,4 +108,4 @@ def simulate_windows(
         if math.isnan(found[n, ARREST]):
             ratio = velocities[last] / parameters[STRIBECK_VELOCITY]
             found[n, ARREST_POSITION] = positions[last]
-            found[n, REMAINS] = 1.0 / (1.0 + ratio * ratio)
+            found[n, REMAINS] = _stribeck_friction(plant[kernel.LAW], 1.0, ratio)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
@@ -232,9 +233,9 @@ class FrictionLearner:
         problem.stray = state.stray
         problem.weigh(problem.speeds_at_nodes, state.tolerance)
         # A level to begin with, as Eq. (6) has it.
-        share = problem.dwells[0] / (problem.dwells[0] + math.exp(state.parameters[RISE_TIME]))
         left = state.remains if follows else 0.5
-        unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
+        risen = float(risen_level(left, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
+        unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * risen)
         try:
             said = evidence(
                 problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.friction import stribeck_shape
 from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
@@ -173,8 +174,7 @@ def _weights(velocity: FloatArray) -> FloatArray:
 
 
 def _curve(values: FloatArray, velocity: FloatArray) -> FloatArray:
-    ratio = velocity / values[_STRIBECK_VELOCITY]
-    shape = 1.0 / (1.0 + ratio * ratio)
+    shape = stribeck_shape(velocity, values[_STRIBECK_VELOCITY])
     return np.asarray(np.sign(velocity) * (values[_COULOMB] + values[_STRIBECK] * shape) + values[_VISCOUS] * velocity)
 
 

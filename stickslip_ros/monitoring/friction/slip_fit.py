@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.model._friction_law import risen_level, rising_rate
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction.slip_equations import WEAK, NormalEquations, Point, robust
 from stickslip_ros.monitoring.friction.slip_problem import (
@@ -105,7 +106,7 @@ class _Fit:
         self.active = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
         self.columns = len(prior.mean) + problem.balance.shape[1]
         # Where nothing is known of the slip before, its remains are anything from none to all.
-        share = _share(problem.dwells, math.exp(prior.mean[RISE_TIME]))
+        share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
         unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
         self.linked = problem.linked.copy()
         self.linked[0] = problem.before is not None
@@ -140,10 +141,10 @@ class _Fit:
         arrest, remains = problem.before or (0.0, 0.0)
         began = np.where(self.linked, np.append(arrest, found[:-1, kernel.ARREST]), problem.rests_begin)
         dwell = np.maximum(unknowns[:, BREAKAWAY] - began, _LEAST_DWELL * problem.dwells)
-        share = _share(dwell, rise_time)
-        steepness = rise_time / (dwell + rise_time) ** 2
+        share = risen_level(0.0, 1.0, dwell, rise_time)
+        steepness = rising_rate(dwell, rise_time)
         before = np.append(remains * stribeck, np.exp(unknowns[:-1, LEVEL]) * found[:-1, kernel.REMAINS])
-        level = before + (stribeck - before) * share
+        level = risen_level(before, stribeck, dwell, rise_time)
         linked = self.linked
         by_stribeck = np.where(linked, stribeck * share / level, 1.0)
         by_stribeck[0] = 1.0  # what is left before the first slip is known as a share
@@ -381,8 +382,3 @@ def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> Floa
     latest = problem.last_times - 0.2 * problem.durations
     moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], problem.first_times, latest)
     return moved
-
-
-def _share(dwell: FloatArray, rise_time: float) -> FloatArray:
-    """Share of the rise of Eq. (6) that a dwell completes."""
-    return dwell / (dwell + rise_time)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
+from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import (
@@ -398,7 +399,7 @@ def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
             began = fit.found[slip - 1, kernel.ARREST] if problem.linked[slip] else problem.rests_begin[slip]
             remains = remains if problem.linked[slip] else 1.0
             rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
-            shares[slip] = remains + (1.0 - remains) * rest / (rest + rise_time)
+            shares[slip] = risen_level(remains, 1.0, rest, rise_time)
             remains = shares[slip] * float(fit.found[slip, kernel.REMAINS])
         stribeck = float(np.median((levels / shares)[usable]))
         kinetic = fit.found[:, kernel.HELD] - stribeck * shares

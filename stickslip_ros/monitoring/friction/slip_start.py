@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from stickslip_ros.model._friction_law import HESS_SOOM, fallen_share
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -63,7 +64,7 @@ def shape_guesses(problem: SlipProblem, slip: int) -> list[ShapeGuess]:
         for stribeck_velocity in speed.max() * _STRIBECK_VELOCITIES:
             for lag in duration * _LAGS:
                 ratio = np.interp(times - lag, times, speed, left=0.0) / stribeck_velocity
-                falling = ratio * ratio / (1.0 + ratio * ratio)  # 1 - Ψ
+                falling = np.asarray(fallen_share(HESS_SOOM, ratio))
                 columns = np.stack([known, -braking, _integral(times, _integral(times, falling))], axis=1) / distance
                 scale = np.sqrt((columns * columns).sum(axis=0)) + 1e-300
                 solution, rest = nnls(columns / scale, way / distance)
