@@ -34,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     wanted = parser.add_argument_group("what the advice must reach")
     defaults = AdviceLimits()
     wanted.add_argument(
-        "--condition", choices=[one.value for one in Condition], default="paper", help="Eq. (43), or the exact one"
+        "--condition",
+        choices=[one.value for one in Condition],
+        default="paper",
+        help="Eq. (43), or the exact one, which it is for another friction law than the paper's",
     )
     wanted.add_argument(
         "--wanted-margin", type=float, metavar="R", default=defaults.wanted_margin,
@@ -153,6 +156,8 @@ def what_if(text: str, gains: Gains) -> Gains:
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, gains: Gains) -> None:
     console = Console(highlight=False, soft_wrap=True)
     name = "Eq. (43)" if advice.condition is Condition.PAPER else "the exact condition"
+    if not joint.friction.of_the_paper:
+        name += f" (Eq. (43) is not of the law {joint.friction.law})"
     first = advice[Kind.LEAST_CHANGE]
     colour = "green" if first.found else "yellow"
     speed = f" at {advice.velocity:.4g} rad/s" if first.found else ""

@@ -28,7 +28,7 @@ _NO_TIME = 1e-300  # [s] so short that it is lost in any sum but that of zeros
 def stribeck_friction(law: float, level: Real, velocity: Real) -> Real:
     """Stribeck friction at a lagged velocity where static friction stood at ``level``: the level times Ψ of Eq. (5).
 
-    Ψ is 1/(1 + v²) after Hess and Soom, exp(−v²) after Bo and Pavelescu. At level 1 it is Ψ itself.
+    Ψ is 1/(1 + v²) after Hess and Soom, exp(−v²) after Bo and Pavelescu, with the exponent 2; at level 1 it is Ψ.
     """
     if law == EXPONENTIAL:
         return level * np.exp(-(velocity * velocity))

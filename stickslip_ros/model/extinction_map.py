@@ -30,7 +30,8 @@ class ExtinctionMap:
     ----------
     velocity : x˙_d [rad/s], shape (n,). stiffness : k_p [N·m/rad], shape (m,).
     paper_damping, exact_damping : total damping k_v + F_v [N·m·s/rad] at which stick slip ends, by Eq. (43) and by
-        integration (to 1 %), shape (m, n); 0 where it ends undamped, NaN where there is no answer.
+        integration (to 1 %), shape (m, n); 0 where it ends undamped, NaN where there is no answer, as Eq. (43) has none
+        of another friction law than the paper's.
     viscous : F_v of the joint [N·m·s/rad].
     """
 

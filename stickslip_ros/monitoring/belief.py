@@ -78,8 +78,11 @@ def believed(
 ) -> tuple[Belief | None, str]:
     """What to believe, or None and what is missing.
 
-    What was learnt counts before what is configured, which was its prior; but not if the model explains too little.
+    What was learnt counts before what is configured, which was its prior; but not if the model explains too little, or
+    the configured joint is of another friction law, of which nothing is learnt.
     """
+    if configured is not None and not configured.friction.of_the_paper:
+        return _configured(configured, gains, f"friction of the law {configured.friction.law} is not learnt")
     if estimate is not None and estimate.usable:
         belief = _learnt(estimate, gains)
         if belief is not None:
@@ -91,10 +94,14 @@ def believed(
         if mismatch:
             return None, f"{mismatch}; and no joint is configured"
         return None, "inertia and friction of the joint are neither configured nor learnt yet"
+    return _configured(configured, gains, mismatch)
+
+
+def _configured(joint: Joint, gains: Gains | None, why: str) -> tuple[Belief | None, str]:
     if gains is None:
         return None, "the controller's gains are not known"
-    rests_on = "; ".join(part for part in ("the configuration", mismatch) if part)
-    return Belief(joint=configured, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
+    rests_on = "; ".join(part for part in ("the configuration", why) if part)
+    return Belief(joint=joint, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
 
 
 def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:

@@ -55,7 +55,7 @@ class JointMemory:
 
 
 class JointMonitor:
-    """Watches one joint, and learns its friction from slips.
+    """Watches one joint, and learns its friction from slips, unless it is configured with another law.
 
     Learning from a slip takes milliseconds; a study of many, from which learning begins, seconds. Studies are
     made as soon as they are due if ``studies_at_once``, else by :meth:`learn`, or elsewhere with the means of
@@ -248,6 +248,8 @@ class JointMonitor:
     def _learn_from(self, cycle: Cycle) -> None:
         """Let the learner see one slip, if gains and reference were what they are throughout."""
         rest_begin = cycle.breakaway - cycle.dwell
+        if self._joint is not None and not self._joint.friction.of_the_paper:
+            return
         if not self.options.learn or cycle.hunting or self._gains_since > rest_begin or not self.learner.wants(cycle):
             return
         now = self._motion.last_time

@@ -11,7 +11,7 @@ import numpy as np
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition, condition_for
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
@@ -74,6 +74,8 @@ class Outlook:
     def damping_reserves(self, velocities: FloatArray, condition: Condition) -> tuple[FloatArray, str]:
         """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
         reserves = np.full(len(velocities), np.inf)
+        if self.belief is not None:
+            condition = condition_for(self.belief.joint, condition)
         if condition is Condition.EXACT:
             # Worked out with the advice, if at all: an integration is too long for every batch of samples.
             if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):

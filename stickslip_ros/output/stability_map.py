@@ -79,10 +79,14 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
     x, y = 1e3 * computed.velocity, computed.stiffness
     stiffness_unit, damping_unit = ("1/s²", "1/s") if subject.per_inertia else ("N·m/rad", "N·m·s/rad")
     exact_inside = computed.exact_damping - total
-    curves = [
-        boundary("boundary of Eq. (43)", x, y, computed.paper_damping - total, BLUE, "-"),
-        boundary("exact boundary", x, y, exact_inside, GREEN, "--"),
-    ]
+    curves = [boundary("exact boundary", x, y, exact_inside, GREEN, "--")]
+    said = f"(4)-(6) integrated at {computed.exact_damping.size} points; "
+    if subject.joint.friction.of_the_paper:
+        curves.insert(0, boundary("boundary of Eq. (43)", x, y, computed.paper_damping - total, BLUE, "-"))
+        share = 100 * computed.conservative
+        said += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."
+    else:
+        said += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law}."
     if subject.advised_damping is not None:
         inside = computed.exact_damping - subject.advised_damping
         curves.append(boundary("exact, with the advised damping", x, y, inside, GREEN, ":"))
@@ -115,10 +119,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
     return Figure(
         name=name,
         title=f"Where {subject.name} sticks and slips at $k_v$ = {float(subject.gains.damping):.3g} {damping_unit}",
-        note=(
-            f"(4)-(6) integrated at {computed.exact_damping.size} points; the damping that Eq. (43) asks for is enough "
-            f"at {100 * computed.conservative:.1f} % of them.\n{note}"
-        ),
+        note=f"{said}\n{note}",
         panels=(panel,),
     )
 

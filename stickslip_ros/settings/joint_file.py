@@ -40,6 +40,8 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     if found.per_inertia:
         lines.append("per_inertia: true".ljust(_WIDTH) + "# the gains were not known; all is over the inertia")
     lines += [line(INERTIA, float(joint.inertia)), "friction:"]
+    if not joint.friction.of_the_paper:
+        lines.append(f"  law: {joint.friction.law}")
     lines += [f"  {line(one, float(getattr(joint.friction, one.name)))}" for one in FRICTION_PARAMETERS]
     lines.append("gains:                          # of the controller then")
     gains = gains or Gains(stiffness=0.0)

@@ -37,7 +37,12 @@ def random_points(count: int, seed: int) -> np.ndarray:
     )
 
 
-def slip(level: float, damping_ratio: float, velocity: float, lag: float, rtol: float = 1e-10):
+def hess_soom(speed: float) -> float:
+    """Ψ of the paper."""
+    return 1 / (1 + speed**2)
+
+
+def slip(level: float, damping_ratio: float, velocity: float, lag: float, rtol: float = 1e-10, falls=hess_soom):
     """Duration, position at arrest and Ψ there of one slip from breakaway; None if there is no arrest."""
 
     def arrests(_, state):
@@ -52,8 +57,8 @@ def slip(level: float, damping_ratio: float, velocity: float, lag: float, rtol: 
 
         def shape(time, state, before=before):
             if lag == 0:
-                return 1 / (1 + (velocity + state[1]) ** 2)
-            return 1.0 if before is None else 1 / (1 + (velocity + before(time - lag)[1]) ** 2)
+                return falls(velocity + state[1])
+            return 1.0 if before is None else falls(velocity + before(time - lag)[1])
 
         def motion(time, state, shape=shape):
             return [state[1], -state[0] - 2 * damping_ratio * state[1] - level * shape(time, state)]
@@ -69,13 +74,13 @@ def slip(level: float, damping_ratio: float, velocity: float, lag: float, rtol: 
     return None
 
 
-def cycles(point: np.ndarray, count: int = CYCLES, rtol: float = 1e-10) -> np.ndarray:
+def cycles(point: np.ndarray, count: int = CYCLES, rtol: float = 1e-10, falls=hess_soom) -> np.ndarray:
     """Slip duration, dwell, level at breakaway of each cycle, from full static friction; NaN once it has died out."""
     damping_ratio, stribeck, velocity, lag, rise_time = map(float, point)
     rows = np.full((count, 3), np.nan)
     level = stribeck
     for row in rows:
-        found = slip(level, damping_ratio, velocity, lag, rtol)
+        found = slip(level, damping_ratio, velocity, lag, rtol, falls)
         if found is None:
             break
         duration, end, shape = found

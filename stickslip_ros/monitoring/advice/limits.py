@@ -27,6 +27,11 @@ class Condition(str, Enum):
     EXACT = "exact"
 
 
+def condition_for(joint: Joint, condition: Condition) -> Condition:
+    """The condition that can be answered of a joint: the exact one where the friction law is not that of Eq. (43)."""
+    return condition if joint.friction.of_the_paper else Condition.EXACT
+
+
 @dataclass(frozen=True, kw_only=True)
 class AdviceLimits:
     """What advice must reach and keep within.
@@ -35,7 +40,7 @@ class AdviceLimits:
     ----------
     wanted_margin : by how much the damping ratio shall exceed the critical one, e.g. 0.2 for 20 %.
     confidence : probability with which it shall, where the joint is known with errors only.
-    condition : the critical damping ratio of Eq. (43), or the exact one.
+    condition : the critical damping ratio of Eq. (43), or the exact one; see :func:`condition_for`.
     steady_sliding : whether a joint that does not stick shall not swing about its speed either; see
         :mod:`stickslip_ros.model.steady_sliding`.
     slowest_velocity : the joint shall be smooth from this speed on [rad/s]; None: at the commanded speed.

@@ -22,7 +22,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition, condition_for
 from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding, Uncertainty
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Obstruction
 
@@ -124,8 +124,8 @@ def recommend(
     """Gains that reach the wanted margin within the limits, with the least change.
 
     With ``Condition.PAPER`` the margin is that of Eq. (43), and if the integration of (4)-(6) refutes it, the exact
-    condition is to hold besides. Integral action and sampled control count with ``Condition.EXACT`` only; then gains
-    are tried on a grid, which takes seconds.
+    condition is to hold besides; a joint of another friction law than the paper's is advised exactly. Integral action
+    and sampled control count with ``Condition.EXACT`` only; then gains are tried on a grid, which takes seconds.
 
     Parameters
     ----------
@@ -140,6 +140,7 @@ def recommend(
     limits, circumstances = limits or AdviceLimits(), circumstances or Circumstances()
     if not gains_known:
         limits = limits.per_inertia()
+    limits = replace(limits, condition=condition_for(joint, limits.condition))
     exact = limits.condition is Condition.EXACT
     slowest = abs(velocity) if limits.slowest_velocity is None else limits.slowest_velocity
     if exact:
@@ -283,6 +284,7 @@ class _Case:
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains
         margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
+        groups = dimensionless_groups(joint, gains, self._slowest)
         viscous = float(joint.friction.viscous)
         total, before = float(gains.damping) + viscous, float(present.damping) + viscous
         conditions = self._circumstances.conditions if self._beyond else None
@@ -295,9 +297,7 @@ class _Case:
             energy_margin=float(margin.energy_margin),
             reserve=self._reserve(gains),
             exactly_smooth=exactly_smooth(joint, replace(gains, integral=integral), self._slowest, conditions),
-            slides_steadily=bool(
-                margin.damping_ratio >= sliding_damping_ratio(dimensionless_groups(joint, gains, self._slowest))
-            ),
+            slides_steadily=bool(groups.damping_ratio >= sliding_damping_ratio(groups)),
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
             change=AdviceSearch.change(joint, present, gains),

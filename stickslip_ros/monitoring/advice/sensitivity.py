@@ -16,7 +16,7 @@ from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.limits import Condition, condition_for
 from stickslip_ros.monitoring.samples import FloatArray
 
 PARAMETERS = ("stribeck", "stribeck_velocity", "lag", "rise_time", "viscous")
@@ -48,13 +48,15 @@ def sensitivities(
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of ρ/ρ_c to the friction's parameters, by Eq. (43) or exactly; the paper's conclusion in numbers.
 
-    Coulomb friction is not among them: it cancels. All NaN where Eq. (43) does not apply.
+    Coulomb friction is not among them: it cancels. All NaN where Eq. (43) does not apply; exactly for a joint of
+    another friction law than the paper's.
 
     Parameters
     ----------
     joint, gains : scalars. velocity : [rad/s].
     """
     found = []
+    condition = condition_for(joint, condition)
     grid = np.linspace(-math.log(_REACH), math.log(_REACH), _POINTS)
     step = _STEP[condition]
     for parameter in PARAMETERS:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled simulation of measured slips, each from its own start; :mod:`.slip_problem` is its face."""
+"""Compiled simulation of measured slips from their own starts, by the paper's law; :mod:`.slip_problem` is its face."""
 
 from __future__ import annotations
 

@@ -2,11 +2,12 @@
 # Copyright 2026 The stickslip_ros developers
 """The friction of a joint estimated from its slips, with errors, and what the data leave open.
 
-Simulated slips are fitted to observed positions, Eq. (4) with (5) and (6); nothing is differentiated. The
-force comes from gains and reference, from the effort, or, where neither is known, from the reference's mean
-speed alone: then everything is per inertia, and ω stands for the stiffness, which is all that Eq. (43) and
-the exact condition need. In one direction a constant load cannot be told from Coulomb friction, and need
-not be: neither condition contains it.
+Simulated slips are fitted to observed positions, Eq. (4) with (5) and (6); nothing is differentiated. All of
+this package fits the paper's law, and takes no joint of another one for a prior: its values would mean
+something else. The force comes from gains and reference, from the effort, or, where neither is known, from
+the reference's mean speed alone: then everything is per inertia, and ω stands for the stiffness, which is all
+that Eq. (43) and the exact condition need. In one direction a constant load cannot be told from Coulomb
+friction, and need not be: neither condition contains it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.drive import DriveGains
@@ -219,6 +222,7 @@ def _joint(logarithms: FloatArray, coulomb: float, *, normalised: bool) -> Joint
             stribeck_velocity=values[STRIBECK_VELOCITY],
             lag=values[LAG],
             rise_time=values[RISE_TIME],
+            law=PAPERS_LAW,
         ),
     )
 
@@ -230,6 +234,11 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     ----------
     windows : in order of time. Where forces are known of some slips and not of others, the known ones count.
     configured : a prior, right within a factor of two or so; where the data speak they outweigh it.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the prior is of another law than the paper's.
     """
     chosen = _some_of(best_known(windows))
     if len(chosen) < LEAST_SLIPS:
@@ -283,6 +292,8 @@ def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tupl
     """Mean and standard deviation of the parameters' logarithms that a configured joint gives."""
     if joint is None:
         return {}
+    if not joint.friction.of_the_paper:
+        raise InvalidParameterError("prior", f"a joint of the law that is fitted, {PAPERS_LAW}", joint.friction.law)
     friction = joint.friction
     known = {
         STRIBECK_VELOCITY: float(friction.stribeck_velocity),

@@ -2,7 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """The friction-speed curve of a joint from sliding: measured force against speed, where the force is known.
 
-Eq. (4) averaged over short stretches of sliding says force = load ± (F_k + F_s Ψ) + F_v v + M a. Every range
+Eq. (4) averaged over short stretches of sliding says force = load ± (F_k + F_s Ψ) + F_v v + M a, with Ψ of the
+paper's law. Every range
 of speeds counts the same, however long the joint went at it. Such stretches show the curve of steady friction;
 of its lag and of the rise of static friction they show nothing that could be told from other transients.
 """
