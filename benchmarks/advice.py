@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import once
-from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.limits import Criterion
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, recommend
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
@@ -31,7 +31,7 @@ def _advised(case: AdviceCase) -> Recommendation:
 
 def run() -> None:
     """Time the search beside brute force."""
-    for condition in Condition:
+    for condition in Criterion:
         rng = np.random.default_rng(_SEED)
         cases = [random_case(rng, condition) for _ in range(_JOINTS)]
         _advised(cases[0])
@@ -43,7 +43,7 @@ def run() -> None:
         )
 
 
-def verify(count: int, condition: Condition) -> None:
+def verify(count: int, condition: Criterion) -> None:
     """Advise random joints and look for better gains by brute force."""
     rng = np.random.default_rng(_SEED)
     found = smooth = reached = better = missed = 0
@@ -68,5 +68,5 @@ def verify(count: int, condition: Condition) -> None:
 
 
 if __name__ == "__main__":
-    for each in Condition:
+    for each in Criterion:
         verify(int(sys.argv[1]) if len(sys.argv) > 1 else _JOINTS, each)

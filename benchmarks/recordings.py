@@ -13,7 +13,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
+from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
 
@@ -59,7 +59,7 @@ def run(minutes: float = _MINUTES, sticking: tuple[int, ...] = (1, _JOINTS)) -> 
 def _write(path: Path, minutes: float, sticking: int) -> None:
     """The first joints stick; the others are stiffer, and move smoothly."""
     known = load_joint("puma560_joint1")
-    loose = SimulatedJoint(
+    loose = RecordedJoint(
         joint=known.joint, gains=known.gains, velocities=(0.005,),
         encoder_resolution=known.encoder_resolution, velocity_noise=1e-4,
     )  # fmt: skip

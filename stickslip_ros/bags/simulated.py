@@ -23,7 +23,7 @@ _AT_ONCE = 10_000  # samples that are simulated and written at once
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedJoint:
+class RecordedJoint:
     """A joint to be recorded.
 
     Attributes
@@ -55,7 +55,7 @@ class SimulatedJoint:
 
 def write_simulation(
     path: Path,
-    joints: Mapping[str, SimulatedJoint],
+    joints: Mapping[str, RecordedJoint],
     *,
     duration: float,
     rate: float = 1000.0,
@@ -117,7 +117,7 @@ def write_simulation(
 class _Track:
     """One joint along its recording."""
 
-    def __init__(self, what: SimulatedJoint, duration: float, rate: float) -> None:
+    def __init__(self, what: RecordedJoint, duration: float, rate: float) -> None:
         self._what, self._period = what, 1.0 / rate
         self._simulation = JointSimulation(what.joint, what.gains, load=what.load)
         self._part = duration * rate / len(what.velocities)

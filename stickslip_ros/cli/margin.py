@@ -14,7 +14,7 @@ from rich.table import Table
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
 from stickslip_ros.model.margin import change_factors
@@ -64,7 +64,7 @@ def add_joint_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print the margin; exit status 0 whatever the verdict."""
     joint, gains, velocity = joint_from(options)
-    conditions = Conditions(
+    conditions = OperatingConditions(
         load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
     )
     with Console(stderr=True).status("integrating (after installation this compiles for ten seconds)"):

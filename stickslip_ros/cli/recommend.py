@@ -17,9 +17,9 @@ from rich.table import Table
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
 from stickslip_ros.output.as_json import margin_json, recommendation_json
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     defaults = AdviceLimits()
     wanted.add_argument(
         "--condition",
-        choices=[one.value for one in Condition],
+        choices=[one.value for one in Criterion],
         default="paper",
         help="Eq. (43), or the exact one, which it is for another friction law than the paper's",
     )
@@ -87,15 +87,17 @@ def run(options: argparse.Namespace) -> int:
         require_positive("sample_rate", options.sample_rate)
     if options.tracking_error is not None:
         require_not_negative("tracking_error", options.tracking_error)
-    circumstances = Circumstances(
-        conditions=Conditions(controller_period=options.controller_period, control_delay=options.control_delay),
+    loop = ObservedLoop(
+        conditions=OperatingConditions(
+            controller_period=options.controller_period, control_delay=options.control_delay
+        ),
         sample_rate=math.nan if options.sample_rate is None else options.sample_rate,
         tracking_error=math.nan if options.tracking_error is None else options.tracking_error,
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
     factors = options.factors or bool(options.joint and load_joint(options.joint).per_inertia)
     with Console(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
-        advice = recommend(joint, gains, velocity, limits, None, circumstances, gains_known=not factors)
+        advice = recommend(joint, gains, velocity, limits, None, loop, gains_known=not factors)
         found: Sequence[Sensitivity] = ()
         if gains.stiffness > 0 and advice.velocity > 0:
             found = sensitivities(
@@ -106,8 +108,8 @@ def run(options: argparse.Namespace) -> int:
             result["what_if"] = {
                 "stiffness": float(trial.stiffness),
                 "damping": float(trial.damping),
-                "margin": margin_json(joint, trial, velocity, circumstances.conditions),
-                "present_margin": margin_json(joint, gains, velocity, circumstances.conditions),
+                "margin": margin_json(joint, trial, velocity, loop.conditions),
+                "present_margin": margin_json(joint, gains, velocity, loop.conditions),
             }
     if options.json:
         print(json.dumps(result, ensure_ascii=False))
@@ -121,7 +123,7 @@ def run(options: argparse.Namespace) -> int:
 def _limits(options: argparse.Namespace) -> AdviceLimits:
     return AdviceLimits(
         wanted_margin=options.wanted_margin,
-        condition=Condition(options.condition),
+        condition=Criterion(options.condition),
         steady_sliding=options.steady_sliding,
         slowest_velocity=options.slowest_velocity,
         stiffness_range=(options.least_stiffness, options.largest_stiffness),
@@ -155,7 +157,7 @@ def what_if(text: str, gains: Gains) -> Gains:
 
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, gains: Gains) -> None:
     console = Console(highlight=False, soft_wrap=True)
-    name = "Eq. (43)" if advice.condition is Condition.PAPER else "the exact condition"
+    name = "Eq. (43)" if advice.condition is Criterion.PAPER else "the exact condition"
     if not joint.friction.of_the_paper:
         name += f" (Eq. (43) is not of the law {joint.friction.law})"
     first = advice[Kind.LEAST_CHANGE]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
+from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         damping=known.gains.damping if options.damping is None else options.damping,
     )
     joints = {
-        name: SimulatedJoint(
+        name: RecordedJoint(
             joint=known.joint,
             gains=gains,
             velocities=tuple((number + 1) * velocity for velocity in velocities),

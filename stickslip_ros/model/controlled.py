@@ -37,7 +37,7 @@ _LONGEST_STRETCH = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class Conditions:
+class OperatingConditions:
     """What the paper leaves open, each off by default.
 
     Attributes
@@ -64,7 +64,7 @@ class Conditions:
             raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
 
 
-def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: Conditions) -> float:
+def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> float:
     """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever; scalars only.
 
     It does if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over ten
@@ -118,7 +118,7 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
     return 1.0
 
 
-def hunts(joint: Joint, gains: Gains, conditions: Conditions) -> float:
+def hunts(joint: Joint, gains: Gains, conditions: OperatingConditions) -> float:
     """Whether integral action makes the joint slip to and fro for ever about a reference that stands still.
 
     The joint starts stuck, with full static friction, off the reference by what the spring can hold.
@@ -172,7 +172,7 @@ def _natural_period(joint: Joint, gains: Gains) -> float:
     return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
 
 
-def _step_period(conditions: Conditions, natural_period: float) -> float:
+def _step_period(conditions: OperatingConditions, natural_period: float) -> float:
     """The controller's period, or a sampling of continuous control; NaN if too short to be followed [s]."""
     period = conditions.controller_period or natural_period / _SAMPLES_A_PERIOD
     return math.nan if period * _FASTEST_CONTROLLER < natural_period else period

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.model.bisection import bisected_until
-from stickslip_ros.model.controlled import HUNTING, Conditions, controlled_cycle_persists, hunts
+from stickslip_ros.model.controlled import HUNTING, OperatingConditions, controlled_cycle_persists, hunts
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
@@ -49,7 +49,7 @@ class ExactVerdict:
 
 
 def exact_verdict(
-    joint: Joint, gains: Gains, velocity: float, conditions: Conditions | None = None, *, limits: bool = True
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions | None = None, *, limits: bool = True
 ) -> ExactVerdict:
     """Exact verdict on one joint (scalars) at a commanded velocity [rad/s].
 
@@ -59,7 +59,7 @@ def exact_verdict(
         takes up to seconds; in the paper's case milliseconds.
     limits : whether the lowest smooth velocity and the least smooth stiffness are wanted too.
     """
-    conditions = conditions or Conditions()
+    conditions = conditions or OperatingConditions()
     why = _obstacle(joint, gains, velocity)
     if why:
         return _no_answer(why)
@@ -81,12 +81,14 @@ def exact_verdict(
     )
 
 
-def exactly_smooth(joint: Joint, gains: Gains, velocity: float, conditions: Conditions | None = None) -> bool | None:
+def exactly_smooth(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions | None = None
+) -> bool | None:
     """Whether stick slip dies out, as in :func:`exact_verdict`, and nothing else; None where there is no answer.
 
     Takes a tenth of a millisecond in the paper's case.
     """
-    conditions = conditions or Conditions()
+    conditions = conditions or OperatingConditions()
     if _obstacle(joint, gains, velocity):
         return None
     if velocity == 0:
@@ -98,7 +100,7 @@ def exactly_smooth(joint: Joint, gains: Gains, velocity: float, conditions: Cond
     return None if math.isnan(persists) else persists == 0.0
 
 
-def _beyond_the_paper(gains: Gains, conditions: Conditions) -> bool:
+def _beyond_the_paper(gains: Gains, conditions: OperatingConditions) -> bool:
     return bool(gains.integral != 0) or conditions.controller_period > 0
 
 
@@ -126,14 +128,14 @@ def _no_answer(why: str) -> ExactVerdict:
     return ExactVerdict(smooth=None, reason=f"no answer, because {why}")
 
 
-def _standstill(joint: Joint, gains: Gains, conditions: Conditions) -> ExactVerdict:
+def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> ExactVerdict:
     hunting = hunts(joint, gains, conditions)
     if math.isnan(hunting):
         return _no_answer("the controller is too fast beside the joint to be followed")
     return ExactVerdict(smooth=hunting == 0.0, reason=HUNTING if hunting else None)
 
 
-def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: Conditions) -> ExactVerdict:
+def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
     persists = controlled_cycle_persists(joint, gains, velocity, conditions)
     if math.isnan(persists):
         return _no_answer("the controller is too fast beside the joint to be followed")

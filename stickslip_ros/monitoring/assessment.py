@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.monitoring.advice.adviser import Advice
@@ -47,7 +47,7 @@ class MonitorOptions:
     memory: float = 100.0
     limits: AdviceLimits = field(default_factory=AdviceLimits)
     variant: Kind = Kind.LEAST_CHANGE
-    conditions: Conditions = field(default_factory=Conditions)
+    conditions: OperatingConditions = field(default_factory=OperatingConditions)
     trial: Gains | None = None
 
     def __post_init__(self) -> None:

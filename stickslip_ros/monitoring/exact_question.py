@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 
@@ -21,7 +21,7 @@ class ExactQuestion:
 
     joint: Joint
     gains: Gains
-    conditions: Conditions
+    conditions: OperatingConditions
     speed: float
 
     def verdict(self) -> ExactVerdict:

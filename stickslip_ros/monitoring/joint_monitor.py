@@ -17,7 +17,7 @@ from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice.adviser import Adviser
-from stickslip_ros.monitoring.advice.limits import Circumstances
+from stickslip_ros.monitoring.advice.limits import ObservedLoop
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import uncertainty_of
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
@@ -27,7 +27,7 @@ from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segm
 from stickslip_ros.monitoring.detection.status import Finding, Segment, Status
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
-from stickslip_ros.monitoring.outlook import Outlook
+from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
 
@@ -89,7 +89,7 @@ class JointMonitor:
         self._studies_at_once, self._at_arrest = studies_at_once, at_arrest
         self.learner = FrictionLearner(joint, self.options.memory)
         self._gains_since = -math.inf
-        self._outlook = Outlook(adviser)
+        self._prediction = MarginPrediction(adviser)
         self._filter = SampleFilter()
         self.cycle_count = 0
         self._last_cycle: Cycle | None = None
@@ -324,7 +324,7 @@ class JointMonitor:
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, str]:
         self._believe()
-        return self._outlook.damping_reserves(velocities, self.options.limits.condition)
+        return self._prediction.damping_reserves(velocities, self.options.limits.condition)
 
     def velocity(self) -> tuple[float, str]:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
@@ -340,7 +340,7 @@ class JointMonitor:
         return mean, "mean motion" if math.isfinite(mean) else ""
 
     def _believe(self) -> None:
-        self._outlook.follow(self.learner.estimate, self._joint, self._gains)
+        self._prediction.follow(self.learner.estimate, self._joint, self._gains)
 
     def _sample_rate(self) -> float:
         return 1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan
@@ -351,17 +351,17 @@ class JointMonitor:
         advice, trial_margin = None, None
         tracking_error, velocity_error = self._motion.errors(_RECENT)
         self._believe()
-        belief = self._outlook.belief
-        margin, reason = self._outlook.margin(velocity)
+        belief = self._prediction.belief
+        margin, reason = self._prediction.margin(velocity)
         std = probability = math.nan
         if margin is not None and belief is not None:
-            circumstances = Circumstances(
+            loop = ObservedLoop(
                 conditions=self.options.conditions,
                 sample_rate=self._sample_rate(),
                 tracking_error=tracking_error,
                 velocity_error=velocity_error,
             )
-            advice = self._outlook.advise(belief, velocity, self.options.limits, circumstances)
+            advice = self._prediction.advise(belief, velocity, self.options.limits, loop)
             std, probability = uncertainty_of(margin, belief, velocity)
             if self.options.trial is not None and belief.gains_known:
                 trial_margin = stability_margin(belief.joint, self.options.trial, velocity)

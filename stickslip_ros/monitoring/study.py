@@ -12,7 +12,13 @@ import numpy as np
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, assess, covariance_of, honest_covariance, solve
+from stickslip_ros.monitoring.friction.estimate import (
+    FrictionEstimate,
+    covariance_of,
+    friction_estimate,
+    honest_covariance,
+    solve,
+)
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import LEVEL, STRIBECK
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -86,7 +92,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
     fit = solution.fit
     narrow = spread_of(covariance_of(fit.information, solution.prior))
     spread = spread_of(honest_covariance(problem, fit, solution.prior))
-    estimate = assess(problem, solution, configured=configured is not None)
+    estimate = friction_estimate(problem, solution, configured=configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
@@ -22,7 +22,7 @@ def margin_json(
     joint: Joint,
     gains: Gains,
     velocity: float,
-    conditions: Conditions | None = None,
+    conditions: OperatingConditions | None = None,
     *,
     exact: ExactVerdict | None = None,
 ) -> dict[str, Any]:

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.limits import Criterion
 from stickslip_ros.monitoring.advice.sensitivity import in_words
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
@@ -73,7 +73,7 @@ def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     learnt = [
         (one.name, one.unit_where(per_inertia=estimate.normalised), estimate[one.name]) for one in JOINT_PARAMETERS
     ]
-    for name, unit, found in (*learnt, ("load", unit_of(Conditions, "load"), estimate.load)):
+    for name, unit, found in (*learnt, ("load", unit_of(OperatingConditions, "load"), estimate.load)):
         if math.isnan(found.value) or (estimate.normalised and name in _ONLY_ABSOLUTE):
             continue
         unit = in_ascii(unit)
@@ -164,7 +164,7 @@ def joint_diagnostic(
 
 def _advised_exactly(assessment: Assessment) -> bool:
     """Whether the exact condition is the one that counts."""
-    return assessment.advice is not None and assessment.advice.recommendation.condition is Condition.EXACT
+    return assessment.advice is not None and assessment.advice.recommendation.condition is Criterion.EXACT
 
 
 def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:

@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model._validation import require_positive
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
@@ -97,7 +97,7 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
     limits = AdviceLimits(
         wanted_margin=value("wanted_margin"),
         confidence=value("confidence"),
-        condition=choice(Condition, "condition", values["condition"]),
+        condition=choice(Criterion, "condition", values["condition"]),
         steady_sliding=values.flag("steady_sliding"),
         slowest_velocity=values.number_if_set(f"slowest_velocity.{name}"),
         stiffness_range=(scale * value(f"limits.{name}.p_min"), scale * value(f"limits.{name}.p_max")),
@@ -110,7 +110,7 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
         samples_per_period=value("samples_per_period"),
         effort=value(f"limits.{name}.effort"),
     )
-    conditions = Conditions(
+    conditions = OperatingConditions(
         load=value(f"load.{name}"),
         controller_period=value(f"controller_period.{name}"),
         control_delay=values.flag(f"control_delay.{name}"),

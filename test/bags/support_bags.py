@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
-from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
+from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_file import Parameters
 
@@ -25,9 +25,9 @@ KNOWN = load_joint("puma560_joint1")
 WITHOUT_LEARNING = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}))
 
 
-def sticking(velocity: float = 0.008) -> SimulatedJoint:
+def sticking(velocity: float = 0.008) -> RecordedJoint:
     """A joint that sticks and slips."""
-    return SimulatedJoint(
+    return RecordedJoint(
         joint=KNOWN.joint, gains=KNOWN.gains, velocities=(velocity,), encoder_resolution=KNOWN.encoder_resolution
     )
 

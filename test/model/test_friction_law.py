@@ -18,7 +18,7 @@ from stickslip_ros.compilation import source_files
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model import _friction_law as friction_law
 from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
-from stickslip_ros.model.controlled import Conditions, controlled_cycle_persists
+from stickslip_ros.model.controlled import OperatingConditions, controlled_cycle_persists
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio, energy_margin
@@ -232,4 +232,4 @@ def test_two_integrations_agree_on_the_boundary_of_every_law() -> None:
             damping = float(damping_for_ratio(joint, stiffness, factor * critical))
             gains = Gains(stiffness=stiffness, damping=damping)
             assert cycle_persists(dimensionless_groups(joint, gains, velocity)) == persists
-            assert controlled_cycle_persists(joint, gains, velocity, Conditions()) == persists
+            assert controlled_cycle_persists(joint, gains, velocity, OperatingConditions()) == persists

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation, simulate
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
@@ -76,9 +76,9 @@ def test_extreme_joints_are_answered_in_time(puma: Joint, stiffness: float, velo
 def test_a_load_changes_no_verdict(puma: Joint) -> None:
     """Issue 3: a constant load shifts the position, not the verdict; simulated with and without integral action."""
     plain = exact_verdict(puma, GAINS, SPEED)
-    assert same(exact_verdict(puma, GAINS, SPEED, Conditions(load=7.0)), plain, 1e-12)
+    assert same(exact_verdict(puma, GAINS, SPEED, OperatingConditions(load=7.0)), plain, 1e-12)
     integral = replace(GAINS, integral=500.0)
-    loaded = exact_verdict(puma, integral, SPEED, Conditions(load=7.0))
+    loaded = exact_verdict(puma, integral, SPEED, OperatingConditions(load=7.0))
     assert same(loaded, exact_verdict(puma, integral, SPEED), 0.011)
 
 
@@ -86,7 +86,7 @@ def test_little_integral_action_and_fast_control_are_the_papers_case(puma: Joint
     """Issue 3: k_i → 0 and a controller period → 0 lead to the paper's case, from another integrator."""
     plain = exact_verdict(puma, GAINS, SPEED)
     assert same(exact_verdict(puma, replace(GAINS, integral=1.0), SPEED), plain, 0.015)
-    assert same(exact_verdict(puma, GAINS, SPEED, Conditions(controller_period=2e-4)), plain, 0.015)
+    assert same(exact_verdict(puma, GAINS, SPEED, OperatingConditions(controller_period=2e-4)), plain, 0.015)
 
 
 def test_slow_control_needs_more_damping(puma: Joint) -> None:
@@ -94,15 +94,18 @@ def test_slow_control_needs_more_damping(puma: Joint) -> None:
     ratios = [
         exact_verdict(puma, GAINS, SPEED, conditions).critical_damping_ratio
         for conditions in (
-            Conditions(),
-            Conditions(controller_period=0.005),
-            Conditions(controller_period=0.01),
-            Conditions(controller_period=0.01, control_delay=True),
+            OperatingConditions(),
+            OperatingConditions(controller_period=0.005),
+            OperatingConditions(controller_period=0.01),
+            OperatingConditions(controller_period=0.01, control_delay=True),
         )
     ]
     assert ratios == sorted(ratios)
     assert ratios[-1] > 1.3 * ratios[0]
-    assert exact_verdict(puma, GAINS, SPEED, Conditions(controller_period=0.1, control_delay=True)).smooth is False
+    assert (
+        exact_verdict(puma, GAINS, SPEED, OperatingConditions(controller_period=0.1, control_delay=True)).smooth
+        is False
+    )
 
 
 def test_hunting_at_standstill(puma: Joint) -> None:
@@ -149,10 +152,10 @@ def test_sampled_control_holds_its_effort_and_may_be_late(puma: Joint) -> None:
 def test_bad_conditions_are_refused_by_name(values: dict[str, float], name: str) -> None:
     """Issue 3: conditions that cannot be are refused with their name."""
     with pytest.raises(InvalidParameterError, match=f"'{name}'"):
-        Conditions(**values)  # type: ignore[arg-type]
+        OperatingConditions(**values)  # type: ignore[arg-type]
 
 
 def test_a_controller_too_fast_to_follow_has_no_answer(puma: Joint) -> None:
     """Issue 3: where a natural period holds too many controller periods the answer says so."""
-    verdict = exact_verdict(puma, Gains(stiffness=0.1), SPEED, Conditions(controller_period=1e-5))
+    verdict = exact_verdict(puma, Gains(stiffness=0.1), SPEED, OperatingConditions(controller_period=1e-5))
     assert verdict.smooth is None

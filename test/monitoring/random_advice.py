@@ -15,7 +15,7 @@ from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_rat
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import exactly_smooth
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 
 _NO_DAMPING = 0.01  # damping ratio that counts as none, as the advice has it
 _CANDIDATES = 40
@@ -31,7 +31,7 @@ class AdviceCase:
     limits: AdviceLimits
 
 
-def random_case(rng: np.random.Generator, condition: Condition) -> AdviceCase:
+def random_case(rng: np.random.Generator, condition: Criterion) -> AdviceCase:
     """A case; others are drawn until the joint sticks."""
     while True:
         joint, frequency = random_joint(rng)
@@ -65,7 +65,7 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     damped = np.concatenate([[0.0], np.linspace(-within, within, points)])
     stiffnesses, totals = np.meshgrid(stiffness * np.exp(softer), before * np.exp(damped), indexing="ij")
     groups = dimensionless_groups(joint, Gains(stiffness=stiffnesses[:, 0]), case.velocity)
-    if limits.condition is Condition.PAPER:
+    if limits.condition is Criterion.PAPER:
         critical = np.where(np.asarray(groups.lag) <= 2 * np.pi, critical_damping_ratio(groups), np.inf)
     else:
         critical = np.nan_to_num(np.asarray(exact_critical_damping_ratio(groups)), nan=np.inf)
@@ -79,7 +79,7 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     order = sorted(np.argwhere(feasible).tolist(), key=lambda index: changes[tuple(index)])
     for row, column in order[:_CANDIDATES]:
         # With a margin, the cycle dies with less damping too; a critical ratio is only known to a thousandth.
-        less = wanted if limits.condition is Condition.EXACT else 1.0
+        less = wanted if limits.condition is Criterion.EXACT else 1.0
         trial = Gains(stiffness=stiffnesses[row, column], damping=totals[row, column] / less - viscous)
         point = replace(dimensionless_groups(joint, trial, case.velocity))
         if cycle_persists(point) == 0.0:

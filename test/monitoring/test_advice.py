@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from random_advice import brute_force, random_case
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -23,8 +23,8 @@ from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import exactly_smooth
 from stickslip_ros.monitoring.advice.limits import (
     AdviceLimits,
-    Circumstances,
-    Condition,
+    Criterion,
+    ObservedLoop,
     bounds_at,
     largest_bandwidth,
 )
@@ -70,8 +70,8 @@ def test_every_variant_reaches_the_wanted_margin(
     assert advice[Kind.STIFFNESS_ONLY].damping in (gains.damping, pytest.approx(math.nan, nan_ok=True))
 
 
-@pytest.mark.parametrize(("condition", "count"), [(Condition.PAPER, 120), (Condition.EXACT, 20)])
-def test_random_joints_become_smooth_with_the_least_change(condition: Condition, count: int) -> None:
+@pytest.mark.parametrize(("condition", "count"), [(Criterion.PAPER, 120), (Criterion.EXACT, 20)])
+def test_random_joints_become_smooth_with_the_least_change(condition: Criterion, count: int) -> None:
     """Issue 5, what shows it: all are smooth when simulated; no point of a grid is feasible with 5 % less change.
 
     Where no gains are found, the grid has none either. `python -m benchmarks.advice 300` does as many exactly.
@@ -88,21 +88,21 @@ def test_random_joints_become_smooth_with_the_least_change(condition: Condition,
         assert best.exactly_smooth is True
         assert best.reserve >= case.limits.wanted_margin - 1e-4
         assert brute_force(case, within=0.95 * best.change) == math.inf, best
-        bounds = bounds_at(np.array([best.stiffness]), case.joint, case.limits, Circumstances())
+        bounds = bounds_at(np.array([best.stiffness]), case.joint, case.limits, ObservedLoop())
         for bound in bounds.values():
             assert bound.least[0] - 1e-9 <= best.damping <= bound.largest[0] * (1 + 1e-9)
     assert found > 0.7 * count
 
 
-@pytest.mark.parametrize("condition", list(Condition))
-def test_margin_at_every_speed_needed(puma: Joint, condition: Condition) -> None:
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_margin_at_every_speed_needed(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: with a slowest speed given, the margin holds there and at every speed above."""
     limits = AdviceLimits(condition=condition, slowest_velocity=0.002)
     advice = recommend(puma, STICKING, SPEED, limits)
     assert advice.velocity == 0.002
     gains = advice[Kind.LEAST_CHANGE].gains
     for velocity in np.geomspace(0.002, 0.3, 40):
-        if condition is Condition.PAPER:
+        if condition is Criterion.PAPER:
             assert reserve(puma, gains, velocity) > 0.15  # between the speeds that were looked at, a little less
         assert exactly_smooth(puma, gains, velocity)
     assert advice.slowest_smooth_velocity <= 0.002
@@ -110,8 +110,8 @@ def test_margin_at_every_speed_needed(puma: Joint, condition: Condition) -> None
     assert recommend(puma, STICKING, 0.0, limits)[Kind.LEAST_CHANGE].found
 
 
-@pytest.mark.parametrize("condition", list(Condition))
-def test_bounds_are_kept_and_named(puma: Joint, condition: Condition) -> None:
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: a bound moves the advice; where none is left, the bounds in the way and the best are said."""
     base = AdviceLimits(condition=condition, damping_ratio_range=(0.0, math.inf))
     free = recommend(puma, STICKING, SPEED, base)[Kind.LEAST_CHANGE]
@@ -145,7 +145,7 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Condition) -> None:
     assert best is not None
     assert (float(best.stiffness), float(best.damping)) == pytest.approx((2000.0, 10.0))
     assert none.obstruction.reserve < 0.2
-    if condition is Condition.PAPER:
+    if condition is Criterion.PAPER:
         assert none.obstruction.reserve == pytest.approx(reserve(puma, best, SPEED), rel=1e-3)
     assert none.slowest_smooth_velocity > SPEED
 
@@ -163,18 +163,18 @@ def test_bounds_that_are_in_the_way_together(puma: Joint) -> None:
 def test_bandwidth_comes_from_samples_and_controller(puma: Joint) -> None:
     """Issue 5, item 1: the crossover frequency is limited by sample rate and controller's period."""
     limits = AdviceLimits()
-    assert largest_bandwidth(limits, Circumstances()) == math.inf
-    assert largest_bandwidth(limits, Circumstances(sample_rate=100.0)) == pytest.approx(2 * math.pi * 5.0)
-    slow = Circumstances(sample_rate=1000.0, conditions=Conditions(controller_period=0.01))
+    assert largest_bandwidth(limits, ObservedLoop()) == math.inf
+    assert largest_bandwidth(limits, ObservedLoop(sample_rate=100.0)) == pytest.approx(2 * math.pi * 5.0)
+    slow = ObservedLoop(sample_rate=1000.0, conditions=OperatingConditions(controller_period=0.01))
     assert largest_bandwidth(limits, slow) == pytest.approx(2 * math.pi * 5.0)
-    throttled = Circumstances(sample_rate=50.0, conditions=Conditions(controller_period=0.001))
+    throttled = ObservedLoop(sample_rate=50.0, conditions=OperatingConditions(controller_period=0.001))
     assert largest_bandwidth(limits, throttled) == pytest.approx(2 * math.pi * 50.0 / 8.0)
-    for circumstances in (
-        Circumstances(sample_rate=80.0),
-        Circumstances(conditions=Conditions(controller_period=0.012)),
+    for loop in (
+        ObservedLoop(sample_rate=80.0),
+        ObservedLoop(conditions=OperatingConditions(controller_period=0.012)),
     ):
-        gains = recommend(puma, STICKING, SPEED, limits, circumstances=circumstances)[Kind.LEAST_CHANGE].gains
-        bandwidth = largest_bandwidth(limits, circumstances)
+        gains = recommend(puma, STICKING, SPEED, limits, loop=loop)[Kind.LEAST_CHANGE].gains
+        bandwidth = largest_bandwidth(limits, loop)
         stiffness, damping, inertia = float(gains.stiffness), float(gains.damping), float(puma.inertia)
         frequencies = np.linspace(1.0, 3.0 * bandwidth, 20_000)
         loop = np.abs(stiffness + 1j * damping * frequencies)
@@ -184,13 +184,13 @@ def test_bandwidth_comes_from_samples_and_controller(puma: Joint) -> None:
 
 def test_effort_at_the_present_error(puma: Joint) -> None:
     """Issue 5, item 1: advised gains ask for no more than the effort limit at the errors of now."""
-    errors = Circumstances(tracking_error=0.016, velocity_error=0.03)
-    free = recommend(puma, STICKING, SPEED, AdviceLimits(), circumstances=errors)[Kind.LEAST_CHANGE]
+    errors = ObservedLoop(tracking_error=0.016, velocity_error=0.03)
+    free = recommend(puma, STICKING, SPEED, AdviceLimits(), loop=errors)[Kind.LEAST_CHANGE]
     assert free.stiffness * 0.016 > 25.0
-    bound = recommend(puma, STICKING, SPEED, AdviceLimits(effort=25.0), circumstances=errors)[Kind.LEAST_CHANGE]
+    bound = recommend(puma, STICKING, SPEED, AdviceLimits(effort=25.0), loop=errors)[Kind.LEAST_CHANGE]
     assert bound.found
     assert bound.stiffness * 0.016 + bound.damping * 0.03 <= 25.0 * (1 + 1e-9)
-    none = recommend(puma, STICKING, SPEED, AdviceLimits(effort=0.5), circumstances=errors)
+    none = recommend(puma, STICKING, SPEED, AdviceLimits(effort=0.5), loop=errors)
     assert none.obstruction is not None
     assert "effort" in none.obstruction.bounds
 
@@ -216,8 +216,8 @@ def test_enough_is_kept(puma: Joint) -> None:
         assert "keep" in variant.reason
 
 
-@pytest.mark.parametrize("condition", list(Condition))
-def test_confidence(puma: Joint, condition: Condition) -> None:
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_confidence(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: the margin holds in the chosen share of the joints that may be."""
     rng = np.random.default_rng(3)
 
@@ -242,7 +242,7 @@ def test_confidence(puma: Joint, condition: Condition) -> None:
         advice = recommend(puma, STICKING, SPEED, limits, uncertainty)
         for variant in advice.variants:
             groups = dimensionless_groups(draws, variant.gains, SPEED)
-            if condition is Condition.EXACT:
+            if condition is Criterion.EXACT:
                 critical = np.asarray(exact_critical_damping_ratio(groups))
             else:
                 critical = np.asarray(stability_margin(draws, variant.gains, SPEED).critical_damping_ratio)
@@ -302,16 +302,16 @@ def test_where_a_condition_does_not_apply_there_is_no_advice(puma: Joint) -> Non
         advice = recommend(puma, gains, velocity)
         assert not any(variant.found for variant in advice.variants)
         assert word in advice[Kind.LEAST_CHANGE].reason
-    nothing = recommend(puma, STICKING, 0.0, AdviceLimits(condition=Condition.EXACT))
+    nothing = recommend(puma, STICKING, 0.0, AdviceLimits(condition=Criterion.EXACT))
     assert "velocity is zero" in nothing[Kind.LEAST_CHANGE].reason
 
 
 def test_integral_action_and_sampled_control_count_exactly(puma: Joint) -> None:
     """Issue 5, item 1: with the exact condition, advice holds under integral action and a sampled controller too."""
-    conditions = Conditions(controller_period=0.004, control_delay=True)
+    conditions = OperatingConditions(controller_period=0.004, control_delay=True)
     gains = Gains(stiffness=630.0, integral=200.0)
-    limits = AdviceLimits(condition=Condition.EXACT)
-    advice = recommend(puma, gains, SPEED, limits, circumstances=Circumstances(conditions=conditions))
+    limits = AdviceLimits(condition=Criterion.EXACT)
+    advice = recommend(puma, gains, SPEED, limits, loop=ObservedLoop(conditions=conditions))
     best = advice[Kind.LEAST_CHANGE]
     assert best.found
     assert best.exactly_smooth is True
@@ -338,8 +338,8 @@ def test_limits_that_cannot_be(values: dict[str, object], text: str) -> None:
         AdviceLimits(**values)
 
 
-@pytest.mark.parametrize("condition", list(Condition))
-def test_steady_sliding(condition: Condition) -> None:
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_steady_sliding(condition: Criterion) -> None:
     """Issue 5, item 1: where it is asked for, no joint is left swinging about its speed; where not, it is said."""
     rng = np.random.default_rng(11)
     swings, told = [], []

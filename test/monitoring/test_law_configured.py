@@ -11,7 +11,7 @@ from support import record
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.limits import Criterion
 from stickslip_ros.monitoring.friction.estimate import estimate_friction
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.identification import identify
@@ -42,7 +42,7 @@ def test_nothing_is_learnt_and_the_configuration_counts(exponential: Joint) -> N
     assert not state.margin.applicable
     assert state.margin_reason.startswith("not applicable, because it is of the paper's friction law")
     assert state.recommendation is not None
-    assert state.recommendation.condition is Condition.EXACT
+    assert state.recommendation.condition is Criterion.EXACT
     assert state.recommended is not None
     assert state.recommended.exactly_smooth
 

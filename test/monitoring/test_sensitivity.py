@@ -13,7 +13,7 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.monitoring.advice.limits import Condition
+from stickslip_ros.monitoring.advice.limits import Criterion
 from stickslip_ros.monitoring.advice.sensitivity import PARAMETERS, in_words, sensitivities
 
 GAINS, SPEED = Gains(stiffness=2016.0), 0.00493
@@ -23,16 +23,16 @@ def changed(joint: Joint, parameter: str, factor: float) -> Joint:
     return replace(joint, friction=replace(joint.friction, **{parameter: getattr(joint.friction, parameter) * factor}))
 
 
-def ratio(joint: Joint, condition: Condition) -> float:
-    if condition is Condition.PAPER:
+def ratio(joint: Joint, condition: Criterion) -> float:
+    if condition is Criterion.PAPER:
         margin = stability_margin(joint, GAINS, SPEED)
         return float(margin.damping_ratio / margin.critical_damping_ratio)
     groups = dimensionless_groups(joint, GAINS, SPEED)
     return float(groups.damping_ratio / exact_critical_damping_ratio(groups, tolerance=1e-5))
 
 
-@pytest.mark.parametrize("condition", list(Condition))
-def test_elasticities_are_derivatives_and_factors_reach_the_margin(puma: Joint, condition: Condition) -> None:
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_elasticities_are_derivatives_and_factors_reach_the_margin(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: the margin's sensitivity to each friction parameter, against differences; factors do cure."""
     found = sensitivities(puma, GAINS, SPEED, condition=condition)
     assert tuple(one.parameter for one in found) == PARAMETERS
@@ -46,7 +46,7 @@ def test_elasticities_are_derivatives_and_factors_reach_the_margin(puma: Joint, 
         if math.isfinite(one.factor):
             cured = changed(puma, one.parameter, one.factor)
             margin = stability_margin(cured, GAINS, SPEED)
-            if condition is Condition.EXACT or margin.critical_damping_ratio > 0:
+            if condition is Criterion.EXACT or margin.critical_damping_ratio > 0:
                 assert ratio(cured, condition) >= 1.2 * (1 - 1e-3)
             # Half as large a change of it is not enough.
             assert ratio(changed(puma, one.parameter, math.sqrt(one.factor)), condition) < 1.2

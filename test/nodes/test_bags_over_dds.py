@@ -15,7 +15,7 @@ from support_ros import Probe, probe
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
-from stickslip_ros.bags.simulated import SimulatedJoint, write_simulation
+from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES
@@ -40,7 +40,7 @@ def random_bag(folder: Path, number: int, *, with_gains: bool) -> Path:
         coulomb=about(8.43), viscous=about(4.94), stribeck=about(1.6), stribeck_velocity=about(0.0058),
         lag=float(known.lag), rise_time=about(0.26),
     )  # fmt: skip
-    joint = SimulatedJoint(
+    joint = RecordedJoint(
         joint=Joint(inertia=about(6.3), friction=friction),
         gains=Gains(stiffness=about(900.0), damping=float(generator.choice([0.0, 30.0, 150.0]))),
         velocities=(about(0.012), -about(0.012)) if number % 3 == 0 else (about(0.012),),
@@ -142,7 +142,7 @@ def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Pat
     """Issue 6, item 2: what is learnt does not depend on whether studies are made at once or in another process."""
     path = tmp_path / "bag.mcap"
     known = load_joint("puma560_joint1")
-    joint = SimulatedJoint(joint=known.joint, gains=known.gains, velocities=(0.009,), encoder_resolution=2.5e-5)
+    joint = RecordedJoint(joint=known.joint, gains=known.gains, velocities=(0.009,), encoder_resolution=2.5e-5)
     write_simulation(path, {"axis": joint}, duration=22.0, rate=500.0, start=1000.0)
     expected = analyze(path).joints["axis"]
     estimate = expected.assessment.estimate

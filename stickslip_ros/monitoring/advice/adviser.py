@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend
 from stickslip_ros.monitoring.advice.requirement import Uncertainty
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
@@ -34,7 +34,7 @@ class AdviceQuestion:
     velocity: float
     limits: AdviceLimits
     uncertainty: Uncertainty | None
-    circumstances: Circumstances
+    loop: ObservedLoop
     gains_known: bool
 
     def of_the_same_controller(self, other: AdviceQuestion) -> bool:
@@ -43,7 +43,7 @@ class AdviceQuestion:
             self.gains_known == other.gains_known
             and (not self.gains_known or self.gains == other.gains)
             and self.limits == other.limits
-            and self.circumstances.conditions == other.circumstances.conditions
+            and self.loop.conditions == other.loop.conditions
         )
 
     def about_the_same(self, other: AdviceQuestion) -> bool:
@@ -57,7 +57,7 @@ class AdviceQuestion:
 
     def alike(self, other: AdviceQuestion) -> bool:
         """Whether the answer to the one answers the other."""
-        mine, its = self.circumstances, other.circumstances
+        mine, its = self.loop, other.loop
         return (
             self.about_the_same(other)
             and _near(self.velocity, other.velocity, _SAME_SPEED)
@@ -100,7 +100,7 @@ def advise(question: AdviceQuestion) -> Advice:
         question.velocity,
         limits,
         question.uncertainty,
-        question.circumstances,
+        question.loop,
         gains_known=question.gains_known,
     )
     possible = gains.stiffness > 0 and recommendation.velocity > 0 and math.isfinite(recommendation.velocity)

@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -20,16 +20,16 @@ _ANY = (0.0, math.inf)
 _SAMPLES_TO_WATCH = 8.0  # a natural period, below which a motion cannot be followed
 
 
-class Condition(str, Enum):
+class Criterion(str, Enum):
     """Which condition for smooth motion advice is to satisfy."""
 
     PAPER = "paper"
     EXACT = "exact"
 
 
-def condition_for(joint: Joint, condition: Condition) -> Condition:
+def criterion_for(joint: Joint, condition: Criterion) -> Criterion:
     """The condition that can be answered of a joint: the exact one where the friction law is not that of Eq. (43)."""
-    return condition if joint.friction.of_the_paper else Condition.EXACT
+    return condition if joint.friction.of_the_paper else Criterion.EXACT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class AdviceLimits:
     ----------
     wanted_margin : by how much the damping ratio shall exceed the critical one, e.g. 0.2 for 20 %.
     confidence : probability with which it shall, where the joint is known with errors only.
-    condition : the critical damping ratio of Eq. (43), or the exact one; see :func:`condition_for`.
+    condition : the critical damping ratio of Eq. (43), or the exact one; see :func:`criterion_for`.
     steady_sliding : whether a joint that does not stick shall not swing about its speed either; see
         :mod:`stickslip_ros.model.steady_sliding`.
     slowest_velocity : the joint shall be smooth from this speed on [rad/s]; None: at the commanded speed.
@@ -60,7 +60,7 @@ class AdviceLimits:
 
     wanted_margin: float = 0.2
     confidence: float = 0.9
-    condition: Condition = Condition.PAPER
+    condition: Criterion = Criterion.PAPER
     steady_sliding: bool = False
     slowest_velocity: float | None = field(default=None, metadata={"unit": "rad/s"})
     stiffness_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m/rad"})
@@ -74,7 +74,7 @@ class AdviceLimits:
         require_not_negative("wanted_margin", self.wanted_margin)
         if not 0.5 <= self.confidence < 1.0:
             raise InvalidParameterError("confidence", ">= 0.5 and < 1", self.confidence)
-        if self.condition not in list(Condition):
+        if self.condition not in list(Criterion):
             raise InvalidParameterError("condition", "paper or exact", self.condition)
         if self.slowest_velocity is not None:
             require_positive("slowest_velocity", self.slowest_velocity)
@@ -95,7 +95,7 @@ class AdviceLimits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Circumstances:
+class ObservedLoop:
     """What else decides which gains can be used.
 
     Attributes
@@ -105,7 +105,7 @@ class Circumstances:
     tracking_error, velocity_error : largest |x_d − x| [rad] and |x˙_d − x˙| [rad/s] of now, NaN if unknown.
     """
 
-    conditions: Conditions = field(default_factory=Conditions)
+    conditions: OperatingConditions = field(default_factory=OperatingConditions)
     sample_rate: float = field(default=math.nan, metadata={"unit": "Hz"})
     tracking_error: float = field(default=math.nan, metadata={"unit": "rad"})
     velocity_error: float = field(default=math.nan, metadata={"unit": "rad/s"})
@@ -123,9 +123,9 @@ class Bound:
     largest: FloatArray
 
 
-def largest_bandwidth(limits: AdviceLimits, circumstances: Circumstances) -> float:
+def largest_bandwidth(limits: AdviceLimits, loop: ObservedLoop) -> float:
     """Largest crossover frequency [rad/s] that limits, controller and samples allow."""
-    period, rate = circumstances.conditions.controller_period, circumstances.sample_rate
+    period, rate = loop.conditions.controller_period, loop.sample_rate
     bandwidth = limits.bandwidth
     if period > 0:
         bandwidth = min(bandwidth, 2.0 * math.pi / (limits.samples_per_period * period))
@@ -135,9 +135,7 @@ def largest_bandwidth(limits: AdviceLimits, circumstances: Circumstances) -> flo
     return min(bandwidth, 2.0 * math.pi * rate / needed) if rate > 0 else bandwidth
 
 
-def bounds_at(
-    stiffness: FloatArray, joint: Joint, limits: AdviceLimits, circumstances: Circumstances
-) -> dict[str, Bound]:
+def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: ObservedLoop) -> dict[str, Bound]:
     """Every limit that binds anything, by name, at stiffnesses k_p [N·m/rad] of shape (n,); joint of scalars."""
     inertia, viscous = float(joint.inertia), float(joint.friction.viscous)
     critical = 2.0 * np.sqrt(stiffness * inertia)
@@ -166,7 +164,7 @@ def bounds_at(
         add("least damping ratio", f"{low:.4g}", least=low * critical - viscous)
     if high < math.inf:
         add("largest damping ratio", f"{high:.4g}", largest=high * critical - viscous)
-    bandwidth = largest_bandwidth(limits, circumstances)
+    bandwidth = largest_bandwidth(limits, loop)
     if bandwidth < math.inf:
         # |k_p + i k_v ω| <= |−M ω² + i F_v ω| at the largest crossover frequency ω.
         squared = (inertia * bandwidth) ** 2 + viscous**2 - (stiffness / bandwidth) ** 2
@@ -176,12 +174,12 @@ def bounds_at(
             least=np.where(squared < 0, math.inf, -math.inf),
             largest=np.sqrt(np.maximum(squared, 0.0)),
         )
-    if limits.effort < math.inf and circumstances.tracking_error > 0:
-        left = limits.effort - stiffness * circumstances.tracking_error
-        error = max(circumstances.velocity_error, 1e-300) if circumstances.velocity_error > 0 else 1e-300
+    if limits.effort < math.inf and loop.tracking_error > 0:
+        left = limits.effort - stiffness * loop.tracking_error
+        error = max(loop.velocity_error, 1e-300) if loop.velocity_error > 0 else 1e-300
         add(
             "effort",
-            f"{limits.effort:.4g} N·m at an error of {circumstances.tracking_error:.3g} rad",
+            f"{limits.effort:.4g} N·m at an error of {loop.tracking_error:.3g} rad",
             least=np.where(left < 0, math.inf, -math.inf),
             largest=np.maximum(left, 0.0) / error,
         )

@@ -22,7 +22,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition, condition_for
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding, Uncertainty
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Obstruction
 
@@ -100,7 +100,7 @@ class Recommendation:
 
     variants: tuple[Variant, ...]
     velocity: float
-    condition: Condition
+    condition: Criterion
     gains_known: bool = True
     reserve: float = math.nan
     keep: bool = False
@@ -117,15 +117,15 @@ def recommend(
     velocity: float,
     limits: AdviceLimits | None = None,
     uncertainty: Uncertainty | None = None,
-    circumstances: Circumstances | None = None,
+    loop: ObservedLoop | None = None,
     *,
     gains_known: bool = True,
 ) -> Recommendation:
     """Gains that reach the wanted margin within the limits, with the least change.
 
-    With ``Condition.PAPER`` the margin is that of Eq. (43), and if the integration of (4)-(6) refutes it, the exact
+    With ``Criterion.PAPER`` the margin is that of Eq. (43), and if the integration of (4)-(6) refutes it, the exact
     condition is to hold besides; a joint of another friction law than the paper's is advised exactly. Integral action
-    and sampled control count with ``Condition.EXACT`` only; then gains are tried on a grid, which takes seconds.
+    and sampled control count with ``Criterion.EXACT`` only; then gains are tried on a grid, which takes seconds.
 
     Parameters
     ----------
@@ -133,25 +133,25 @@ def recommend(
     limits : defaults to AdviceLimits().
     uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws; None for a joint known
         exactly.
-    circumstances : defaults to none that matter.
+    loop : defaults to none that matter.
     gains_known : False if the gains are per inertia: the advice then is in factors, and limits in units of gains or
         effort do not bind it.
     """
-    limits, circumstances = limits or AdviceLimits(), circumstances or Circumstances()
+    limits, loop = limits or AdviceLimits(), loop or ObservedLoop()
     if not gains_known:
         limits = limits.per_inertia()
-    limits = replace(limits, condition=condition_for(joint, limits.condition))
-    exact = limits.condition is Condition.EXACT
+    limits = replace(limits, condition=criterion_for(joint, limits.condition))
+    exact = limits.condition is Criterion.EXACT
     slowest = abs(velocity) if limits.slowest_velocity is None else limits.slowest_velocity
     if exact:
-        unanswered = exactly_smooth(joint, gains, slowest, circumstances.conditions) is None
-        obstacle = exact_verdict(joint, gains, slowest, circumstances.conditions).reason if unanswered else ""
+        unanswered = exactly_smooth(joint, gains, slowest, loop.conditions) is None
+        obstacle = exact_verdict(joint, gains, slowest, loop.conditions).reason if unanswered else ""
     else:
         margin = stability_margin(joint, gains, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
         return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
-    case = _Case(joint, gains, slowest, limits, circumstances, uncertainty, gains_known=gains_known)
+    case = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known)
     return case.recommendation(velocity)
 
 
@@ -164,17 +164,17 @@ class _Case:
         gains: Gains,
         slowest: float,
         limits: AdviceLimits,
-        circumstances: Circumstances,
+        loop: ObservedLoop,
         uncertainty: Uncertainty | None,
         *,
         gains_known: bool,
     ) -> None:
         self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
-        self._circumstances, self._uncertainty = circumstances, uncertainty
+        self._circumstances, self._uncertainty = loop, uncertainty
         self._gains_known = gains_known
-        self._exact = limits.condition is Condition.EXACT
+        self._exact = limits.condition is Criterion.EXACT
         self._sure: Requirement | None = None
-        self._beyond = self._exact and (bool(gains.integral != 0) or circumstances.conditions.controller_period > 0)
+        self._beyond = self._exact and (bool(gains.integral != 0) or loop.conditions.controller_period > 0)
 
     def recommendation(self, velocity: float) -> Recommendation:
         joint, limits = self._joint, self._limits
@@ -243,7 +243,7 @@ class _Case:
             if missing == 1.0:
                 return gains
             if number == 0 and not self._exact:
-                exact = replace(self._limits, condition=Condition.EXACT, wanted_margin=0.0)
+                exact = replace(self._limits, condition=Criterion.EXACT, wanted_margin=0.0)
                 search = search.with_requirement(Requirement(self._joint, self._slowest, exact))
             else:
                 # Draws ask for less where there is more damping, so that what is missing shrinks slowly.
@@ -359,6 +359,6 @@ def _percent(reserve: float) -> str:
     return f"where {-100 * reserve:.0f} % of the damping needed is missing"
 
 
-def _without(reason: str, velocity: float, condition: Condition, *, gains_known: bool) -> Recommendation:
+def _without(reason: str, velocity: float, condition: Criterion, *, gains_known: bool) -> Recommendation:
     variants = tuple(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=reason) for kind in Kind)
     return Recommendation(variants=variants, velocity=velocity, condition=condition, gains_known=gains_known)

@@ -16,7 +16,7 @@ from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_rat
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Condition
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.samples import FloatArray
 
 _LEAST_RATIO = 1e-6  # without any damping no oscillation dies
@@ -56,7 +56,7 @@ class Requirement:
     def __init__(
         self, joint: Joint, velocity: float, limits: AdviceLimits, uncertainty: Uncertainty | None = None
     ) -> None:
-        self.exact = limits.condition is Condition.EXACT
+        self.exact = limits.condition is Criterion.EXACT
         if uncertainty is not None and self.exact:
             uncertainty = _thinned(uncertainty)
         self._joint = uncertainty.joint if uncertainty else joint
@@ -137,7 +137,7 @@ def speeds_needed(joint: Joint, velocity: float, limits: AdviceLimits) -> FloatA
     if slowest is None:
         return np.array([abs(velocity)])
     fastest = max(slowest, _FAST * float(joint.friction.stribeck_velocity))
-    count = _EXACT_SPEEDS if limits.condition is Condition.EXACT else _SPEEDS
+    count = _EXACT_SPEEDS if limits.condition is Criterion.EXACT else _SPEEDS
     return np.geomspace(slowest, fastest, count) if fastest > slowest else np.array([slowest])
 
 

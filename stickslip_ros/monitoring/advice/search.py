@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, Circumstances, bounds_at
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, ObservedLoop, bounds_at
 from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -72,13 +72,13 @@ class AdviceSearch:
         joint: Joint,
         gains: Gains,
         limits: AdviceLimits,
-        circumstances: Circumstances,
+        loop: ObservedLoop,
         requirements: Sequence[Requirement | SteadySliding],
         *,
         learnt: bool,
         more: float = 1.0,
     ) -> None:
-        self._joint, self._gains, self._limits, self._circumstances = joint, gains, limits, circumstances
+        self._joint, self._gains, self._limits, self._circumstances = joint, gains, limits, loop
         self._requirements, self._learnt, self._more = list(requirements), learnt, more
         self._viscous = float(joint.friction.viscous)
         self._present = math.log(float(gains.stiffness))

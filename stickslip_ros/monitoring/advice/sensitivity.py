@@ -16,11 +16,11 @@ from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.limits import Condition, condition_for
+from stickslip_ros.monitoring.advice.limits import Criterion, criterion_for
 from stickslip_ros.monitoring.samples import FloatArray
 
 PARAMETERS = ("stribeck", "stribeck_velocity", "lag", "rise_time", "viscous")
-_STEP = {Condition.PAPER: 1e-3, Condition.EXACT: 0.05}  # of the logarithm; the exact ratio is known to 1e-3
+_STEP = {Criterion.PAPER: 1e-3, Criterion.EXACT: 0.05}  # of the logarithm; the exact ratio is known to 1e-3
 _REACH, _POINTS = 30.0, 41
 _BISECTIONS = 10
 
@@ -44,7 +44,7 @@ class Sensitivity:
 
 
 def sensitivities(
-    joint: Joint, gains: Gains, velocity: float, *, wanted_margin: float = 0.2, condition: Condition = Condition.PAPER
+    joint: Joint, gains: Gains, velocity: float, *, wanted_margin: float = 0.2, condition: Criterion = Criterion.PAPER
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of ρ/ρ_c to the friction's parameters, by Eq. (43) or exactly; the paper's conclusion in numbers.
 
@@ -56,7 +56,7 @@ def sensitivities(
     joint, gains : scalars. velocity : [rad/s].
     """
     found = []
-    condition = condition_for(joint, condition)
+    condition = criterion_for(joint, condition)
     grid = np.linspace(-math.log(_REACH), math.log(_REACH), _POINTS)
     step = _STEP[condition]
     for parameter in PARAMETERS:
@@ -96,17 +96,17 @@ def _groups(joint: Joint, parameter: str, factors: FloatArray, gains: Gains, vel
     return dimensionless_groups(changed, replace(gains, integral=0.0), velocity)
 
 
-def _damping_over_critical(groups: DimensionlessGroups, condition: Condition) -> FloatArray:
+def _damping_over_critical(groups: DimensionlessGroups, condition: Criterion) -> FloatArray:
     """ρ/ρ_c, infinite where none is needed and NaN where there is no answer."""
     with np.errstate(all="ignore"):
-        if condition is Condition.EXACT:
+        if condition is Criterion.EXACT:
             return np.asarray(groups.damping_ratio / np.asarray(exact_critical_damping_ratio(groups)))
         ratio = np.asarray(groups.damping_ratio) / np.asarray(critical_damping_ratio(groups))
         return np.where(np.asarray(groups.lag) <= 2.0 * math.pi, ratio, math.nan)
 
 
-def _reached(groups: DimensionlessGroups, wanted: float, condition: Condition) -> NDArray[np.bool_]:
-    if condition is Condition.EXACT:
+def _reached(groups: DimensionlessGroups, wanted: float, condition: Criterion) -> NDArray[np.bool_]:
+    if condition is Criterion.EXACT:
         # With less damping by the wanted margin the cycle must die; that is sooner known than the critical ratio.
         persists = cycle_persists(replace(groups, damping_ratio=groups.damping_ratio / wanted))
         return np.equal(persists, 0.0)

@@ -244,7 +244,7 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     if len(chosen) < LEAST_SLIPS:
         return None
     solved = solve(chosen, configured)
-    return assess(*solved, configured=configured is not None) if solved else None
+    return friction_estimate(*solved, configured=configured is not None) if solved else None
 
 
 def solve(
@@ -309,7 +309,7 @@ def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tupl
     return {index: (math.log(value), _KNOWN_SPREAD) for index, value in known.items() if value > 0}
 
 
-def assess(problem: SlipProblem, solution: Solution, *, configured: bool) -> FrictionEstimate:
+def friction_estimate(problem: SlipProblem, solution: Solution, *, configured: bool) -> FrictionEstimate:
     """The estimate that a fit gives, its errors, and what speaks against the model."""
     fit = solution.fit
     aside = int((~problem.usable).sum())

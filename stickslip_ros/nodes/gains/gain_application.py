@@ -141,12 +141,12 @@ class GainApplication:
             steps, last = steps + 1, self._now
             yield from self._write(ramp.at(share), f"step {steps}, {100 * share:.0f} % of the way: {self._reason}")
             self.state = f"{self.joint}: {100 * share:.0f} % of the way to {self._text(self._target)}"
-        yield from self._judge()
+        yield from self._wait_for_a_verdict()
         status = self._monitor.finding().status.value
         way = f"from {self._text(begin)} to {self._text(self._target)} in {steps} steps"
         self._finish(success=True, message=f"{way}; it was {was}, it is {status}")
 
-    def _judge(self) -> Script:
+    def _wait_for_a_verdict(self) -> Script:
         """Watch on until the motion with the new gains can be judged."""
         until, settled = self._now + _LONGEST_JUDGEMENT, self._now + 2.0 * _WATCH
         cycles = self._monitor.cycle_count

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stickslip_ros.model.controlled import Conditions
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
@@ -33,7 +33,7 @@ class ExactWorker:
         self._background: Background[_Asked, ExactVerdict] = Background(work, "exact verdict", _answer)
 
     def verdict(
-        self, name: str, joint: Joint, gains: Gains, conditions: Conditions, velocity: float, now: float
+        self, name: str, joint: Joint, gains: Gains, conditions: OperatingConditions, velocity: float, now: float
     ) -> ExactVerdict:
         """The verdict on a joint as it is now, or :data:`UNKNOWN` until it is there.
 

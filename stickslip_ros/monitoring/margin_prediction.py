@@ -11,13 +11,13 @@ import numpy as np
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Circumstances, Condition, condition_for
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 
 
-class Outlook:
+class MarginPrediction:
     """See the module; :meth:`follow` says what is known now.
 
     Parameters
@@ -55,9 +55,7 @@ class Outlook:
         margin = stability_margin(self.belief.joint, self.belief.gains, velocity)
         return margin, str(margin.reason or "")
 
-    def advise(
-        self, belief: Belief, velocity: float, limits: AdviceLimits, circumstances: Circumstances
-    ) -> Advice | None:
+    def advise(self, belief: Belief, velocity: float, limits: AdviceLimits, loop: ObservedLoop) -> Advice | None:
         """Advice on the joint as it is believed to be, None as long as it is being worked out."""
         question = AdviceQuestion(
             joint=belief.joint,
@@ -65,18 +63,18 @@ class Outlook:
             velocity=abs(velocity),
             limits=limits,
             uncertainty=belief.uncertainty,
-            circumstances=circumstances,
+            loop=loop,
             gains_known=belief.gains_known,
         )
         self._advice = self._adviser(question)
         return self._advice
 
-    def damping_reserves(self, velocities: FloatArray, condition: Condition) -> tuple[FloatArray, str]:
+    def damping_reserves(self, velocities: FloatArray, condition: Criterion) -> tuple[FloatArray, str]:
         """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
         reserves = np.full(len(velocities), np.inf)
         if self.belief is not None:
-            condition = condition_for(self.belief.joint, condition)
-        if condition is Condition.EXACT:
+            condition = criterion_for(self.belief.joint, condition)
+        if condition is Criterion.EXACT:
             # Worked out with the advice, if at all: an integration is too long for every batch of samples.
             if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
                 reserves[:] = self._advice.recommendation.reserve
