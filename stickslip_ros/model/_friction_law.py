@@ -56,7 +56,7 @@ def risen_level(level: Real, stribeck: Real, dwell: Real, rise_time: Real) -> Re
     F_s,a + (F_s∞ − F_s,a) t₂/(t₂ + γ), all of it at once without a rise time. From 0 to 1 it is the share of the rise.
     """
     at_once = _NO_TIME * (rise_time == 0.0)
-    return level + (stribeck - level) * ((dwell + at_once) / (dwell + rise_time + _NO_TIME))
+    return level + (stribeck - level) * (dwell + at_once) / (dwell + rise_time + _NO_TIME)
 
 
 def rising_rate(dwell: Real, rise_time: Real) -> Real:

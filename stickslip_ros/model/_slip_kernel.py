@@ -311,5 +311,6 @@ def stick(end, shape, level, velocity, damping_ratio, stribeck, rise_time):
     """
     arrested = level * shape
     deficit = min(-end + 2.0 * damping_ratio * velocity - arrested, 0.0)
-    dwell = _dwell_until_met(deficit, stribeck - arrested, velocity, rise_time)
-    return dwell, _risen_level(arrested, stribeck, dwell, rise_time)
+    missing = stribeck - arrested
+    dwell = _dwell_until_met(deficit, missing, velocity, rise_time)
+    return dwell, arrested + missing * _risen_level(0.0, 1.0, dwell, rise_time)

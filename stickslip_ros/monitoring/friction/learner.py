@@ -234,8 +234,8 @@ class FrictionLearner:
         problem.weigh(problem.speeds_at_nodes, state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.remains if follows else 0.5
-        risen = float(risen_level(left, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
-        unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * risen)
+        share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
+        unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
         try:
             said = evidence(
                 problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),

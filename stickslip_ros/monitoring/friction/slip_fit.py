@@ -144,7 +144,7 @@ class _Fit:
         share = risen_level(0.0, 1.0, dwell, rise_time)
         steepness = rising_rate(dwell, rise_time)
         before = np.append(remains * stribeck, np.exp(unknowns[:-1, LEVEL]) * found[:-1, kernel.REMAINS])
-        level = risen_level(before, stribeck, dwell, rise_time)
+        level = before + (stribeck - before) * share
         linked = self.linked
         by_stribeck = np.where(linked, stribeck * share / level, 1.0)
         by_stribeck[0] = 1.0  # what is left before the first slip is known as a share
