@@ -11,12 +11,10 @@ Velocities are in units of the Stribeck velocity. ``law`` is one of the numbers 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from stickslip_ros.model.friction import Real
+Real = float | NDArray[np.float64]
 
 HESS_SOOM, EXPONENTIAL = range(2)
 LAWS = {"hess_soom": HESS_SOOM, "exponential": EXPONENTIAL}

@@ -13,13 +13,11 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW, risen_level, stribeck_friction
+from stickslip_ros.model._friction_law import Real as Real
 from stickslip_ros.model._validation import require_not_negative, require_positive
-
-Real = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
