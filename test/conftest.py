@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = Path(os.environ.get("STICKSLIP_RECORDINGS", ROOT.parent / "shared" / "data"))
 
 # The same examples every time; more are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
-settings.register_profile("fixed", derandomize=True, database=None)
+settings.register_profile("fixed", derandomize=True, database=None, deadline=None)
 settings.load_profile("fixed")
 
 # physics.md, section 4, joint 1: k_p/M [1/s²], ξ˙_d, damping ratio at which the cycle dies.
