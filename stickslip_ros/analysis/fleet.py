@@ -21,7 +21,7 @@ from typing import Any
 import stickslip_ros
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
-from stickslip_ros.bags.bag_paths import is_bag_file, is_bag_folder
+from stickslip_ros.bags.storage.bag_paths import is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 

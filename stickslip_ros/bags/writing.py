@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from stickslip_ros.bags.bag_paths import METADATA
+from stickslip_ros.bags.storage.bag_paths import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.files import whole_file

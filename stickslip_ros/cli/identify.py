@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from stickslip_ros.bags.bag_paths import is_read_as_bag
 from stickslip_ros.bags.joint_samples import read_joint
+from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError

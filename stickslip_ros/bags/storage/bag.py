@@ -4,25 +4,21 @@
 
 from __future__ import annotations
 
-import io
 import re
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import yaml
 
-from stickslip_ros.bags.bag_paths import METADATA, is_bag_file
-from stickslip_ros.bags.storage.sqlite import SqliteStorage
+from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
+from stickslip_ros.bags.storage.formats import FORMATS, format_of
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages.blocks import Block, Channel, Storage
 
-_MCAP = b"\x89MCAP"
-_SQLITE = b"SQLite format 3\0"
-_ZSTD = b"\x28\xb5\x2f\xfd"
+_ANY = " or ".join(one.suffix for one in FORMATS)
 
 
 class Bag:
@@ -86,13 +82,14 @@ class Bag:
         opened, reasons = [], []
         for file in files:
             try:
-                storage = self._storage(file)
+                bag_file = BagFile(file, self._stack)
+                storage = format_of(bag_file).open(bag_file, self.warnings.append)
                 opened.append((file, storage, storage.channels()))
             except (OSError, ValueError, EOFError, ImportError) as error:
                 reason = f"it needs the package {error.name}" if isinstance(error, ImportError) else str(error)
                 reasons.append(f"{file.name}: {' '.join(reason.split())}" if self.path.is_dir() else reason)
         if not opened:
-            raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or 'no .mcap or .db3 file is in it'}")
+            raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or f'no {_ANY} file is in it'}")
         self.warnings += reasons
         return opened
 
@@ -127,44 +124,6 @@ class Bag:
             return None
         return metadata
 
-    def _storage(self, file: Path) -> Storage:
-        with file.open("rb") as stream:
-            begin = stream.read(16)
-        if not begin:
-            raise ValueError("the file is empty")
-        if begin.startswith(_ZSTD):
-            # Only the name tells what is inside.
-            if ".db3" in file.suffixes:
-                return SqliteStorage(self._unpacked(file), self.warnings.append, file.name)
-            return self._mcap(file, _open_zstd)
-        if begin == _SQLITE:
-            return SqliteStorage(self._named_db3(file), self.warnings.append, file.name)
-        if begin.startswith(_MCAP):
-            return self._mcap(file)
-        raise ValueError("neither an MCAP file nor a rosbag2 database")
-
-    def _mcap(self, file: Path, open_stream: Callable[[Path], IO[bytes]] | None = None) -> Storage:
-        # Whoever reads no MCAP file can do without its package.
-        from stickslip_ros.bags.storage.mcap import McapStorage
-
-        return McapStorage(file, self.warnings.append, open_stream)
-
-    def _unpacked(self, file: Path) -> Path:
-        """A database as a file: it cannot be read as a stream."""
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="stickslip_")))
-        target = folder / "bag.db3"
-        with _open_zstd(file) as stream, target.open("wb") as out:
-            shutil.copyfileobj(stream, out)
-        return target
-
-    def _named_db3(self, file: Path) -> Path:
-        """The file under a name by which the library takes it for a database."""
-        if file.suffix == ".db3":
-            return file
-        link = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="stickslip_"))) / "bag.db3"
-        link.symlink_to(file.resolve())
-        return link
-
     def _decompressed(self, block: Block) -> Block:
         import zstandard
 
@@ -180,32 +139,3 @@ class Bag:
         if broken:
             self.warnings.append(f"{broken} messages could not be decompressed")
         return Block.of_messages(messages, block.channels) if messages else block.none()
-
-
-class _ZstdStream(io.RawIOBase):
-    """A compressed file as a stream; damage is an OSError."""
-
-    def __init__(self, path: Path) -> None:
-        import zstandard
-
-        super().__init__()
-        self._damage = zstandard.ZstdError
-        self._reader = zstandard.ZstdDecompressor().stream_reader(path.open("rb"), read_across_frames=True)
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        try:
-            return int(self._reader.readinto(buffer))
-        except self._damage as error:
-            raise OSError(f"its compression is damaged: {error}") from error
-
-    def close(self) -> None:
-        if not self.closed:
-            self._reader.close()  # type: ignore[no-untyped-call]
-        super().close()
-
-
-def _open_zstd(path: Path) -> IO[bytes]:
-    return io.BufferedReader(_ZstdStream(path), 1 << 20)

@@ -14,7 +14,6 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
+from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -50,14 +50,11 @@ class McapStorage:
 
     Parameters
     ----------
-    path : of the file, for opening it and for its name in warnings.
-    warn : told what is lost.
-    open_stream : opens it from the start as an uncompressed stream, where that is not the file itself.
+    file : the file. warn : told what is lost.
     """
 
-    def __init__(self, path: Path, warn: Warn, open_stream: Callable[[Path], IO[bytes]] | None = None) -> None:
-        self._path, self._warn = path, warn
-        self._open_stream = open_stream
+    def __init__(self, file: BagFile, warn: Warn) -> None:
+        self._file, self._warn = file, warn
         self._summary: _Summary | None = None
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
@@ -71,10 +68,10 @@ class McapStorage:
         ValueError
             If this is no MCAP file.
         """
-        with self._open() as stream:
+        with self._file.open() as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise ValueError("not an MCAP file: it does not begin with its magic bytes")
-        if self._open_stream is None:
+        if not self._file.packed:
             self._summary = self._read_summary()
         if self._summary is not None:
             found = self._summary.channels
@@ -101,24 +98,21 @@ class McapStorage:
         else:
             yield from self._from_start(progress)
         if self._unknown:
-            self._warn(f"{self._path.name}: {self._unknown} messages belong to no channel that is described")
-
-    def _open(self) -> IO[bytes]:
-        return self._open_stream(self._path) if self._open_stream else self._path.open("rb")
+            self._warn(f"{self._file.name}: {self._unknown} messages belong to no channel that is described")
 
     # The index at the end.
 
     def _read_summary(self) -> _Summary | None:
         """The summary section, if it is there and sound."""
-        size = self._path.stat().st_size
+        size = self._file.size
         tail = _FOOTER + len(MAGIC)
-        with self._path.open("rb") as file:
+        with self._file.open() as file:
             if size < len(MAGIC) + tail:
                 return None
             file.seek(size - tail)
             end = file.read(tail)
             if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
-                self._warn(f"{self._path.name}: not closed or cut off: it has no index; read as far as it goes")
+                self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
                 return None
             footer = Footer.read(ReadDataStream(io.BytesIO(end[9:])))
             begin = footer.summary_start
@@ -150,7 +144,7 @@ class McapStorage:
             return summary if told and all(some and some <= set(summary.channels) for some in told) else None
 
     def _say_unsound(self) -> None:
-        self._warn(f"{self._path.name}: its index is damaged; read from the start as far as it goes")
+        self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
 
     def _parse_summary(self, content: bytes) -> _Summary:
         buffer = np.frombuffer(content, dtype=np.uint8)
@@ -173,7 +167,7 @@ class McapStorage:
     def _by_index(self, summary: _Summary, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         numbers = {number for number, channel in summary.channels.items() if channel in wanted}
         found = 0
-        with self._path.open("rb") as file:
+        with self._file.open() as file:
             at = 0
             for index in summary.chunks:
                 progress(index.chunk_start_offset + index.chunk_length - at)
@@ -189,21 +183,21 @@ class McapStorage:
                     found += int(np.isin(block.channel, list(numbers)).sum())
                     yield block
             expected = sum(summary.counts.get(number, 0) for number in numbers)
-        progress(self._path.stat().st_size - at)
+        progress(self._file.size - at)
         if found < expected and summary.counts:
-            self._warn(f"{self._path.name}: {expected - found} of {expected} messages could not be read")
+            self._warn(f"{self._file.name}: {expected - found} of {expected} messages could not be read")
 
     def _lost(self, offset: int, why: str) -> str:
-        return f"{self._path.name}: the chunk at byte {offset} is lost: {why}"
+        return f"{self._file.name}: the chunk at byte {offset} is lost: {why}"
 
     # From the start.
 
     def _from_start(self, progress: Callable[[int], None]) -> Iterator[Block]:
         try:
-            with self._open() as stream:
+            with self._file.open() as stream:
                 yield from self._windows(stream, progress)
         except (OSError, EOFError) as error:
-            self._warn(f"{self._path.name}: reading stopped: {' '.join(str(error).split())}")
+            self._warn(f"{self._file.name}: reading stopped: {' '.join(str(error).split())}")
 
     def _windows(self, stream: IO[bytes], progress: Callable[[int], None]) -> Iterator[Block]:
         """Walk through the file in windows that hold whole records."""
@@ -228,20 +222,20 @@ class McapStorage:
             position += at
             rest = window[at:]
             if not sound:
-                self._warn(f"{self._path.name}: damaged at byte {position}; what comes after it is lost")
+                self._warn(f"{self._file.name}: damaged at byte {position}; what comes after it is lost")
                 return
             if not read:
                 if rest:
-                    self._warn(f"{self._path.name}: cut off at byte {position + len(rest)}, in the midst of a record")
+                    self._warn(f"{self._file.name}: cut off at byte {position + len(rest)}, in the midst of a record")
                 else:
-                    self._warn(f"{self._path.name}: cut off at byte {position}; what came after it is lost")
+                    self._warn(f"{self._file.name}: cut off at byte {position}; what came after it is lost")
                 return
 
     def _check_data(self, buffer: Bytes, end: Integers, checksum: int) -> None:
         if end[kernel.OPCODE] == Opcode.DATA_END and end[kernel.LENGTH] >= 4:
             expected = DataEnd.read(_stream(buffer, int(end[kernel.OFFSET]), 4)).data_section_crc
             if expected not in (0, checksum):
-                self._warn(f"{self._path.name}: its checksum is wrong: some data are damaged, and results with them")
+                self._warn(f"{self._file.name}: its checksum is wrong: some data are damaged, and results with them")
 
     def _records(self, buffer: Bytes, table: Integers, position: int) -> Iterator[Block]:
         """Blocks of records that follow each other; chunks are opened."""
@@ -260,7 +254,7 @@ class McapStorage:
                     try:
                         self._note(opcode, buffer, offset, length)
                     except _DAMAGE as error:
-                        self._warn(f"{self._path.name}: a record at byte {position + offset} is damaged: {error}")
+                        self._warn(f"{self._file.name}: a record at byte {position + offset} is damaged: {error}")
 
     # Both ways.
 
@@ -279,7 +273,7 @@ class McapStorage:
         for table in tables:
             yield from self._records(buffer, table[table[:, kernel.OPCODE] != Opcode.CHUNK], offset)
         if not sound or at != len(buffer):
-            self._warn(f"{self._path.name}: the chunk at byte {offset} is damaged; the end of it is lost")
+            self._warn(f"{self._file.name}: the chunk at byte {offset} is damaged; the end of it is lost")
 
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
+from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.messages.blocks import Block, Channel, Warn
 
 _MESSAGES = 4096  # in a block
@@ -19,11 +19,12 @@ class SqliteStorage:
 
     Parameters
     ----------
-    path : of the file. warn : told what is lost. name : of the file in warnings.
+    file : the file. warn : told what is lost.
     """
 
-    def __init__(self, path: Path, warn: Warn, name: str) -> None:
-        self._path, self._warn, self._name = path, warn, name
+    def __init__(self, file: BagFile, warn: Warn) -> None:
+        # The library takes it for a database by its name, and reads no stream.
+        self._path, self._warn, self._name = file.named(".db3"), warn, file.name
 
     def channels(self) -> dict[Channel, int]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`.

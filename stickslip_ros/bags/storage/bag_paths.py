@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stickslip_ros.bags.storage.formats import SUFFIXES
+
 METADATA = "metadata.yaml"
-_SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
 def is_bag_file(path: Path) -> bool:
     """Whether a file is named as one of rosbag2's."""
-    return path.name.endswith(_SUFFIXES)
+    return path.name.endswith(SUFFIXES)
 
 
 def is_bag_folder(folder: Path) -> bool:

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The formats of bag files, a line each: how their names end, how they begin, and who reads them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.messages.blocks import Storage, Warn
+
+_PACKED = ".zstd"  # on top of a format's own suffix
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format.
+
+    Attributes
+    ----------
+    called : for people. suffix, begins_with : of its files.
+    storage : module beside this one, and the class in it that reads a
+        :class:`~stickslip_ros.bags.storage.bag_file.BagFile`; loaded with the first file, for what it needs may be
+        missing where nobody reads one.
+    """
+
+    called: str
+    suffix: str
+    begins_with: bytes
+    storage: tuple[str, str]
+
+    def open(self, file: BagFile, warn: Warn) -> Storage:
+        """The messages of a file."""
+        module, name = self.storage
+        opened: Storage = getattr(import_module(f"{__package__}.{module}"), name)(file, warn)
+        return opened
+
+
+FORMATS = (
+    Format("an MCAP file", ".mcap", b"\x89MCAP", ("mcap", "McapStorage")),
+    Format("a rosbag2 database", ".db3", b"SQLite format 3\0", ("sqlite", "SqliteStorage")),
+)
+SUFFIXES = tuple(one.suffix + packed for one in FORMATS for packed in ("", _PACKED))
+
+
+def format_of(file: BagFile) -> Format:
+    """The format of a file, by how it begins, whatever its name.
+
+    Raises
+    ------
+    ValueError
+        If it is empty, or of none.
+    OSError
+        If it cannot be read.
+    """
+    begin = file.begin()
+    if not begin:
+        raise ValueError("the file is empty")
+    if file.packed:
+        # Only the name tells what is inside; the first format is what rosbag2 writes.
+        return next((one for one in FORMATS if one.suffix in Path(file.name).suffixes), FORMATS[0])
+    found = next((one for one in FORMATS if begin.startswith(one.begins_with)), None)
+    if found is None:
+        raise ValueError(f"neither {' nor '.join(one.called for one in FORMATS)}")
+    return found
