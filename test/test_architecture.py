@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ast
+import graphlib
 import re
 import subprocess
 import sys
@@ -57,6 +58,52 @@ def test_imports_only_go_down(floor: str) -> None:
                 name == part or name.startswith(part + ".") for part in ALLOWED[floor]
             )
             assert allowed, f"{path.relative_to(ROOT)} imports {name}"
+
+
+# From the ground up, as docs/design.md has them.
+ROOMS = (
+    "errors", "files", "parent_death", "compilation", "model", "messages", "monitoring", "settings", "output", "bags",
+    "analysis", "warm_up", "nodes", "cli",
+)  # fmt: skip
+
+
+def house() -> dict[str, set[str]]:
+    """Every module of the package, and those of the package that it imports, by their names after the package's."""
+    paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}
+    modules = {name.removesuffix(".__init__"): path for name, path in paths.items() if name != "__init__"}
+    found: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        found[name] = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("stickslip_ros."):
+                base = str(node.module).removeprefix("stickslip_ros.")
+                whole = {f"{base}.{alias.name}" for alias in node.names}
+                # `from room import module` as well as `from module import name`.
+                found[name] |= (whole & set(modules)) or {base}
+    return found
+
+
+def test_a_room_uses_only_those_below_it() -> None:
+    """Issue 16: in the order of docs/design.md; every module is in a room."""
+    for name, used in house().items():
+        room = name.split(".")[0]
+        assert room in ROOMS, f"{name} is in no room"
+        for other in used:
+            assert ROOMS.index(other.split(".")[0]) <= ROOMS.index(room), f"{name} imports {other}"
+
+
+def test_no_modules_import_each_other() -> None:
+    """Issue 16: no circles, within a room neither."""
+    graphlib.TopologicalSorter(house()).prepare()
+
+
+def test_the_rooms_are_those_of_the_design() -> None:
+    """Issue 16: docs/design.md lists the rooms in their order."""
+    text = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+    listed = [room for row in rows for room in re.findall(r"`(\w+)(?:/|\.py)`", row)]
+    assert sorted(listed) == sorted(ROOMS)
+    assert [room for room in listed if room in ROOMS[4:]] == list(ROOMS[4:])
 
 
 def test_the_command_line_starts_without_ros() -> None:
