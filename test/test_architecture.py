@@ -106,6 +106,7 @@ def test_the_rooms_are_those_of_the_design() -> None:
     assert [room for room in listed if room in ROOMS[4:]] == list(ROOMS[4:])
 
 
+@pytest.mark.slow
 def test_the_command_line_starts_without_ros() -> None:
     """Issue 2: `stickslip margin` needs no ROS."""
     code = (
@@ -115,6 +116,7 @@ def test_the_command_line_starts_without_ros() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, timeout=60).returncode == 0
 
 
+@pytest.mark.slow
 def test_what_only_bags_need_is_loaded_for_bags() -> None:
     """Issue 6: a ROS machine without the bags' packages has every command but theirs, and every node."""
     code = (

@@ -17,6 +17,8 @@ from nodes.support_ros import probe
 
 from stickslip_ros import __version__
 
+pytestmark = pytest.mark.slow
+
 COLCON = Path(sys.executable).with_name("colcon")
 TRACKED = [
     "bin",
@@ -66,7 +68,7 @@ def run_colcon(folder: Path, *arguments: str) -> str:
 def test_colcon_test_is_green(workspace: Path) -> None:
     """Issue 8: `colcon test` finds the tests and runs them; two quick files of them here."""
     folder = workspace.parents[1]
-    run_colcon(folder, "test", "--pytest-args", "test/test_launch.py", "test/test_diagnosis.py")
+    run_colcon(folder, "test", "--pytest-args", "test/test_published.py", "test/test_diagnosis.py")
     summary = re.search(r"Summary: (\d+) tests, 0 errors, 0 failures", run_colcon(folder, "test-result", "--all"))
     assert summary is not None
     assert int(summary.group(1)) > 5
@@ -88,8 +90,8 @@ def test_the_install_space_is_what_ros2_looks_for(workspace: Path) -> None:
     ):
         assert (share / name).exists()
     site = next(workspace.glob("lib/python*/site-packages"))
-    for name in ("style.css", "page.js"):
-        assert (site / "stickslip_ros" / "bags" / "page" / name).exists()
+    for name in ("static/style.css", "static/page.js", "templates/report.html"):
+        assert (site / "stickslip_ros" / "analysis" / "report" / name).exists()
 
 
 def test_the_command_is_on_the_path_of_a_workspace(workspace: Path) -> None:
@@ -122,8 +124,8 @@ def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: 
     )
     try:
         with probe() as one:
-            one.wait_for_monitor()
-            one.wait(lambda: "joint1" in one.diagnostics, 10.0, "joint1")
+            # In a new place it compiles first; it is heard meanwhile.
+            one.wait(lambda: "joint1" in one.diagnostics, 60.0, "joint1")
         process.terminate()
         assert process.wait(10.0) == 0
     finally:

@@ -36,6 +36,8 @@ from conftest import ROOT
 from stickslip_ros.cli.main import build_parser
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT
 
+pytestmark = pytest.mark.slow
+
 FOLDERS = ("docs", "config", "examples")
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))])
 BLOCK = re.compile(

@@ -22,6 +22,8 @@ from stickslip_ros.compilation import source_files
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = Path(stickslip_ros.__file__).parent
 COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main"]
 MONITOR = [sys.executable, "-m", "stickslip_ros.nodes.monitor", "--ros-args", "-p", "state_file:=none"]

@@ -356,6 +356,7 @@ def test_real_recordings_take_the_same_road(name: str, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
     """Issue 6: a bag is read as a stream: eight times the length costs no more memory."""
     import subprocess

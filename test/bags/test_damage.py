@@ -22,6 +22,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 KINDS = {"/pd_gains": "std_msgs/msg/Float64MultiArray"}
 WAYS: dict[str, dict[str, Any]] = {
     "zstd": {"compression": CompressionType.ZSTD, "chunk_size": 20_000},

@@ -28,6 +28,8 @@ from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 _WEEK = 7 * 86_400.0
 _OPTIONS = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}))
 
@@ -112,7 +114,8 @@ def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.
     """Issue 6, item 5: what was analysed before the interruption is kept; a changed bag or option is analysed anew."""
     results = tmp_path / "results"
     command = [
-        sys.executable, "-m", "stickslip_ros.cli.main", "analyze", str(fleet), "--results", str(results), "--json",
+        sys.executable, "-m", "stickslip_ros.cli.main", "analyze", str(fleet), "--no-learning",
+        "--results", str(results), "--json",
     ]  # fmt: skip
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 60.0
@@ -125,10 +128,10 @@ def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.
     assert run.wait(20.0) in (130, -signal.SIGINT)
     kept = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
     assert 2 <= len(kept) < 7
-    _, resumed, _ = printed([str(fleet), "--results", str(results), "--json"], capsys)
+    _, resumed, _ = printed([str(fleet), "--no-learning", "--results", str(results), "--json"], capsys)
     assert all(path.stat().st_mtime_ns == time_ for path, time_ in kept.items())
     assert len(list(results.glob("*.json"))) == 7
-    _, fresh, _ = printed([str(fleet), "--json"], capsys)
+    _, fresh, _ = printed([str(fleet), "--no-learning", "--json"], capsys)
     assert resumed == fresh
     printed([str(fleet), "--results", str(results), "--json", "--end", "5", "--no-learning"], capsys)
     assert len(list(results.glob("*.json"))) == 14
@@ -158,7 +161,7 @@ def test_a_cluster_gives_the_same_bytes(fleet: Path) -> None:
 def test_a_killed_worker_loses_nothing(fleet: Path) -> None:
     """Issue 6: a worker of the cluster that is killed in mid-run loses nothing."""
     bags = find_bags([fleet])
-    expected = analyze_fleet(bags, AnalysisOptions())
+    expected = analyze_fleet(bags, _OPTIONS)
     with cluster() as (address, _), Client(address) as client:
         workers = list(client.run(os.getpid).values())
         killed = []
@@ -168,7 +171,7 @@ def test_a_killed_worker_loses_nothing(fleet: Path) -> None:
                 os.kill(workers[0], signal.SIGKILL)
                 killed.append(total)
 
-        found = analyze_fleet(bags, AnalysisOptions(), scheduler=address, progress=kill_one)
+        found = analyze_fleet(bags, _OPTIONS, scheduler=address, progress=kill_one)
     assert killed
     assert json.dumps(found) == json.dumps(expected)
 

@@ -15,6 +15,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.cli.paper_figures import FIGURES
 from stickslip_ros.model.extinction import work_integral
 
+pytestmark = pytest.mark.slow
+
 
 def rows(path: Path) -> list[dict[str, str]]:
     """The numbers of a figure."""

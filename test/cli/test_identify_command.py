@@ -20,6 +20,8 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.settings.known_joints import load_joint
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Path:

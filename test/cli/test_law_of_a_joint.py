@@ -22,6 +22,8 @@ from stickslip_ros.monitoring.identification import Identification
 from stickslip_ros.settings.joint_file import joint_file_text
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
+pytestmark = pytest.mark.slow
+
 PUMA = load_joint("puma560_joint1")
 OPERATING_POINT = "--stiffness 2016 --damping 0 --velocity 0.00493"
 

@@ -47,6 +47,7 @@ def test_table_of_the_exact_boundary(puma: Joint, stiffness: float, velocity: fl
     assert exact_critical_damping_ratio(groups) == pytest.approx(critical, rel=0.005)
 
 
+@pytest.mark.slow
 def test_looking_ahead_agrees_with_plain_cycles() -> None:
     """Issue 3: the geometric rule gives what 1,500 plain cycles give, a per cent off the boundary and further."""
     groups = random_groups(120, seed=4)

@@ -47,6 +47,7 @@ def test_agrees_with_an_independent_solution() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_table_is_what_the_independent_solution_gives() -> None:
     """Issue 3: reference_cycles.csv is not stale: eight of its points solved again."""
     rows = np.loadtxt(TABLE, delimiter=",", skiprows=1)[::30]

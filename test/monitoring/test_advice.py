@@ -70,6 +70,7 @@ def test_every_variant_reaches_the_wanted_margin(
     assert advice[Kind.STIFFNESS_ONLY].damping in (gains.damping, pytest.approx(math.nan, nan_ok=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("condition", "count"), [(Criterion.PAPER, 120), (Criterion.EXACT, 20)])
 def test_random_joints_become_smooth_with_the_least_change(condition: Criterion, count: int) -> None:
     """Issue 5, what shows it: all are smooth when simulated; no point of a grid is feasible with 5 % less change.
@@ -338,12 +339,13 @@ def test_limits_that_cannot_be(values: dict[str, object], text: str) -> None:
         AdviceLimits(**values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("condition", list(Criterion))
 def test_steady_sliding(condition: Criterion) -> None:
     """Issue 5, item 1: where it is asked for, no joint is left swinging about its speed; where not, it is said."""
     rng = np.random.default_rng(11)
     swings, told = [], []
-    for _ in range(8):
+    for _ in range(12):
         case = random_case(rng, condition)
         limits = AdviceLimits(condition=condition)
         plain = recommend(case.joint, case.gains, case.velocity, limits)[Kind.LEAST_CHANGE]

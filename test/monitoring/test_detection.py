@@ -62,6 +62,7 @@ def test_every_cycle_is_found_and_none_invented(puma: Joint, stiffness: float, w
     assert np.max(np.abs(late)) <= 0.05
 
 
+@pytest.mark.slow
 def test_damped_joints_too(puma: Joint) -> None:
     """Issue 2: with damping, near the boundary: at most 1 % of the sticks missed, and next to none invented."""
     total = missed = invented = 0
@@ -83,6 +84,7 @@ def test_damped_joints_too(puma: Joint) -> None:
     assert invented <= 0.01 * total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 4, 10, 30, 80])
 def test_other_joints_rates_and_encoders(every: int) -> None:
     """Issue 2: judged on joints, rates (12 Hz to 1 kHz) and encoders not named here; no constant fits one joint."""

@@ -26,6 +26,8 @@ from stickslip_ros.monitoring.friction.slip_search import bounds
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import Batch
 
+pytestmark = pytest.mark.slow
+
 GAINS = Gains(stiffness=630.0)
 
 
@@ -78,7 +80,7 @@ def errors_of(recordings: list[tuple[RandomRecording, FrictionEstimate]]) -> tup
 
 def test_random_joints_are_identified() -> None:
     """Issue 4, show 1: median error within 2 % (viscous 10 %), 95th percentile 10 %, intervals hold."""
-    errors, covered = errors_of([drawn(seed) for seed in range(1000, 1008)])
+    errors, covered = errors_of([drawn(seed) for seed in range(1000, 1006)])
     for name, found in errors.items():
         assert len(found) >= 4, name
         assert np.median(found) <= (0.1 if name == "viscous" else 0.02), name
@@ -99,7 +101,7 @@ def test_noise_loss_and_jitter_widen_the_errors() -> None:
 def test_motion_alone_shows_the_groups() -> None:
     """Issue 4, show 5 and item 7: gains, effort and reference withheld, omega within 2 % and the verdict the same."""
     agreed = []
-    for seed in range(1000, 1004):
+    for seed in range(1000, 1003):
         one, known = drawn(seed)
         withheld = estimated(one.without_forces(), None)
         assert withheld.source is ForceSource.SPEED

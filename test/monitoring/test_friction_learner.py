@@ -22,6 +22,8 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.study import StudyQuestion, study
 
+pytestmark = pytest.mark.slow
+
 GAINS = Gains(stiffness=630.0)
 RATE = 1000.0
 

@@ -280,6 +280,7 @@ def test_stick_slip_ends_in_rest(puma: Joint) -> None:
     assert monitor.finding().status is Status.AT_REST
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:

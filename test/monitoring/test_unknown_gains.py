@@ -27,6 +27,8 @@ from stickslip_ros.monitoring.study import StudyQuestion, study
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
+pytestmark = pytest.mark.slow
+
 RATE = 500.0
 DRIVE = Gains(stiffness=630.0, damping=12.0)
 
@@ -52,7 +54,7 @@ def recorded(joint: Joint, gains: tuple[Gains, ...] = (DRIVE,), *, seconds: floa
 def watched(batch: Batch, monitor: JointMonitor | None = None) -> Assessment:
     """What a monitor says in the end that was told nothing."""
     monitor = monitor or JointMonitor()
-    for piece in np.array_split(np.arange(len(batch)), 8):
+    for piece in np.array_split(np.arange(len(batch)), 5):
         monitor.process(batch.where(slice(int(piece[0]), int(piece[-1]) + 1)))
         monitor.learn()
     return monitor.assessment()
