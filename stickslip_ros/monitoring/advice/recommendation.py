@@ -170,7 +170,7 @@ class _Case:
         gains_known: bool,
     ) -> None:
         self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
-        self._circumstances, self._uncertainty = loop, uncertainty
+        self._loop, self._uncertainty = loop, uncertainty
         self._gains_known = gains_known
         self._exact = limits.condition is Criterion.EXACT
         self._sure: Requirement | None = None
@@ -187,7 +187,7 @@ class _Case:
             joint,
             self._gains,
             limits,
-            self._circumstances,
+            self._loop,
             [requirement, *steady],
             learnt=self._uncertainty is not None,
         )
@@ -272,7 +272,7 @@ class _Case:
     def _holds(self, gains: Gains) -> bool:
         """Whether stick slip dies out with these gains, exactly, and with less damping by the wanted margin too."""
         gains = replace(gains, integral=self._gains.integral) if self._beyond else replace(gains, integral=0.0)
-        conditions = self._circumstances.conditions if self._beyond else None
+        conditions = self._loop.conditions if self._beyond else None
         trials = [gains]
         if self._beyond:
             viscous = float(self._joint.friction.viscous)
@@ -287,7 +287,7 @@ class _Case:
         groups = dimensionless_groups(joint, gains, self._slowest)
         viscous = float(joint.friction.viscous)
         total, before = float(gains.damping) + viscous, float(present.damping) + viscous
-        conditions = self._circumstances.conditions if self._beyond else None
+        conditions = self._loop.conditions if self._beyond else None
         integral = present.integral if self._beyond else 0.0
         return Variant(
             kind=kind,

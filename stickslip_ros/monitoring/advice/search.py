@@ -78,7 +78,7 @@ class AdviceSearch:
         learnt: bool,
         more: float = 1.0,
     ) -> None:
-        self._joint, self._gains, self._limits, self._circumstances = joint, gains, limits, loop
+        self._joint, self._gains, self._limits, self._loop = joint, gains, limits, loop
         self._requirements, self._learnt, self._more = list(requirements), learnt, more
         self._viscous = float(joint.friction.viscous)
         self._present = math.log(float(gains.stiffness))
@@ -99,7 +99,7 @@ class AdviceSearch:
 
     def _again(self, requirements: Sequence[Requirement | SteadySliding], more: float) -> AdviceSearch:
         return AdviceSearch(
-            self._joint, self._gains, self._limits, self._circumstances, requirements, learnt=self._learnt, more=more
+            self._joint, self._gains, self._limits, self._loop, requirements, learnt=self._learnt, more=more
         )
 
     @staticmethod
@@ -272,7 +272,7 @@ class AdviceSearch:
         return np.asarray((needed + self._viscous) * self._more - self._viscous)
 
     def _bounds(self, stiffness: FloatArray) -> dict[str, Bound]:
-        bounds = bounds_at(stiffness, self._joint, self._limits, self._circumstances)
+        bounds = bounds_at(stiffness, self._joint, self._limits, self._loop)
         if self._learnt:
             bounds[_LEARNT] = Bound(
                 text=f"it does not answer for gains × {_BELIEVABLE:g}",
