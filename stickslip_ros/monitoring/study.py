@@ -12,6 +12,7 @@ import numpy as np
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
 from stickslip_ros.monitoring.friction.estimate import (
     FrictionEstimate,
     covariance_of,
@@ -20,7 +21,6 @@ from stickslip_ros.monitoring.friction.estimate import (
     solve,
 )
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.friction.slip_problem import LEVEL, STRIBECK
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 

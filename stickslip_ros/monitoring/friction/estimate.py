@@ -23,17 +23,16 @@ from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Friction, Gains, Joint, Real
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.drive import DriveGains
-from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.friction.slip_problem import (
+from stickslip_ros.monitoring.friction._window_kernel import (
     INERTIA,
     LAG,
-    PARAMETERS,
     RISE_TIME,
     STRIBECK,
     STRIBECK_VELOCITY,
     VISCOUS,
-    SlipProblem,
 )
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import Solution, search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray

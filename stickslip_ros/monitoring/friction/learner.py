@@ -21,6 +21,7 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.estimate import (
     NAMES,
     FrictionEstimate,
@@ -29,14 +30,7 @@ from stickslip_ros.monitoring.friction.estimate import (
     estimate_from,
 )
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
-from stickslip_ros.monitoring.friction.slip_problem import (
-    LEVEL,
-    PARAMETERS,
-    RISE_TIME,
-    STRIBECK,
-    SlipProblem,
-    follows_on,
-)
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem, follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction.slip_problem import BREAKAWAY, POSITION, UNKNOWNS, SlipProblem
+from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, POSITION
+from stickslip_ros.monitoring.friction.slip_problem import UNKNOWNS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
 HUBER = 3.0  # standard deviations, beyond which a residual counts linearly

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,18 +13,9 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import risen_level, rising_rate
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, LEVEL, POSITION, RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.slip_equations import WEAK, NormalEquations, Point, robust
-from stickslip_ros.monitoring.friction.slip_problem import (
-    BREAKAWAY,
-    LEVEL,
-    PARAMETERS,
-    POSITION,
-    RISE_TIME,
-    SHAPE,
-    STRIBECK,
-    UNKNOWNS,
-    SlipProblem,
-)
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SHAPE, UNKNOWNS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STEP = 1e-4  # of a logarithm, for differences
@@ -103,7 +95,7 @@ class _Fit:
     def __init__(self, problem: SlipProblem, prior: Prior, tolerances: Tolerances) -> None:
         self.problem, self.prior = problem, prior
         self.balance_weight = problem.usable / tolerances.balance
-        self.active = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
+        self.free = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
         self.columns = len(prior.mean) + problem.balance.shape[1]
         # Where nothing is known of the slip before, its remains are anything from none to all.
         share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
@@ -172,10 +164,10 @@ class _Fit:
             weights = np.sqrt(problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + 1e-300))
         return kinetic
 
-    def slopes(self, point: Point) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        """Slopes of observations, balance and links: by the parameters, and by each slip's unknowns.
+    def slopes(self, point: Point, active: Collection[int]) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """Slopes of observations, balance and links: by the active parameters, and by each slip's unknowns.
 
-        Of the latter the last are those of the link that follows the slip.
+        By other parameters they are zero. Of the latter the last are those of the link that follows the slip.
         """
         problem, count = self.problem, self.problem.count
         _, by_stribeck, by_rise_time, by_dwell, by_remains = self._levels(point.parameters, point.unknowns, point.found)
@@ -190,7 +182,7 @@ class _Fit:
 
         observed = np.zeros((len(point.observed), self.columns))
         balance, links = np.zeros((count, self.columns)), np.zeros((count, self.columns))
-        for k in self.active:
+        for k in active:
             if SHAPE <= k < PARAMETERS:
                 continue
             moved = point.parameters.copy()
@@ -199,9 +191,9 @@ class _Fit:
             observed[:, k] = (other.observed - point.observed) / _STEP
             balance[:, k] = (other.balance - point.balance) / _STEP
             links[:, k] = links_by(other.found, _STEP)
-        if STRIBECK in self.active:
+        if STRIBECK in active:
             links[:, STRIBECK] = -by_stribeck / self.level_errors
-        if RISE_TIME in self.active:
+        if RISE_TIME in active:
             links[:, RISE_TIME] = -by_rise_time / self.level_errors
         balance[:, len(point.parameters) :] = -problem.balance * self.balance_weight[:, None]
 
@@ -252,7 +244,7 @@ def fit_slips(
     weight = np.zeros((fit.columns, fit.columns))
     weight[:size, :size] = prior.information
     damping = 1e-3
-    slopes = fit.slopes(point)
+    slopes = fit.slopes(point, fit.free)
     equations = NormalEquations.assemble(problem, point, *slopes)
     for _ in range(iterations):
         pull = np.zeros(fit.columns)
@@ -281,7 +273,7 @@ def fit_slips(
         if point is before:
             break
         damping = max(damping / 8.0, 1e-9)
-        slopes = fit.slopes(point)
+        slopes = fit.slopes(point, fit.free)
         equations = NormalEquations.assemble(problem, point, *slopes)
         if before.cost - point.cost < enough * max(1.0, 1e-3 * point.cost):
             break
@@ -338,13 +330,12 @@ def evidence(
     size = len(parameters)
     held = Prior(mean=parameters, information=np.eye(size), lower=parameters, upper=parameters)
     fit = _Fit(problem, held, tolerances)
-    shared, fit.active = fit.active, []
     point = fit.evaluate(parameters, unknowns, kinetic)
     if not math.isfinite(point.cost):
         raise LinAlgError("the slips cannot be simulated")
     damping = 1e-4
     for _ in range(iterations):
-        equations = NormalEquations.assemble(problem, point, *fit.slopes(point))
+        equations = NormalEquations.assemble(problem, point, *fit.slopes(point, active=()))
         before = point.cost
         while damping < 1.0:
             own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
@@ -356,8 +347,7 @@ def evidence(
         damping = max(damping / 10.0, 1e-9)
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
-    fit.active = shared
-    equations = NormalEquations.assemble(problem, point, *fit.slopes(point))
+    equations = NormalEquations.assemble(problem, point, *fit.slopes(point, fit.free))
     information, gradient, _, _ = equations.eliminate(0.0)
     return SlipEvidence(
         information=information,

@@ -16,16 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LAG, LEVEL, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-# Indices of the parameters; beyond them stand the reference's speeds where only they are known.
-INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
-PARAMETERS = 6
-SHAPE = 4  # as many parameters, the first ones, shape a single slip
-# Columns of a slip's unknowns.
-POSITION, BREAKAWAY, LEVEL = range(3)
-UNKNOWNS = 3
+PARAMETERS = RISE_TIME + 1  # beyond them stand the reference's speeds where only they are known
+SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
+UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 
 _STEPS_PER_RADIAN = 20.0
 _LEAST_LAG = 0.05  # of a step: less is none

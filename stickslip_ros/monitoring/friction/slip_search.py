@@ -19,18 +19,17 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
-from stickslip_ros.monitoring.friction.slip_problem import (
+from stickslip_ros.monitoring.friction._window_kernel import (
     INERTIA,
     LAG,
     LEVEL,
-    PARAMETERS,
     RISE_TIME,
     STRIBECK,
     STRIBECK_VELOCITY,
     VISCOUS,
-    SlipProblem,
 )
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_start import ShapeGuess, shape_guesses
 from stickslip_ros.monitoring.samples import FloatArray
 
