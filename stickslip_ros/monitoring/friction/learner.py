@@ -87,6 +87,10 @@ class FrictionLearner:
     def __init__(self, configured: Joint | None = None, memory: float = 100.0) -> None:
         self.configured = configured
         self.memory = memory
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing."""
         self.estimate: FrictionEstimate | None = None
         self.notice = ""
         self._windows: deque[SlipWindow] = deque(maxlen=_KEPT)
@@ -208,7 +212,7 @@ class FrictionLearner:
 
     def reset(self) -> None:
         """Forget everything."""
-        self.__init__(self.configured, self.memory)  # type: ignore[misc]
+        self._begin()
 
     def _update(self, window: SlipWindow) -> None:
         state = self._state
@@ -220,12 +224,12 @@ class FrictionLearner:
             self._studied = 0
             return
         follows = follows_on(state.last_window, window)
-        problem = SlipProblem([window], (state.last_window.arrest, state.remains) if follows else None)
-        if problem.balance.shape[1] != len(state.kinetic):
-            # With both directions known the load has a place of its own.
-            problem.balance = np.array([[1.0, window.direction]])
-        problem.stray = state.stray
-        problem.weigh(problem.speeds_at_nodes, state.tolerance)
+        problem = SlipProblem(
+            [window],
+            (state.last_window.arrest, state.remains) if follows else None,
+            both_directions=len(state.kinetic) > 1,
+        )
+        problem.take_up(stray=state.stray, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.remains if follows else 0.5
         share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))

@@ -52,9 +52,13 @@ class SlipProblem:
     ----------
     windows : in order of time, all with the force from one source; at least one.
     before : arrest before the first slip [s] and the share of F_s∞ that was left then, if known.
+    both_directions : whether the load is told from the Coulomb friction even if these slips are all of one direction,
+        because slips of both are known; where the reference's speeds are all that is known it means nothing.
     """
 
-    def __init__(self, windows: list[SlipWindow], before: tuple[float, float] | None = None) -> None:
+    def __init__(
+        self, windows: list[SlipWindow], before: tuple[float, float] | None = None, *, both_directions: bool = False
+    ) -> None:
         self.windows = windows
         # Counted from the first slip: stamps of this century leave no digits for the differences taken here.
         self.origin = origin = windows[0].rest_begin
@@ -91,7 +95,7 @@ class SlipProblem:
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
-        elif self.directions.min() < self.directions.max():
+        elif both_directions or self.directions.min() < self.directions.max():
             self.balance = np.stack([np.ones(count), self.directions], axis=1)
         else:
             self.balance = np.ones((count, 1))
@@ -134,11 +138,26 @@ class SlipProblem:
         self.linked = self.follows & np.append(False, self.usable[:-1]) & self.usable
         self.weights = self.usable[self.slip_of].astype(float)
 
-    def take_up(self, usable: NDArray[np.bool_], stray: float) -> None:
-        """Go on as an earlier fit left it."""
-        self.usable = np.ones(self.count, dtype=bool)
+    def take_up(
+        self,
+        *,
+        stray: float,
+        tolerance: float,
+        usable: NDArray[np.bool_] | None = None,
+        speeds: FloatArray | None = None,
+    ) -> None:
+        """Go on as an earlier fit left it, of these slips or of others of the joint.
+
+        Parameters
+        ----------
+        stray : by how much the stamps stray [s]. tolerance : as of :meth:`weigh`.
+        usable : which of these slips it explained; None if it was of others. speeds : at the nodes, likewise.
+        """
         self.stray = stray
-        self.set_aside(~usable)
+        if usable is not None:
+            self.usable = np.ones(self.count, dtype=bool)
+            self.set_aside(~usable)
+        self.weigh(self.speeds_at_nodes if speeds is None else speeds, tolerance)
 
     def begin_anew(self) -> None:
         """Take back what earlier fits set aside or found of the stamps."""

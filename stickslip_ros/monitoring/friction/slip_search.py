@@ -106,8 +106,7 @@ def search(
         problem.begin_anew()
         best = _search_anew(problem, known)
     if best is not None:
-        problem.take_up(best.usable, best.stray)
-        problem.weigh(best.fit.velocities, best.tolerance)
+        problem.take_up(stray=best.stray, tolerance=best.tolerance, usable=best.usable, speeds=best.fit.velocities)
     return best
 
 
