@@ -52,3 +52,40 @@ def test_what_is_no_array_is_refused(text: str) -> None:
     data = {"alias": json.loads(text), "written": [1], "plain": [1.0], "number": None, "perhaps": None}
     with pytest.raises(ValueError, match=r"Everything\.alias"):
         from_plain(Everything, data)
+
+
+@dataclass(frozen=True)
+class Several:
+    """A tuple of dataclasses."""
+
+    numbers: tuple[int, ...]
+    pairs: tuple[Pair, ...]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One of several."""
+
+    name: str
+    value: float
+
+
+def test_tuples_come_back_from_json() -> None:
+    """Several of a kind, or none, are the same tuple again."""
+    for whole in (Several((1, 2), (Pair("a", 1.5), Pair("b", 2.5))), Several((), ())):
+        assert from_plain(Several, json.loads(json.dumps(to_plain(whole)))) == whole
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ('"ab"', r"Several\.pairs"),
+        ("null", r"Several\.pairs"),
+        ("[3]", r"\.pairs\[0\]"),
+        ('[{"name": "a"}]', "must have"),
+    ],
+)
+def test_what_is_no_tuple_is_refused(text: str, where: str) -> None:
+    """Nor is one of another kind of thing; the text names which."""
+    with pytest.raises(ValueError, match=where):
+        from_plain(Several, {"numbers": [], "pairs": json.loads(text)})

@@ -20,6 +20,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.output.wording import friction_change_text
 from stickslip_ros.settings.parameter_file import Parameters
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded
@@ -124,7 +125,8 @@ def analyze(
         found = {name: joint.analysis() for name, joint in joints.items()}
     for name, joint in found.items():
         warnings += [f"{name}: {count} samples left out: {why}" for why, count in joint.assessment.dropped.items()]
-        warnings += [f"{name}: {joint.assessment.notice}"] if joint.assessment.notice else []
+        change = joint.assessment.change
+        warnings += [f"{name}: {friction_change_text(change)}"] if change is not None else []
     return BagAnalysis(path=str(path), topics=topics, joints=found, warnings=tuple(warnings), recorded=recorded)
 
 

@@ -17,6 +17,7 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding
+from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 
 
@@ -77,7 +78,7 @@ class Assessment:
     joint : inertia and friction that the margin uses; margin_gains : its gains, as the motion or the effort shows
         them where the controller's are unknown; per_inertia : whether both are, the effort being unknown too.
     position : of the last sample [rad]; mean_velocity : over the last tenths of a second [rad/s].
-    estimate : what was learnt, None if nothing yet; notice : what changed abruptly, or "".
+    estimate : what was learnt, None if nothing yet; change : its last abrupt one, None likewise.
     advice : None if joint or gains are unknown, or as long as it is being worked out; variant : of it, which is
         recommended.
     trial : gains on trial, None if there are none; trial_margin : what Eq. (43) predicts with them.
@@ -104,7 +105,7 @@ class Assessment:
     position: float
     mean_velocity: float
     estimate: FrictionEstimate | None
-    notice: str
+    change: FrictionChange | None
     advice: Advice | None
     variant: Kind
     trial: Gains | None

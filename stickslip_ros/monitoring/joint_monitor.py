@@ -382,7 +382,7 @@ class JointMonitor:
             position=self._motion.position,
             mean_velocity=self._motion.mean_velocity(_NOW),
             estimate=self.learner.estimate,
-            notice=self.learner.notice,
+            change=self.learner.change,
             advice=advice,
             variant=self.options.variant,
             trial=self.options.trial,

@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.output import published as told
+from stickslip_ros.output.wording import friction_change_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 
@@ -150,8 +151,8 @@ def joint_diagnostic(
         values += told.UNCERTAINTY.for_diagnostics(assessment)
     if assessment.estimate is not None:
         values += friction_values(assessment.estimate)
-    if assessment.notice:
-        values.append(("friction change", assessment.notice))
+    if assessment.change is not None:
+        values.append(("friction change", friction_change_text(assessment.change)))
     values += told.CYCLES.for_diagnostics(assessment.cycles)
     if cycle is not None:
         values += told.CYCLE_SIZE.for_diagnostics(cycle, "last ")
@@ -225,8 +226,8 @@ def _summary(
         return Level.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
         advised = assessment.recommended
-        if assessment.notice.endswith("learning anew"):
-            text += f"; {assessment.notice}"
+        if assessment.change is not None and assessment.change.learning_anew:
+            text += f"; {friction_change_text(assessment.change)}"
         if assessment.recommendation is not None and assessment.recommendation.keep:
             return Level.ERROR, f"{text}, though its margin is there: the friction is not what is believed"
         return Level.ERROR, f"{text}; {advised.reason}" if advised is not None else text

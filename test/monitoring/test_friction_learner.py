@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.study import StudyQuestion, study
+from stickslip_ros.output.wording import friction_change_text
 
 pytestmark = pytest.mark.slow
 
@@ -73,7 +74,7 @@ def test_friction_is_learnt_online(learnt: tuple[JointMonitor, Assessment], puma
     assert state.estimate["inertia"].value == pytest.approx(6.3, rel=0.02)
     for name in ("coulomb", "stribeck", "stribeck_velocity", "lag", "rise_time"):
         assert state.estimate[name].value == pytest.approx(float(getattr(puma.friction, name)), rel=0.1), name
-    assert state.notice == ""
+    assert state.change is None
 
 
 def test_margin_has_an_error_and_a_probability(learnt: tuple[JointMonitor, Assessment], puma: Joint) -> None:
@@ -127,8 +128,9 @@ def test_an_abrupt_change_is_named(puma: Joint) -> None:
     oiled = replace(puma, friction=replace(puma.friction, coulomb=5.0, stribeck=1.1))
     monitor = JointMonitor(gains=GAINS)
     state = watched(moving(puma, 72.0, changed=oiled), monitor)
-    assert "friction changed abruptly at 3" in state.notice
-    assert "coulomb 8.4" in state.notice
+    said = friction_change_text(state.change)
+    assert "friction changed abruptly at 3" in said
+    assert "coulomb 8.4" in said
     assert state.estimate is not None
     assert state.estimate["coulomb"].value == pytest.approx(5.0, rel=0.05)
     assert state.estimate["stribeck"].value == pytest.approx(1.1, rel=0.1)
@@ -138,7 +140,7 @@ def test_a_reversal_is_no_change_and_shows_the_load(puma: Joint) -> None:
     """Issue 4, items 1 and 3: under load the other direction breaks away at another force; that is no change."""
     monitor = JointMonitor(gains=GAINS)
     state = watched(moving(puma, 48.0, second=-0.0058, load=1.5), monitor)
-    assert state.notice == ""
+    assert state.change is None
     assert state.estimate is not None
     assert state.estimate.load.value == pytest.approx(1.5, rel=0.05)
     assert state.estimate.coulomb.value == pytest.approx(8.43, rel=0.03)

@@ -22,13 +22,8 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
-from stickslip_ros.monitoring.friction.estimate import (
-    NAMES,
-    FrictionEstimate,
-    best_known,
-    covariance_of,
-    estimate_from,
-)
+from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, best_known, covariance_of, estimate_from
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem, follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
@@ -52,8 +47,6 @@ _STRANGE_IN_A_ROW = 3
 _WELL_STUDIED = 12  # slips of a study that is believed
 _UPDATE_WEIGHT = 0.3  # of a slip by itself, whose errors the next study will know better
 _UPDATE_LINK = 0.03  # how well the level left by one slip is known at the next, without the slips before
-_SIGNIFICANT = 4.0  # standard errors, by which a parameter must differ to be named
-_SMALL = 0.03  # relative change that is not worth naming
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +56,12 @@ class LearnerMemory:
     Attributes
     ----------
     configured : joint that was the prior. learnt : by the last study and the slips since.
+    change : the last abrupt one, None if there was none.
     """
 
     configured: Joint | None
     learnt: Learnt | None
-    notice: str
+    change: FrictionChange | None
 
 
 class FrictionLearner:
@@ -92,7 +86,7 @@ class FrictionLearner:
     def _begin(self) -> None:
         """Know nothing."""
         self.estimate: FrictionEstimate | None = None
-        self.notice = ""
+        self.change: FrictionChange | None = None
         self._windows: deque[SlipWindow] = deque(maxlen=_KEPT)
         self._state: Learnt | None = None
         self._strange: list[SlipWindow] = []
@@ -187,7 +181,7 @@ class FrictionLearner:
         if learnt is not None and not (self.estimate is not None and self.estimate.usable > learnt.estimate.usable):
             self._state, self.estimate = learnt, learnt.estimate
             if self._before_change is not None and not learnt.estimate.mismatch:
-                self.notice = _difference(self._before_change, learnt.estimate, self._changed_at)
+                self.change = friction_change(self._before_change, learnt.estimate, self._changed_at)
                 self._before_change = None
         while self._waiting and self._due is None:
             self._learn(self._waiting.popleft())
@@ -199,13 +193,13 @@ class FrictionLearner:
 
     def memory_of(self) -> LearnerMemory:
         """What to remember beyond the end of the process."""
-        return LearnerMemory(configured=self.configured, learnt=self._state, notice=self.notice)
+        return LearnerMemory(configured=self.configured, learnt=self._state, change=self.change)
 
     def remember(self, memory: LearnerMemory) -> bool:
         """Go on from what was known once; returns whether it is of use: not if another joint is configured by now."""
         if memory.configured != self.configured or memory.learnt is None:
             return False
-        self._state, self.estimate, self.notice = memory.learnt, memory.learnt.estimate, memory.notice
+        self._state, self.estimate, self.change = memory.learnt, memory.learnt.estimate, memory.change
         # The slips themselves are gone: a study of a few new ones must not take the place of what is known.
         self._seen, self._studied = 0, _WELL_STUDIED
         return True
@@ -294,23 +288,9 @@ class FrictionLearner:
             self._strange, self._studied = [], 0
             return
         self._changed_at = self._strange[0].breakaway
-        self.notice = f"friction changed abruptly at {self._changed_at:.1f} s; learning anew"
+        self.change = FrictionChange(time=self._changed_at, learning_anew=True, differences=())
         self._before_change, self.estimate, self._state = self.estimate, None, None
         self._windows.clear()
         self._windows.extend(self._strange)
         self._seen, self._studied, self._strange = len(self._windows), 0, []
         self._wanted = self._seen
-
-
-def _difference(before: FrictionEstimate, after: FrictionEstimate, time: float) -> str:
-    """What changed, in words."""
-    changes = []
-    for name in NAMES:
-        old, new = before[name], after[name]
-        if before.normalised != after.normalised or not (old.identified and new.identified):
-            continue
-        apart = abs(new.value - old.value)
-        if apart > _SIGNIFICANT * math.hypot(old.std, new.std) and apart > _SMALL * abs(old.value):
-            changes.append(f"{name.replace('_', ' ')} {old.value:.3g} to {new.value:.3g}")
-    what = ", ".join(changes) or "in ways that the slips since do not name"
-    return f"friction changed abruptly at {time:.1f} s: {what}"

@@ -56,6 +56,8 @@ def _read(hint: Any, data: Any, where: str) -> Any:
         return _read(next(one for one in get_args(hint) if one is not type(None)), data, where)
     if dataclasses.is_dataclass(hint):
         return _dataclass(hint, data, where)
+    if get_origin(hint) is tuple:
+        return _tuple(hint, data, where)
     if _is_array(hint):
         return _array(data, where)
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -81,6 +83,14 @@ def _dataclass(kind: Any, data: Any, where: str) -> Any:
     if not isinstance(data, Mapping) or not names - later <= set(data) <= names:
         raise ValueError(f"{where} must have exactly {', '.join(sorted(names))}")
     return kind(**{name: _read(_hints(kind)[name], value, f"{where}.{name}") for name, value in data.items()})
+
+
+def _tuple(hint: Any, data: Any, where: str) -> Any:
+    """A tuple of any length, of one kind."""
+    if not isinstance(data, list):
+        raise ValueError(f"{where} cannot be {data!r:.60}")
+    kind = get_args(hint)[0]
+    return tuple(_read(kind, one, f"{where}[{number}]") for number, one in enumerate(data))
 
 
 def _array(data: Any, where: str) -> Any:

@@ -15,9 +15,10 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.state.version_1 import as_of_now
 
 _FORMAT = "stickslip_ros state"
-_VERSION = 1
+_VERSION = 2
 _FOR_THE_USER = 0o600
 _LARGEST = 256_000_000  # bytes; a larger file is none of ours
 
@@ -55,11 +56,14 @@ def read_state(path: Path) -> dict[str, JointMemory]:
         expected = json.loads(header)
         if not isinstance(expected, dict) or expected.get("format") != _FORMAT:
             raise StateFileError("it is no state of a stickslip_monitor")
-        if expected.get("version") != _VERSION:
-            raise StateFileError(f"it has version {expected.get('version')}, not {_VERSION}")
+        version = expected.get("version")
+        if version not in (1, _VERSION):
+            raise StateFileError(f"it has version {version}, not {_VERSION}")
         if expected.get("crc32") != zlib.crc32(body):
             raise StateFileError("its checksum is wrong")
         joints: dict[str, Any] = json.loads(body)
+        if version == 1:
+            joints = {name: as_of_now(data) for name, data in joints.items()}
         return {name: from_plain(JointMemory, data) for name, data in joints.items()}
     except (ValueError, RecursionError, AttributeError) as error:
         if isinstance(error, StateFileError):
