@@ -19,6 +19,7 @@ from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
 
@@ -170,7 +171,7 @@ class FollowedJoint:
 
 def _reason(status: Status, assessment: Assessment, dropped: str) -> str:
     if status is assessment.finding.status:
-        return assessment.finding.reason
+        return reason_text(assessment.finding)
     return dropped if status is Status.UNKNOWN else ""
 
 

@@ -13,18 +13,30 @@ from statistics import median
 
 import numpy as np
 
-from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice.adviser import Adviser
-from stickslip_ros.monitoring.advice.limits import ObservedLoop
+from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.belief import uncertainty_of
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
 from stickslip_ros.monitoring.detection.rests import RestDetector
 from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
-from stickslip_ros.monitoring.detection.status import Finding, Segment, Status
+from stickslip_ros.monitoring.detection.status import (
+    Finding,
+    Hunting,
+    NoSamples,
+    Reason,
+    Reversing,
+    Segment,
+    SpeedFalls,
+    Status,
+    Stuck,
+    ThinReserve,
+    TooFewSamples,
+    TooShort,
+)
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.margin_prediction import MarginPrediction
@@ -280,30 +292,31 @@ class JointMonitor:
     def finding(self) -> Finding:
         """What the motion shows at the last sample."""
         if not math.isfinite(self._motion.last_time):
-            missing = "; ".join(self._filter.dropped) or "no samples yet"
-            return Finding(status=Status.UNKNOWN, reason=missing)
+            return Finding(status=Status.UNKNOWN, reason=NoSamples(left_out=tuple(self._filter.dropped)))
         self._note_needed_motion()
         code, first, second = self._motion.judge()
-        return self._in_words(code, first, second)
+        return self._found(code, first, second)
 
-    def _in_words(self, code: int, first: float, second: float) -> Finding:
-        reason, status = "", STATUS_OF[code]
+    def _found(self, code: int, first: float, second: float) -> Finding:
+        """What a code of the kernel's means, with the two numbers that explain it."""
+        status = STATUS_OF[code]
+        reason: Reason | None = None
         if code == kernel.TOO_FEW:
-            reason = "too few samples"
+            reason = TooFewSamples()
         elif code == kernel.STICKS:
-            reason = HUNTING if self._recent[-1].hunting else ""
+            reason = Hunting() if self._recent[-1].hunting else None
         elif code == kernel.AT_REST and second > _TRAVELLED * self._motion.band:
-            reason = f"stuck for {first:.1f} s while the reference moved by {second:.3g} rad"
+            reason = Stuck(duration=first, travel=second)
         elif code == kernel.REVERSING:
-            reason = "reversing"
+            reason = Reversing()
         elif code == kernel.TOO_SHORT:
-            reason = f"too short a motion: {first:.2f} s of {second:.2f} s"
+            reason = TooShort(moving=first, needed=second)
         elif code == kernel.DIPS:
-            reason = f"the speed falls to {100 * first:.0f} % of its mean"
+            reason = SpeedFalls(share=first)
         elif code == kernel.MOVES:
-            reserve, source = self._damping_reserve()
+            reserve, condition = self._damping_reserve()
             if reserve < self.options.warn_margin:
-                status, reason = Status.AT_RISK, f"damping reserve {100 * reserve:.0f} % {source}"
+                status, reason = Status.AT_RISK, ThinReserve(reserve=reserve, exactly=condition is Criterion.EXACT)
         return Finding(status=status, reason=reason)
 
     def _note_needed_motion(self) -> None:
@@ -316,13 +329,13 @@ class JointMonitor:
             needed = max(needed, kernel.PERIODS_TO_TRUST * natural_period)
         self._motion.require(motion=needed, window=self.options.least_motion)
 
-    def _damping_reserve(self) -> tuple[float, str]:
+    def _damping_reserve(self) -> tuple[float, Criterion]:
         """Relative damping reserve ρ/ρ_c − 1 now, and by which condition; infinite if it is not known."""
         velocity, _ = self.velocity()
-        reserves, source = self._damping_reserves(np.array([velocity]))
-        return float(reserves[0]), source
+        reserves, condition = self._damping_reserves(np.array([velocity]))
+        return float(reserves[0]), condition
 
-    def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, str]:
+    def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, Criterion]:
         self._believe()
         return self._prediction.damping_reserves(velocities, self.options.limits.condition)
 

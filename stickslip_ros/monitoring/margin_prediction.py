@@ -69,7 +69,7 @@ class MarginPrediction:
         self._advice = self._adviser(question)
         return self._advice
 
-    def damping_reserves(self, velocities: FloatArray, condition: Criterion) -> tuple[FloatArray, str]:
+    def damping_reserves(self, velocities: FloatArray, condition: Criterion) -> tuple[FloatArray, Criterion]:
         """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
         reserves = np.full(len(velocities), np.inf)
         if self.belief is not None:
@@ -78,10 +78,10 @@ class MarginPrediction:
             # Worked out with the advice, if at all: an integration is too long for every batch of samples.
             if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
                 reserves[:] = self._advice.recommendation.reserve
-            return reserves, "exactly"
+            return reserves, condition
         known = np.isfinite(velocities)
         if self.belief is not None and known.any():
             margin = stability_margin(self.belief.joint, self.belief.gains, velocities[known])
             found = np.asarray(margin.damping_reserve)
             reserves[known] = np.where(np.isnan(found), np.inf, found)
-        return reserves, "by Eq. (43)"
+        return reserves, condition

@@ -21,7 +21,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.output import published as told
-from stickslip_ros.output.wording import friction_change_text
+from stickslip_ros.output.wording import friction_change_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 
@@ -127,7 +127,7 @@ def joint_diagnostic(
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
         *told.STATUS.for_diagnostics(assessment.finding.status),
-        ("reason", assessment.finding.reason),
+        ("reason", reason_text(assessment.finding)),
         *told.VELOCITY.for_diagnostics(assessment.velocity),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
@@ -219,7 +219,8 @@ def _summary(
     assessment: Assessment, exact: ExactVerdict, warn_margin: float, silent_for: float | None
 ) -> tuple[Level, str]:
     finding, margin = assessment.finding, assessment.margin
-    text = finding.status.value + (f": {finding.reason}" if finding.reason else "")
+    reason = reason_text(finding)
+    text = finding.status.value + (f": {reason}" if reason else "")
     if silent_for is not None:
         if math.isinf(silent_for):
             return Level.STALE, "no data yet"

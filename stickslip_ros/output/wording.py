@@ -4,6 +4,18 @@
 
 from __future__ import annotations
 
+from stickslip_ros.model.controlled import HUNTING
+from stickslip_ros.monitoring.detection.status import (
+    Finding,
+    Hunting,
+    NoSamples,
+    Reversing,
+    SpeedFalls,
+    Stuck,
+    ThinReserve,
+    TooFewSamples,
+    TooShort,
+)
 from stickslip_ros.monitoring.friction.change import FrictionChange
 
 
@@ -16,3 +28,26 @@ def friction_change_text(change: FrictionChange | None) -> str:
         return f"{text}; learning anew"
     what = ", ".join(f"{one.name.replace('_', ' ')} {one.old:.3g} to {one.new:.3g}" for one in change.differences)
     return f"{text}: {what or 'in ways that the slips since do not name'}"
+
+
+def reason_text(finding: Finding) -> str:
+    """Why a joint is found to be so; "" where its status says it all."""
+    match finding.reason:
+        case None:
+            return ""
+        case NoSamples(left_out=left_out):
+            return "; ".join(left_out) or "no samples yet"
+        case TooFewSamples():
+            return "too few samples"
+        case Hunting():
+            return HUNTING
+        case Stuck(duration=duration, travel=travel):
+            return f"stuck for {duration:.1f} s while the reference moved by {travel:.3g} rad"
+        case Reversing():
+            return "reversing"
+        case TooShort(moving=moving, needed=needed):
+            return f"too short a motion: {moving:.2f} s of {needed:.2f} s"
+        case SpeedFalls(share=share):
+            return f"the speed falls to {100 * share:.0f} % of its mean"
+        case ThinReserve(reserve=reserve, exactly=exactly):
+            return f"damping reserve {100 * reserve:.0f} % {'exactly' if exactly else 'by Eq. (43)'}"

@@ -17,9 +17,10 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.monitoring.detection.status import Finding, Status
+from stickslip_ros.monitoring.detection.status import Finding, Hunting, NoSamples, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.known_joints import load_joint
 
 STICKING = Gains(stiffness=630.0)
@@ -29,7 +30,8 @@ def test_before_any_sample_nothing_is_claimed(puma: Joint) -> None:
     """Issue 2: no data is `unknown`, with the reason."""
     assessment = JointMonitor(puma, STICKING).assessment()
     assert assessment.finding.status is Status.UNKNOWN
-    assert assessment.finding.reason == "no samples yet"
+    assert assessment.finding.reason == NoSamples()
+    assert reason_text(assessment.finding) == "no samples yet"
     assert math.isnan(assessment.time)
 
 
@@ -39,7 +41,7 @@ def test_positions_that_are_missing_are_named(puma: Joint) -> None:
     monitor.process(Batch(time=np.arange(5.0), position=np.full(5, np.nan)))
     finding = monitor.finding()
     assert finding.status is Status.UNKNOWN
-    assert "position is missing" in finding.reason
+    assert "position is missing" in reason_text(finding)
 
 
 def test_few_samples_are_not_judged() -> None:
@@ -56,7 +58,7 @@ def test_holding_is_at_rest_and_moving_on_says_stuck() -> None:
     monitor.process(Batch(time=time, position=np.full(1000, 0.5), reference_position=0.5 + 0.01 * time))
     finding = monitor.finding()
     assert finding.status is Status.AT_REST
-    assert "stuck" in finding.reason
+    assert "stuck" in reason_text(finding)
 
 
 def test_sine_is_not_judged_for_reversing() -> None:
@@ -65,7 +67,7 @@ def test_sine_is_not_judged_for_reversing() -> None:
     monitor = JointMonitor()
     monitor.process(Batch(time=time, position=1e-5 * np.round(0.2 * np.sin(4 * time) / 1e-5)))
     assert {segment.status for segment in monitor.segments} <= {Status.NOT_JUDGED, Status.AT_REST}
-    assert monitor.finding().reason == "reversing"
+    assert reason_text(monitor.finding()) == "reversing"
 
 
 def test_smooth_with_a_thin_margin_is_at_risk(puma: Joint) -> None:
@@ -234,7 +236,7 @@ def test_hunting_is_stick_slip_at_standstill(puma: Joint) -> None:
     gains = Gains(stiffness=630.0, damping=20.0, integral=1000.0)
     monitor = JointMonitor(puma, gains)
     cycles = monitor.process(hold(puma, gains))
-    assert monitor.finding() == Finding(status=Status.STICK_SLIP, reason="hunting")
+    assert monitor.finding() == Finding(status=Status.STICK_SLIP, reason=Hunting())
     assert len(cycles) >= 5
     assert all(cycle.hunting for cycle in cycles)
     assert all(one.slip_distance * other.slip_distance < 0 for one, other in itertools.pairwise(cycles))

@@ -20,11 +20,92 @@ class Status(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class NoSamples:
+    """None came, or none could be used.
+
+    Attributes
+    ----------
+    left_out : why, if some came.
+    """
+
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TooFewSamples:
+    """Too few for any judgement."""
+
+
+@dataclass(frozen=True)
+class Hunting:
+    """The joint slips to and fro about a reference that stands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stuck:
+    """The joint is at rest while its reference moves.
+
+    Attributes
+    ----------
+    duration : at rest [s]; travel : of the reference meanwhile [rad].
+    """
+
+    duration: float
+    travel: float
+
+
+@dataclass(frozen=True)
+class Reversing:
+    """The joint turns before its motion can be judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TooShort:
+    """The joint has not moved for long.
+
+    Attributes
+    ----------
+    moving, needed : time without a rest, and how much of it a judgement needs [s].
+    """
+
+    moving: float
+    needed: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedFalls:
+    """The speed falls far, though not to a rest.
+
+    Attributes
+    ----------
+    share : that is left of the mean speed, 0 to 1.
+    """
+
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThinReserve:
+    """The joint moves smoothly with little damping to spare.
+
+    Attributes
+    ----------
+    reserve : relative damping reserve ρ/ρ_c - 1. exactly : whether by the exact condition, not by Eq. (43).
+    """
+
+    reserve: float
+    exactly: bool
+
+
+Reason = NoSamples | TooFewSamples | Hunting | Stuck | Reversing | TooShort | SpeedFalls | ThinReserve
+
+
+@dataclass(frozen=True, kw_only=True)
 class Finding:
-    """A status with its reason (empty where the status says it all)."""
+    """A status with its reason, None where the status says it all; its words are in `output/wording.py`."""
 
     status: Status
-    reason: str = ""
+    reason: Reason | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
