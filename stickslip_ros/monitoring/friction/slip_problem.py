@@ -264,6 +264,10 @@ class SlipProblem:
         count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
         self.errors = np.sqrt((_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.stray) ** 2 + tolerance**2)
 
+    def know_speeds(self, velocities: FloatArray) -> None:
+        """Take a fit's velocities at the nodes for the speeds there, in place of the measured ones."""
+        self.speeds_at_nodes = velocities
+
     def measure_stray(self, residuals: FloatArray, velocities: FloatArray) -> None:
         """Set by how much the stamps stray [s], from residuals of a fit [1], where the joint moves fast."""
         speed = np.abs(velocities[self.observed])

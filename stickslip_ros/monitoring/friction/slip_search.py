@@ -207,7 +207,7 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
         problem.weigh(problem.speeds_at_nodes, tolerance * distance)
         fit = fit_slips(problem, prior, Tolerances(), parameters=parameters, unknowns=unknowns, enough=_ROUGHLY)
         parameters, unknowns = fit.parameters, fit.unknowns
-        problem.speeds_at_nodes = fit.velocities
+        problem.know_speeds(fit.velocities)
     return fit
 
 
