@@ -106,7 +106,8 @@ def test_watch_over_dds(ros_domain: int) -> None:
         until = time.monotonic() + 120.0
         while True:
             done = subprocess.run([*COMMAND, "--once"], capture_output=True, text=True, timeout=120, check=False)
-            if "■ stick_slip" in done.stdout and "robot1/joint1" in done.stdout:
+            # What is to be done comes with the advice, some time after the status.
+            if "■ stick_slip" in done.stdout and "robot1/joint1" in done.stdout and "stick_slip; " in done.stdout:
                 break
             assert time.monotonic() < until, done.stdout + done.stderr
         assert re.search(r"^joint1 +■ stick_slip +[ ▁▂▃▄▅▆▇█]*[▂▃▄▅▆▇█]", done.stdout, re.MULTILINE), done.stdout

@@ -30,6 +30,7 @@ from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
 
 EXAMPLES, AT_ONCE = 100, 100
+_ROOM = 50_000  # messages
 RATE = 200.0
 HEALTHY = "healthy"
 
@@ -125,15 +126,20 @@ class Patient:
 @contextmanager
 def patient() -> Iterator[Patient]:
     """A monitor that takes every sample (reliable), so that cycles can be compared."""
-    reliable = {"qos_overrides./joint_states.subscription.reliability": "reliable"}
+    override = "qos_overrides./joint_states.subscription"
+    reliable = {f"{override}.reliability": "reliable", f"{override}.depth": _ROOM}
     parameters = {"joints": "['']", "controller": "/controller", "state_file": "none", "learn": "false", **reliable}
     with NodeProcess("monitor", parameters) as monitor, probe() as one:
         one.wait_for_monitor()
-        qos = QoSProfile(depth=5000)
+        # However long the node has to wait for a processor, nothing is dropped for want of room.
+        qos = QoSProfile(depth=_ROOM)
+        one.node.destroy_publisher(one.states)
+        one.states = one.node.create_publisher(JointState, "joint_states", qos)
         kinds = {"joint_states": JointState, "joint_references": JointState, "pd_gains": Float64MultiArray}
         publishers = {topic: one.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
         publishers["/parameter_events"] = one.node.create_publisher(ParameterEvent, "/parameter_events", qos)
-        one.wait(lambda: all(p.get_subscription_count() > 0 for p in publishers.values()), 20.0, "the listeners")
+        every = [one.states, *publishers.values()]
+        one.wait(lambda: all(p.get_subscription_count() > 0 for p in every), 20.0, "the listeners")
         times, positions = staircase(60 * int(RATE), rate=RATE)
         yield Patient(one, monitor, publishers, zip((100.0 + np.array(times)).tolist(), positions, strict=True))
 
@@ -148,7 +154,7 @@ def check(sick: Patient) -> None:
     def heard() -> list[float]:
         return [float(cycle["breakaway [s]"]) for cycle in sick.one.cycles if cycle["joint"] == HEALTHY]
 
-    sick.one.wait(lambda: len(heard()) >= len(expected), 20.0, f"{len(expected)} cycles")
+    sick.one.wait(lambda: len(heard()) >= len(expected), 60.0, f"{len(expected)} cycles")
     assert heard()[: len(expected)] == pytest.approx([cycle.breakaway for cycle in expected], abs=1e-6)
     assert sick.one.status(HEALTHY) == "stick_slip"
     assert sick.monitor.running, sick.monitor.output()
