@@ -33,7 +33,7 @@ RATE = 500.0
 DRIVE = Gains(stiffness=630.0, damping=12.0)
 
 
-def recorded(joint: Joint, gains: tuple[Gains, ...] = (DRIVE,), *, seconds: float = 48.0) -> Batch:
+def recorded(joint: Joint, gains: tuple[Gains, ...] = (DRIVE,), *, seconds: float = 36.0) -> Batch:
     """The joint at two speeds in turn, under one drive's gains after the other; with its effort, no reference."""
     count = round(seconds * RATE)
     velocities = np.where((np.arange(count) // 6_000) % 2 == 0, 0.0045, 0.0058)
