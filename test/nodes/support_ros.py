@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -33,6 +34,9 @@ from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.output.margin_table import MARGIN_FIELDS
 from stickslip_ros.settings.known_joints import load_joint
 
+_ANSWERED, _ASK_AGAIN = 15.0, 3.0  # [s]
+_SETTLED = 0.2  # [s]
+
 
 class Probe:
     """Publishes what a robot would, and remembers what the monitor says."""
@@ -46,6 +50,7 @@ class Probe:
         self.cycles: list[dict[str, str]] = []
         self._clients: dict[str, AsyncParameterClient] = {}
         self._lifecycle: dict[str, Client] = {}
+        self._settled: list[Client] = []
         qos = QoSProfile(depth=5000)
         self.states = self.node.create_publisher(JointState, "joint_states", qos)
         self.references = self.node.create_publisher(JointState, "joint_references", qos)
@@ -126,9 +131,36 @@ class Probe:
         """Set parameters; returns the reasons of refusal, "" for what was taken."""
         client = self._parameters_of(node)
         self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
-        future = client.set_parameters([Parameter(name, value=value) for name, value in values.items()])
-        self.wait(future.done, 10.0, f"the answer of {node}")
-        return ["" if result.successful else result.reason or "refused" for result in future.result().results]
+        wanted = [Parameter(name, value=value) for name, value in values.items()]
+        answer = self._answer(lambda: client.set_parameters(wanted), f"the answer of {node}")
+        return ["" if result.successful else result.reason or "refused" for result in answer.results]
+
+    def _answer(self, ask: Callable[[], Future], what: str) -> Any:
+        """The answer to a question that may be asked twice.
+
+        A server that is known to the client need not know the client yet: its first answer can go nowhere.
+        """
+        asked = [ask()]
+        until, again = time.monotonic() + _ANSWERED, time.monotonic() + _ASK_AGAIN
+
+        def done() -> bool:
+            nonlocal again
+            if time.monotonic() > again:
+                asked.append(ask())
+                again = time.monotonic() + _ASK_AGAIN
+            return any(future.done() for future in asked)
+
+        self.wait(done, until - time.monotonic(), what)
+        return next(future.result() for future in asked if future.done())
+
+    def known(self, client: Client, limit: float, what: str) -> Client:
+        """The client, once its server is there and has had time to know the client."""
+        if not client.service_is_ready():
+            self.wait(client.service_is_ready, limit, what)
+        if client not in self._settled:
+            self.spin(_SETTLED)
+            self._settled.append(client)
+        return client
 
     def _parameters_of(self, node: str) -> AsyncParameterClient:
         """One client a node: ever new ones would keep the discovery busy."""
@@ -139,8 +171,7 @@ class Probe:
     def call(self, service: str) -> Future:
         """Call a Trigger service of the monitor; the answer comes when it comes."""
         client = self.node.create_client(Trigger, f"/stickslip_monitor/{service}")
-        self.wait(client.service_is_ready, 10.0, f"the service {service}")
-        return client.call_async(Trigger.Request())
+        return self.known(client, 10.0, f"the service {service}").call_async(Trigger.Request())
 
     def change_state(self, transition: int, limit: float = 30.0) -> bool:
         """Ask the monitor for a transition of lifecycle_msgs/Transition; returns whether it succeeded."""
@@ -152,15 +183,13 @@ class Probe:
     def state(self) -> str:
         """Label of the monitor's lifecycle state."""
         client = self._lifecycle_client(GetState, "get_state")
-        future = client.call_async(GetState.Request())
-        self.wait(future.done, 10.0, "the lifecycle state")
-        return str(future.result().current_state.label)
+        answer = self._answer(lambda: client.call_async(GetState.Request()), "the lifecycle state")
+        return str(answer.current_state.label)
 
     def _lifecycle_client(self, kind: type, name: str) -> Client:
         if name not in self._lifecycle:
             self._lifecycle[name] = self.node.create_client(kind, f"/stickslip_monitor/{name}")
-        self.wait(self._lifecycle[name].service_is_ready, 60.0, f"the service {name}")
-        return self._lifecycle[name]
+        return self.known(self._lifecycle[name], 60.0, f"the service {name}")
 
     def answer(self, service: str, limit: float) -> Trigger.Response:
         """The answer of a Trigger service of the monitor."""
@@ -172,17 +201,15 @@ class Probe:
         """Descriptors of parameters."""
         client = self.node.create_client(DescribeParameters, f"{node}/describe_parameters")
         self.wait(client.service_is_ready, 10.0, f"the parameter services of {node}")
-        future = client.call_async(DescribeParameters.Request(names=names))
-        self.wait(future.done, 10.0, f"the answer of {node}")
-        return list(future.result().descriptors)
+        request = DescribeParameters.Request(names=names)
+        return list(self._answer(lambda: client.call_async(request), f"the answer of {node}").descriptors)
 
     def get_parameters(self, node: str, names: list[str]) -> list[float]:
         """Double parameters of a node."""
         client = self._parameters_of(node)
         self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
-        future = client.get_parameters(names)
-        self.wait(future.done, 10.0, f"the answer of {node}")
-        return [value.double_value for value in future.result().values]
+        answer = self._answer(lambda: client.get_parameters(names), f"the answer of {node}")
+        return [value.double_value for value in answer.values]
 
 
 @contextmanager

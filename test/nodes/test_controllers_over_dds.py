@@ -186,7 +186,7 @@ def test_the_configuration_names_every_parameter(ros_domain: int) -> None:
     with NodeProcess("monitor", {}, params_file=path), probe() as one:
         one.wait_for_monitor()
         client = one.node.create_client(ListParameters, "/stickslip_monitor/list_parameters")
-        one.wait(client.service_is_ready, 10.0, "the parameter services")
+        one.known(client, 10.0, "the parameter services")
         future = client.call_async(ListParameters.Request())
         one.wait(future.done, 10.0, "the names")
         rcl = ("use_sim_time", "start_type_description_service", "qos_overrides.")

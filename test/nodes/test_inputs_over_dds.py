@@ -114,7 +114,7 @@ def test_deleted_parameters_have_an_answer(ros_domain: int) -> None:
             ("simulated_joint", ("gains.joint1.p", "profile.joint1", "velocity.joint1")),
         ):
             client = one.node.create_client(SetParameters, f"/{node}/set_parameters")
-            one.wait(client.service_is_ready, 10.0, "the service")
+            one.known(client, 10.0, "the service")
             for name in names:
                 message = ParameterMessage(name=name, value=ParameterValue())
                 future = client.call_async(SetParameters.Request(parameters=[message]))
@@ -190,7 +190,7 @@ def test_no_parameter_of_the_node_is_called_unknown(ros_domain: int) -> None:
     with NodeProcess("monitor", PUMA) as monitor, probe() as one:
         one.wait_for_monitor()
         client = one.node.create_client(ListParameters, f"/{NODE}/list_parameters")
-        one.wait(client.service_is_ready, 10.0, "the service")
+        one.known(client, 10.0, "the service")
         future = client.call_async(ListParameters.Request())
         one.wait(future.done, 10.0, "the names")
         names = list(future.result().result.names)
