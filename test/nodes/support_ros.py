@@ -34,6 +34,7 @@ from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.output.margin_table import MARGIN_FIELDS
 from stickslip_ros.settings.known_joints import load_joint
 
+ROOM = 50_000  # messages, that nothing is dropped however long the node waits for a processor
 _ANSWERED, _ASK_AGAIN = 15.0, 3.0  # [s]
 _SETTLED = 0.2  # [s]
 
@@ -51,7 +52,7 @@ class Probe:
         self._clients: dict[str, AsyncParameterClient] = {}
         self._lifecycle: dict[str, Client] = {}
         self._settled: list[Client] = []
-        qos = QoSProfile(depth=5000)
+        qos = QoSProfile(depth=ROOM)
         self.states = self.node.create_publisher(JointState, "joint_states", qos)
         self.references = self.node.create_publisher(JointState, "joint_references", qos)
         self.gains = self.node.create_publisher(Float64MultiArray, "pd_gains", 10)

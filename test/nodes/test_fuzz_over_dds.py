@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
-from support_ros import Probe, probe, staircase
+from support_ros import ROOM, Probe, probe, staircase
 
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -30,7 +30,6 @@ from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
 
 EXAMPLES, AT_ONCE = 100, 100
-_ROOM = 50_000  # messages
 RATE = 200.0
 HEALTHY = "healthy"
 
@@ -127,19 +126,18 @@ class Patient:
 def patient() -> Iterator[Patient]:
     """A monitor that takes every sample (reliable), so that cycles can be compared."""
     override = "qos_overrides./joint_states.subscription"
-    reliable = {f"{override}.reliability": "reliable", f"{override}.depth": _ROOM}
+    reliable = {f"{override}.reliability": "reliable", f"{override}.depth": ROOM}
     parameters = {"joints": "['']", "controller": "/controller", "state_file": "none", "learn": "false", **reliable}
     with NodeProcess("monitor", parameters) as monitor, probe() as one:
         one.wait_for_monitor()
-        # However long the node has to wait for a processor, nothing is dropped for want of room.
-        qos = QoSProfile(depth=_ROOM)
-        one.node.destroy_publisher(one.states)
-        one.states = one.node.create_publisher(JointState, "joint_states", qos)
+        qos = QoSProfile(depth=ROOM)
         kinds = {"joint_states": JointState, "joint_references": JointState, "pd_gains": Float64MultiArray}
         publishers = {topic: one.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
         publishers["/parameter_events"] = one.node.create_publisher(ParameterEvent, "/parameter_events", qos)
-        every = [one.states, *publishers.values()]
-        one.wait(lambda: all(p.get_subscription_count() > 0 for p in every), 20.0, "the listeners")
+        one.wait(lambda: all(p.get_subscription_count() > 0 for p in publishers.values()), 20.0, "the listeners")
+        # A listener that is known need not know of the publisher yet, and would miss its first messages.
+        key = "publishers of joint_states [1]"
+        one.wait(lambda: one.diagnostics["stickslip_monitor"][2][key] == "2", 20.0, "the monitor to know them")
         times, positions = staircase(60 * int(RATE), rate=RATE)
         yield Patient(one, monitor, publishers, zip((100.0 + np.array(times)).tolist(), positions, strict=True))
 

@@ -243,7 +243,7 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
         with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
             one.wait(lambda: not replay.running, 40.0, "the end of the recording")
             assert replay.wait(5.0) == 0
-        one.wait(lambda: len(one.cycles) >= len(expected), 5.0, f"{len(expected)} cycles; {len(one.cycles)} came")
+        one.wait(lambda: len(one.cycles) >= len(expected), 30.0, f"{len(expected)} cycles; {len(one.cycles)} came")
     heard = one.cycles
     assert len(heard) == len(expected)
     offset = 1.0
