@@ -132,9 +132,10 @@ class Probe:
         """Set parameters; returns the reasons of refusal, "" for what was taken."""
         client = self._parameters_of(node)
         self.wait(client.services_are_ready, 10.0, f"the parameter services of {node}")
-        wanted = [Parameter(name, value=value) for name, value in values.items()]
-        answer = self._answer(lambda: client.set_parameters(wanted), f"the answer of {node}")
-        return ["" if result.successful else result.reason or "refused" for result in answer.results]
+        # Once: a controller that hangs over it would hang again.
+        future = client.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+        self.wait(future.done, 10.0, f"the answer of {node}")
+        return ["" if result.successful else result.reason or "refused" for result in future.result().results]
 
     def _answer(self, ask: Callable[[], Future], what: str) -> Any:
         """The answer to a question that may be asked twice.
@@ -167,6 +168,8 @@ class Probe:
         """One client a node: ever new ones would keep the discovery busy."""
         if node not in self._clients:
             self._clients[node] = AsyncParameterClient(self.node, node)
+            self.wait(self._clients[node].services_are_ready, 10.0, f"the parameter services of {node}")
+            self.spin(_SETTLED)
         return self._clients[node]
 
     def call(self, service: str) -> Future:
