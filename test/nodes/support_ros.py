@@ -122,6 +122,18 @@ class Probe:
             "the monitor",
         )
 
+    def wait_for_publishers(self, count: int, limit: float) -> None:
+        """Wait until the monitor knows so many of joint states.
+
+        A listener that is known need not know of the publisher yet, and would miss its first messages.
+        """
+        key = "publishers of joint_states [1]"
+        self.wait(
+            lambda: self.diagnostics["stickslip_monitor"][2][key] == str(count),
+            limit,
+            "the monitor to know the publishers",
+        )
+
     def publish(self, names: list[str], at: float, **fields: list[float]) -> None:
         """One JointState with a stamp in seconds."""
         message = JointState(name=names, **fields)

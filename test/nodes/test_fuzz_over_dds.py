@@ -135,9 +135,7 @@ def patient() -> Iterator[Patient]:
         publishers = {topic: one.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
         publishers["/parameter_events"] = one.node.create_publisher(ParameterEvent, "/parameter_events", qos)
         one.wait(lambda: all(p.get_subscription_count() > 0 for p in publishers.values()), 20.0, "the listeners")
-        # A listener that is known need not know of the publisher yet, and would miss its first messages.
-        key = "publishers of joint_states [1]"
-        one.wait(lambda: one.diagnostics["stickslip_monitor"][2][key] == "2", 20.0, "the monitor to know them")
+        one.wait_for_publishers(2, 20.0)
         times, positions = staircase(60 * int(RATE), rate=RATE)
         yield Patient(one, monitor, publishers, zip((100.0 + np.array(times)).tolist(), positions, strict=True))
 

@@ -38,9 +38,7 @@ def another_publisher(one: Probe) -> Publisher:
     """Another one of joint states."""
     other = one.node.create_publisher(JointState, "joint_states", QoSProfile(depth=5000))
     one.wait(lambda: other.get_subscription_count() > 0, 10.0, "the listener")
-    # A listener that is known need not know of the publisher yet.
-    key = "publishers of joint_states [1]"
-    one.wait(lambda: one.diagnostics[OWN][2][key] == "2", 10.0, "the monitor to know it")
+    one.wait_for_publishers(2, 10.0)
     return other
 
 
