@@ -8,11 +8,13 @@ arrival, makes the result the same live and recorded.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
-_LONGEST_WAIT = 0.2  # [s] of the data's own time: how far samples may run ahead of the reference
+_LONGEST_WAIT = 0.2  # [s] of the data's own time, and on the clock: how far samples may run ahead of the reference
 _STALE = 1.0  # [s] from when on an old reference says nothing any more
 _LATE = 1.0  # [s] a stamp may be late by that much before it means that time began anew
 _LATE_IN_A_ROW = 20  # references, likewise
@@ -27,6 +29,7 @@ class ReferencePairing:
         self._references = np.zeros((0, 3))
         self._new_references: list[FloatArray] = []
         self._late_in_a_row = 0
+        self._went_on = -math.inf  # when a sample had its reference last, as a steady time [s]
 
     def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
         """One row of samples."""
@@ -49,8 +52,11 @@ class ReferencePairing:
         """How many samples wait."""
         return len(self._samples) + sum(len(rows) for rows in self._new_samples)
 
-    def take(self, *, all_of_them: bool = False) -> Batch | None:
-        """The samples whose reference is known, or will not come any more; None if there are none."""
+    def take(self, now: float = math.inf, *, all_of_them: bool = False) -> Batch | None:
+        """The samples whose reference is known, or will not come any more; None if there are none.
+
+        ``now`` is a steady time [s]: what is played fast has no less time to arrive.
+        """
         self._collect()
         if not len(self._samples):
             return None
@@ -58,8 +64,10 @@ class ReferencePairing:
         ready = len(times)
         if len(self._references) and not all_of_them:
             last, newest = self._references[-1, 0], times[-1]
-            if last < newest < last + _LONGEST_WAIT:
-                waits = np.flatnonzero(times > last)
+            waits = np.flatnonzero(times > last)
+            if len(waits) == 0 or waits[0] > 0:
+                self._went_on = now
+            if last < newest and (newest < last + _LONGEST_WAIT or now < self._went_on + _LONGEST_WAIT):
                 ready = int(waits[0]) if len(waits) else ready
         if ready == 0:
             return None

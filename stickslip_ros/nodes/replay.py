@@ -31,7 +31,7 @@ from stickslip_ros.nodes.running import run
 
 _TIMER_PERIOD = 0.005
 _MOST_AT_ONCE = 200
-_SETTLED = 0.5  # [s] after it was found: a listener that is known need not know of this node yet
+_SETTLED = 1.0  # [s] after it was found: a listener that is known need not know of this node yet
 _STAMP_OFFSET = 1.0  # a recording may begin at 0, which as a stamp means "not set"
 
 # When it was recorded [s], topic, message (or the bytes of one).

@@ -228,13 +228,13 @@ class Session:
         found: list[tuple[str, Cycle]] = []
         for name in dict.fromkeys([*samples, *references]):
             if name in self.joints:
-                found += [(name, cycle) for cycle in self._follow(self.joints[name])]
+                found += [(name, cycle) for cycle in self._follow(self.joints[name], now)]
         self._publications.publish_cycles(found)
 
-    def _follow(self, joint: WatchedJoint) -> list[Cycle]:
+    def _follow(self, joint: WatchedJoint, now: float) -> list[Cycle]:
         """Let one joint's monitor follow its samples; what goes wrong with it is no other joint's business."""
         try:
-            batch = joint.pairing.take()
+            batch = joint.pairing.take(now)
             return joint.monitor.process(batch) if batch is not None else []
         except Exception:
             self._begin_anew(joint)

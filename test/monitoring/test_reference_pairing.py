@@ -95,3 +95,23 @@ def test_references_that_come_late_or_anew() -> None:
     batch = pairing.take()
     assert batch is not None
     assert batch.reference_position[0] == pytest.approx(7.5)
+
+
+def test_what_is_played_fast_has_as_long_to_arrive() -> None:
+    """References 0.1 s late on the clock, of a bag played at 5 times its speed, are waited for; others are not."""
+    pairing = ReferencePairing()
+    pairing.add_references(np.array([[1.0, 1.0, 0.0]]))
+    pairing.add_samples(np.array([[1.0, 0.0, math.nan, math.nan]]))
+    assert pairing.take(10.0) is not None
+    pairing.add_samples(np.array([[1.1, 0.0, math.nan, math.nan], [1.5, 0.0, math.nan, math.nan]]))
+    assert pairing.take(10.1) is None
+    pairing.add_references(np.array([[1.1, 2.0, 0.0]]))
+    batch = pairing.take(10.12)
+    assert batch is not None
+    assert batch.reference_position.tolist() == [2.0]
+    # By a clock that is far behind they are not waited for again and again.
+    for now, stamp in ((10.33, 2.0), (10.34, 2.1), (10.35, 2.2)):
+        pairing.add_references(np.array([[stamp - 0.8, 5.0, 0.0]]))
+        pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan]]))
+        assert pairing.take(now) is not None
+    assert pairing.waiting == 0
