@@ -9,7 +9,6 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from statistics import median
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from stickslip_ros.monitoring.detection.status import (
     Segment,
     SpeedFalls,
     Status,
+    StopsAndGoes,
     Stuck,
     ThinReserve,
     TooFewSamples,
@@ -239,6 +239,8 @@ class JointMonitor:
         for cycle in cycles:
             self._learn_from(cycle)
         self._note(new)
+        if len(new) > 1:
+            self._segments.mend(new[0].breakaway, new[-1].arrest)
         return new if self._at_arrest else cycles
 
     def _note(self, cycles: list[Cycle]) -> None:
@@ -247,14 +249,7 @@ class JointMonitor:
         self._recent.extend(cycles)
         self.cycle_count += len(cycles)
         self._last_cycle = cycles[-1] if cycles else self._last_cycle
-        rest, last = self._cycles.last_rest, self._recent[-1] if self._recent else None
-        self._motion.note_cycles(
-            count=len(self._recent),
-            # The median, because a long smooth stretch between two rests makes a long cycle too.
-            period=median(cycle.period for cycle in self._recent) if self._recent else math.nan,
-            last_arrest=last.arrest if last else math.nan,
-            last_breakaway=rest.breakaway if rest else math.nan,
-        )
+        self._motion.note(self._cycles.evidence(self._recent))
         self._note_needed_motion()
 
     def _learn_from(self, cycle: Cycle) -> None:
@@ -309,6 +304,8 @@ class JointMonitor:
             reason = Stuck(duration=first, travel=second)
         elif code == kernel.REVERSING:
             reason = Reversing()
+        elif code == kernel.STOPS_AND_GOES:
+            reason = StopsAndGoes(repeats=self._motion.reference_follows)
         elif code == kernel.TOO_SHORT:
             reason = TooShort(moving=first, needed=second)
         elif code == kernel.DIPS:

@@ -11,6 +11,7 @@ from stickslip_ros.monitoring.detection.status import (
     NoSamples,
     Reversing,
     SpeedFalls,
+    StopsAndGoes,
     Stuck,
     ThinReserve,
     TooFewSamples,
@@ -47,6 +48,9 @@ def reason_text(finding: Finding) -> str:
             return "reversing"
         case TooShort(moving=moving, needed=needed):
             return f"too short a motion: {moving:.2f} s of {needed:.2f} s"
+        case StopsAndGoes(repeats=repeats):
+            which = "; what is published only repeats what is measured" if repeats else ""
+            return f"stops and goes; publish the reference to tell commanded stops from sticking{which}"
         case SpeedFalls(share=share):
             return f"the speed falls to {100 * share:.0f} % of its mean"
         case ThinReserve(reserve=reserve, exactly=exactly):

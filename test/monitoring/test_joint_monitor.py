@@ -213,7 +213,9 @@ def test_a_silence_ends_the_record_however_it_is_batched(puma: Joint) -> None:
 def test_one_late_stick_is_soon_forgotten(puma: Joint) -> None:
     """Issue 2: two sticks after a long smooth stretch do not keep the joint in `stick_slip` for as long again."""
     time = 1e-3 * np.arange(30_000)
-    velocity = np.where((time % 1.0 < 0.6) & ((time < 5.0) | ((time > 15.0) & (time < 17.0))), 0.0, 0.01)
+    # While it sticks it slips at 2.5 times the speed of its reference, to keep up with it.
+    sticks = (time < 5.0) | ((time > 15.0) & (time < 17.0))
+    velocity = np.where(sticks, np.where(time % 1.0 < 0.6, 0.0, 0.025), 0.01)
     position = 1e-5 * np.round(np.cumsum(1e-3 * velocity) / 1e-5)
     monitor = JointMonitor()
     monitor.process(Batch(time=time, position=position, reference_velocity=np.full(30_000, 0.01)))
@@ -290,9 +292,10 @@ def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
     stiffness, speed = data.draw(st.sampled_from([100, 200, 320])), data.draw(st.floats(0.5, 2.0))
     resolution = data.draw(st.sampled_from([1e-6, 1e-5, 2.5e-5]))
     puma = load_joint("puma560_joint1").joint
+    with_reference = data.draw(st.booleans())
     recording = record(
         puma, Gains(stiffness=6.3 * stiffness), 0.0058 * speed, resolution=resolution,
-        offset=data.draw(st.floats(0, 1e-4)), with_reference=data.draw(st.booleans()),
+        offset=data.draw(st.floats(0, 1e-4)), with_reference=with_reference,
     )  # fmt: skip
     hindsight, live = JointMonitor(), JointMonitor(at_arrest=True)
     later = hindsight.process(recording.batch) + hindsight.finish()
@@ -307,7 +310,8 @@ def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
         assert abs(cycle.arrest - known.arrest) < 0.03
         assert cycle.slip_distance == pytest.approx(known.slip_distance, rel=0.05, abs=2 * resolution)
     # Whether it is stick slip at all is not known before the first cycles are over.
-    in_time = [when - cycle.arrest < 0.1 + 1e-3 * step for when, cycle in told[4:-1]]
+    first = 4 if with_reference else 8
+    in_time = [when - cycle.arrest < 0.1 + 1e-3 * step for when, cycle in told[first:-1]]
     assert sum(in_time) >= 0.8 * len(in_time)
     whole = JointMonitor(at_arrest=True)
     assert [c.arrest for c in whole.process(recording.batch) + whole.finish()] == [c.arrest for _, c in told]

@@ -59,7 +59,8 @@ def test_openarm_climbs_stairs_for_two_minutes() -> None:
     """Issue 2: 31 ms sampling with gaps, changing speed, reversals: stick slip for most of the recording."""
     batch = recording("openarm_joint3_tracking")
     _, spent = watch(batch)
-    assert spent[Status.STICK_SLIP] > 0.6 * (batch.time[-1] - batch.time[0])
+    # The rest of the time it stands, where the reference hardly moves: for 25 s at the beginning, and at every turn.
+    assert spent[Status.STICK_SLIP] > 0.8 * (batch.time[-1] - batch.time[0] - spent[Status.AT_REST])
 
 
 def test_fairino_is_silent() -> None:

@@ -19,8 +19,18 @@ RING = 4096
 BLOCKS_KEPT = 64
 
 # Columns of a crossing.
-TIME, POSITION, FLAT_END, REFERENCE, REFERENCE_FLAT_END, EFFORT_FLAT_END, SPEED, SLOWEST = range(8)
-CROSSING_COLUMNS = 8
+(
+    TIME,
+    POSITION,
+    FLAT_END,
+    REFERENCE,
+    REFERENCE_FLAT_END,
+    ADVANCE,  # time integral of the way that the reference went on, until the end of the flat
+    EFFORT_FLAT_END,
+    SPEED,
+    SLOWEST,
+) = range(9)
+CROSSING_COLUMNS = 9
 
 # What is measured of one signal, its resolution and its noise.
 SIGNAL = np.dtype(
@@ -51,6 +61,8 @@ DETECTOR = np.dtype(
         ("slowest_velocity", float),  # measured since the last crossing
         ("last_time", float),
         ("last_reference", float),
+        ("level_reference", float),  # at the last crossing
+        ("advance", float),  # time integral of the way that the reference went on since then
         ("last_effort", float),
         ("crossings", float, (RING, CROSSING_COLUMNS)),
         ("head", np.int64),  # crossings ever set
@@ -171,6 +183,7 @@ def _set_crossing(time, position, step, reference, effort, detector):
             crossing_position = position - 0.5 * sign * resolution
         detector.crossings[last, FLAT_END] = max(detector.last_time, detector.crossings[last, TIME])
         detector.crossings[last, REFERENCE_FLAT_END] = detector.last_reference
+        detector.crossings[last, ADVANCE] = detector.advance
         detector.crossings[last, EFFORT_FLAT_END] = detector.last_effort
         detector.crossings[last, SLOWEST] = detector.slowest_velocity
     detector.slowest_velocity = np.nan
@@ -179,6 +192,7 @@ def _set_crossing(time, position, step, reference, effort, detector):
     detector.crossings[new, FLAT_END] = crossing_time
     detector.crossings[new, REFERENCE] = reference
     detector.crossings[new, REFERENCE_FLAT_END] = reference
+    detector.crossings[new, ADVANCE] = 0.0
     detector.crossings[new, EFFORT_FLAT_END] = effort
     detector.crossings[new, SLOWEST] = np.nan
     detector.crossings[new, SPEED] = 0.0
@@ -198,7 +212,7 @@ def _set_crossing(time, position, step, reference, effort, detector):
             elapsed = crossing_time - detector.crossings[before, TIME]
         if elapsed > 0.0:
             detector.crossings[new, SPEED] = (crossing_position - detector.crossings[before, POSITION]) / elapsed
-    detector.level = position
+    detector.level, detector.level_reference, detector.advance = position, reference, 0.0
     detector.sign = sign
     detector.head = head + 1
 
@@ -277,17 +291,17 @@ def close_spell(detector):
 
 
 @helper()
-def take(count, now, raw, pace_now, travel, effort_now, detector):
+def take(count, now, raw, pace_now, way_now, effort_now, detector):
     """Take sample number ``count``; True if it completes a spell.
 
-    It is time, position, velocity, travel of the reference and effort. The longest gap of a completed spell stands in
+    It is time, position, velocity, way of the reference and effort. The longest gap of a completed spell stands in
     the state (``LONGEST_GAP``), its surroundings in the ring of crossings.
     """
     # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
     position = _median(raw, detector.median_1, detector.median_2) if count >= 2 else detector.median_1
     time, reference, effort = detector.median_time, detector.median_reference, detector.median_effort
     detector.median_2, detector.median_1 = detector.median_1, raw
-    detector.median_time, detector.median_reference, detector.median_effort = now, travel, effort_now
+    detector.median_time, detector.median_reference, detector.median_effort = now, way_now, effort_now
     if count == 0:
         return False
     complete = False
@@ -300,6 +314,8 @@ def take(count, now, raw, pace_now, travel, effort_now, detector):
             detector.sign = 0.0
         else:
             complete = _follow_spell(detector)
+    else:
+        detector.advance += (reference - detector.level_reference) * (time - detector.last_time)
     # The slowest that a velocity sensor saw since the last crossing, impulses left out.
     pace = abs(_median(pace_now, detector.velocity_1, detector.velocity_2)) if count >= 2 else np.nan
     detector.velocity_2, detector.velocity_1 = detector.velocity_1, pace_now

@@ -33,12 +33,17 @@ MOTION = np.dtype(
         ("position", float),
         ("reference", float),
         ("reference_velocity", float),
-        ("travel", float),  # way of the reference
+        ("way", float),  # place of the reference, or the way that it has gone where only its velocity is given
         ("travels", np.bool_),  # whether the reference is known
+        ("follows", np.bool_),  # whether the reference only repeats what was measured
+        ("before", float),  # where the joint was when the two were compared last
+        ("compared", float),  # how often they were, lately
+        ("followed", float),  # how often the reference had followed
         ("interval", float),  # between samples
         ("turned", float),  # when the motion turned
         ("direction", float),
         ("rested_at", float),  # when it was last seen at rest
+        ("rest_began", float),  # and since when it was
         ("slice", float),  # number of the slice that is open, NaN if none is
         ("slice_begin", float),  # first stamp in it
         ("slice_error", float),  # largest tracking error in it
@@ -55,8 +60,12 @@ MOTION = np.dtype(
         # What is known of the cycles.
         ("cycles", np.int64),  # recent ones
         ("period", float),  # their median
-        ("last_arrest", float),
+        ("speed", float),  # their mean speed, rests included
+        ("slip", float),  # longest of them
+        ("dwell", float),  # likewise
+        ("evidence", float),  # end of the last cycle, or of the rest in which it ended
         ("last_breakaway", float),  # of the last rest, NaN before the first
+        ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
         # When to look whether the joint has come to rest.
         ("looked", np.int64),  # crossings there were at the last look, -1 before the first
@@ -72,10 +81,13 @@ BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
 SLICE_COLUMNS = 6
 
 # What the motion shows.
-TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, DIPS, MOVES = range(7)
+TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES = range(8)
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
-_PERIODS_AT_REST = 4.0  # a dwell may last so many periods before the joint is called at rest
+_OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
+_PERIODS_STUCK = 4.0  # a joint may stand so many periods while its reference goes on
+_DRIVEN_SHARE = 0.25  # of the mean speed of the cycles: how fast the reference must go on for a rest to be a stick
+_RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_CROSSINGS = 20
 _DIP_AT_RISK = 0.2  # of the mean speed
@@ -83,6 +95,12 @@ _START = 0.25  # of the motion needed: the start from rest is no dip
 _LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
 _WINDOW_CROSSINGS = 6
 _ENOUGH_CROSSINGS = 3
+# Whether a reference repeats what was measured.
+_COMPARED = 3.0  # bands of motion from one comparison to the next
+_SAME = 1e-3  # of a band
+_KEPT = 0.99  # of what was seen, at each comparison
+_ENOUGH_COMPARED = 20.0
+_FOLLOWS, _FOLLOWS_STILL = 0.95, 0.7
 
 
 @compiled()
@@ -193,9 +211,9 @@ def _entry_at(time, motion):
 
 @inlined()
 def travel_since(time, motion):
-    """Way of the reference since a time; 0 if unknown."""
+    """How far the reference is from where it was at a time; 0 if unknown."""
     at = _entry_at(time, motion)
-    travel = motion.travel - motion.past[at, WAY] if at >= 0 and motion.travels else np.nan
+    travel = abs(motion.way - motion.past[at, WAY]) if at >= 0 and motion.travels else np.nan
     return travel if np.isfinite(travel) else 0.0
 
 
@@ -219,18 +237,36 @@ def reference_velocity(window, motion):
     return (motion.reference - motion.past[at, REFERENCE_PLACE]) / (motion.now - motion.past[at, TIME])
 
 
+@helper()
+def _goes_on_sticking(rest, motion):
+    """Whether what the cycles have shown holds now: no motion and no rest since then outlived them.
+
+    A cycle becomes known only when it has ended; until then, a motion or a rest like those before speaks.
+    """
+    if motion.cycles < _CYCLES_FOR_STICK_SLIP:
+        return False
+    longest_cycle = PERIODS_TO_TRUST * motion.period
+    slip, dwell = min(_OUTLIVES * motion.slip, longest_cycle), min(_OUTLIVES * motion.dwell, longest_cycle)
+    if np.isfinite(rest):
+        if travel_since(rest, motion) >= _DRIVEN_SHARE * motion.speed * (motion.now - rest) > 0.0:
+            # That it stands while its reference goes on is what it is to stick.
+            dwell = max(_OUTLIVES * motion.dwell, _PERIODS_STUCK * motion.period)
+        return rest - motion.evidence <= slip and motion.now - rest <= dwell
+    since = motion.evidence
+    if motion.rested_at > since and motion.rest_began - since <= slip and motion.rested_at - motion.rest_began <= dwell:
+        since = motion.rested_at
+    return motion.now - since <= slip
+
+
 @compiled()
 def judge(rest, motion, detector):
     """What the motion shows now, with the rest that is open: a code, and two numbers that explain it."""
     now = motion.now
     if detector.samples < kernel.BLOCK:
         return TOO_FEW, 0.0, 0.0
+    if _goes_on_sticking(rest, motion):
+        return STICKS, 0.0, 0.0
     left = motion.last_breakaway if np.isfinite(motion.last_breakaway) else motion.first_time
-    if motion.cycles >= _CYCLES_FOR_STICK_SLIP:
-        # A cycle becomes known only when the next one begins; until then the last breakaway speaks.
-        patience = PERIODS_TO_TRUST if np.isnan(rest) else _PERIODS_AT_REST
-        if now - max(motion.last_arrest, left) <= patience * motion.period:
-            return STICKS, 0.0, 0.0
     if np.isfinite(rest) or detector.head <= 1:
         since = rest if np.isfinite(rest) else motion.first_time
         return AT_REST, now - since, travel_since(since, motion)
@@ -238,6 +274,8 @@ def judge(rest, motion, detector):
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
     if moving < needed or detector.head < _LEAST_CROSSINGS:
+        if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
+            return STOPS_AND_GOES, 0.0, 0.0
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
     dip = slowest_share(max(now - needed, began + _START * needed), detector)
     return DIPS if dip < _DIP_AT_RISK else MOVES, dip, 0.0
@@ -268,7 +306,7 @@ def close_slice(slices, motion, detector):
         motion.position,
         motion.reference,
     )
-    motion.past[entry, WAY] = motion.travel if motion.travels else np.nan
+    motion.past[entry, WAY] = motion.way if motion.travels else np.nan
     motion.past[entry, ERROR], motion.past[entry, VELOCITY_ERROR] = motion.slice_error, velocity_error
     motion.entries += 1
     sign = detector.sign
@@ -278,7 +316,7 @@ def close_slice(slices, motion, detector):
         motion.direction = sign
     rest = open_rest(detector)
     if np.isfinite(rest):
-        motion.rested_at = now
+        motion.rested_at, motion.rest_began = now, rest
     code, _, _ = judge(rest, motion, detector)
     velocity = np.nan
     if code == MOVES:
@@ -294,31 +332,65 @@ def close_slice(slices, motion, detector):
     motion.last_end, motion.last_position, motion.last_reference = now, motion.position, motion.reference
 
 
+@helper()
+def _compare(position, reference, reference_speed, motion, detector):
+    """Compare the reference with what is measured, whenever the joint has moved on a little.
+
+    A command leads the joint, and a stiff servo comes within a count of it. A reference that was there before is where
+    the joint is, to the digit, or where it has just been.
+    """
+    band = detector.position.band
+    moved = position - motion.before
+    if not abs(moved) >= _COMPARED * band or band == 0.0:
+        if np.isnan(motion.before):
+            motion.before = position
+        return
+    motion.before = position
+    ahead = (reference - position) * (1.0 if moved > 0.0 else -1.0)
+    if np.isfinite(ahead):
+        same = abs(ahead) <= _SAME * band
+        if not same and abs(ahead) < band:
+            return
+        followed = same or -abs(moved) <= ahead < 0.0
+    elif np.isfinite(reference_speed):
+        followed = reference_speed == 0.0
+    else:
+        return
+    motion.compared = _KEPT * motion.compared + 1.0
+    motion.followed = _KEPT * motion.followed + (1.0 if followed else 0.0)
+    if motion.compared >= _ENOUGH_COMPARED:
+        share = motion.followed / motion.compared
+        motion.follows = share > (_FOLLOWS_STILL if motion.follows else _FOLLOWS)
+
+
 @inlined()
-def _note(time, position, reference, reference_speed, motion):
-    """Remember a sample; returns the way that the reference has gone, NaN if unknown."""
+def _note(time, position, reference, reference_speed, motion, detector):
+    """Remember a sample; returns the way of the reference, NaN if unknown."""
     step = time - motion.now
     if np.isnan(motion.first_time):
         motion.first_time = time
         motion.last_position = position
+        step = 0.0
     elif motion.slice_steps < STEPS:
         motion.steps[motion.slice_steps] = step
         motion.slice_steps += 1
     motion.now, motion.position = time, position
+    _compare(position, reference, reference_speed, motion, detector)
+    if motion.follows:
+        reference, reference_speed = np.nan, np.nan
     # From its position if given, else from its velocity.
     if np.isfinite(reference):
-        if np.isfinite(motion.reference):
-            motion.travel += abs(reference - motion.reference)
+        motion.way = reference
         error = abs(reference - position)
         if not error <= motion.slice_error:
             motion.slice_error = error
     else:
         motion.slice_referenced = False
-        if np.isfinite(reference_speed) and np.isfinite(step):
-            motion.travel += abs(reference_speed) * step
+        if np.isfinite(reference_speed):
+            motion.way += reference_speed * step
     motion.reference, motion.reference_velocity = reference, reference_speed
     motion.travels = np.isfinite(reference) or np.isfinite(reference_speed)
-    return motion.travel if motion.travels else np.nan
+    return motion.way if motion.travels else np.nan
 
 
 @inlined()
@@ -366,7 +438,7 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
             close_slice(slices, motion, detector)
             motion.slice, motion.slice_begin = number, times[i]
             motion.slice_error, motion.slice_referenced, motion.slice_steps = np.nan, True, 0
-        travel = _note(times[i], positions[i], references[i], reference_speeds[i], motion)
+        way = _note(times[i], positions[i], references[i], reference_speeds[i], motion, detector)
         count = detector.samples
         detector.position.block[count % kernel.BLOCK] = positions[i]
         detector.velocity.block[count % kernel.BLOCK] = velocities[i]
@@ -377,10 +449,10 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
                 kernel.measure_block(detector.velocity)
         if count < kernel.BLOCK:
             early[count, 0], early[count, 1], early[count, 2] = times[i], positions[i], velocities[i]
-            early[count, 3], early[count, 4] = travel, efforts[i]
+            early[count, 3], early[count, 4] = way, efforts[i]
             if count + 1 == kernel.BLOCK and replay(detector):
                 return i + 1, SPELL
-        elif kernel.take(count, times[i], positions[i], velocities[i], travel, efforts[i], detector):
+        elif kernel.take(count, times[i], positions[i], velocities[i], way, efforts[i], detector):
             return i + 1, SPELL
         elif _may_rest(motion, detector):
             return i + 1, STANDS

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,28 @@ import numpy as np
 from stickslip_ros.monitoring.detection import _crossing_kernel as crossing_kernel
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.samples import Batch, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What the recent cycles and rests tell, in times [s]; NaN where there was none.
+
+    Attributes
+    ----------
+    cycles : how many; period : their median; speed : median of their mean speeds [rad/s].
+    slip, dwell : the longest among them.
+    evidence : when the last cycle ended, or the rest in which it ended.
+    last_breakaway : of the last rest; stop_before : of the rest before that, if the joint moved before.
+    """
+
+    cycles: int = 0
+    period: float = math.nan
+    speed: float = math.nan
+    slip: float = math.nan
+    dwell: float = math.nan
+    evidence: float = math.nan
+    last_breakaway: float = math.nan
+    stop_before: float = math.nan
 
 
 class MotionRecord:
@@ -29,10 +52,11 @@ class MotionRecord:
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
-            "last_breakaway",
+            "before",
         ):  # fmt: skip
             self._motion[name] = np.nan
         self._motion["looked"] = -1
+        self.note(Evidence())
         self._motion["window"] = window
         self._detector = _record(crossing_kernel.DETECTOR)
         self._detector["peak"] = np.inf
@@ -75,13 +99,10 @@ class MotionRecord:
         self._motion["closed"] = 0
         return rows
 
-    def note_cycles(self, *, count: int, period: float, last_arrest: float, last_breakaway: float) -> None:
-        """Let the judgement know the recent cycles: how many, their median period [s], when the last one ended [s].
-
-        ``last_breakaway`` is that of the last rest [s], NaN before the first.
-        """
-        self._motion["cycles"], self._motion["period"] = count, period
-        self._motion["last_arrest"], self._motion["last_breakaway"] = last_arrest, last_breakaway
+    def note(self, evidence: Evidence) -> None:
+        """Let the judgement know the recent cycles and rests."""
+        for name in evidence.__dataclass_fields__:
+            self._motion[name] = getattr(evidence, name)
 
     def require(self, *, motion: float, window: float) -> None:
         """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""
@@ -106,6 +127,16 @@ class MotionRecord:
     def position(self) -> float:
         """At the last sample [rad]."""
         return float(self._motion["position"])
+
+    @property
+    def reference_has_position(self) -> bool:
+        """Whether the reference's position is given, not its velocity alone."""
+        return bool(np.isfinite(self._motion["reference"]))
+
+    @property
+    def reference_follows(self) -> bool:
+        """Whether what is published as the reference only repeats what is measured, so that it counts as none."""
+        return bool(self._motion["follows"])
 
     @property
     def sample_interval(self) -> float:
@@ -165,8 +196,12 @@ class MotionRecord:
         """
         rows: FloatArray = self._detector["crossings"][np.arange(first, last + 1) % crossing_kernel.RING]
         if last == self.crossing_count - 1:
-            ends = [crossing_kernel.FLAT_END, crossing_kernel.REFERENCE_FLAT_END, crossing_kernel.EFFORT_FLAT_END]
-            rows[-1, ends] = [self._detector[name] for name in ("last_time", "last_reference", "last_effort")]
+            columns = [
+                crossing_kernel.FLAT_END, crossing_kernel.REFERENCE_FLAT_END, crossing_kernel.ADVANCE,
+                crossing_kernel.EFFORT_FLAT_END,
+            ]  # fmt: skip
+            now = ("last_time", "last_reference", "advance", "last_effort")
+            rows[-1, columns] = [self._detector[name] for name in now]
         return rows
 
     @property

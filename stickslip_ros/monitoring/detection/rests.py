@@ -12,6 +12,7 @@ joint slowed down without stopping.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -21,7 +22,8 @@ from numpy.typing import NDArray
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 from stickslip_ros.monitoring.detection.motion import MotionRecord
 from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, fastest, rest_ends, rest_gaps
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _LEAST_SLIP_BANDS = 3.0
 _LEAST_DWELL = 0.105  # of the span of the crossings that it is extrapolated from
@@ -46,8 +48,14 @@ class Rest:
     arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
     position : [rad].
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
-    reference_way : way that the reference had gone before the rest [rad], NaN if unknown.
-    reference_travel : way that the reference went while the joint was at rest [rad], NaN if unknown.
+    slip : the course of the motion before.
+    band : the smallest motion that is told from rest [rad].
+    reference : place of the reference when the rest began, or the way that it had gone if only its velocity is given
+        [rad]; NaN if unknown.
+    reference_advance : how far it went on while the joint was at rest, signed [rad]; NaN if unknown.
+    reference_mean_advance : how far it had gone on, as a mean over the rest [rad]: half of that for a steady reference,
+        next to nothing for one that steps and sets off the motion.
+    error : reference less position when the rest ended [rad]; NaN if the reference has no position.
     effort : measured effort at breakaway [N·m], NaN if unknown.
     complete : whether the joint has left it; else the breakaway is the last sample's time.
     """
@@ -57,8 +65,12 @@ class Rest:
     position: float
     direction_before: int
     direction_after: int
-    reference_way: float
-    reference_travel: float
+    slip: SlipShape
+    band: float
+    reference: float
+    reference_advance: float
+    reference_mean_advance: float
+    error: float
     effort: float
     complete: bool = True
 
@@ -79,6 +91,8 @@ class RestDetector:
     def __init__(self, window: float = 1.0) -> None:
         self.motion = MotionRecord(window)
         self._rest_end = 0
+        # When and where the joint left its last rest, and its reference then.
+        self._left = (math.nan, math.nan, math.nan)
 
     def feed(self, samples: Batch) -> Iterator[Rest]:
         """Take samples and yield each rest when it is complete, and before that when it has certainly begun.
@@ -133,16 +147,9 @@ class RestDetector:
         begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
         places = float(core[kernel.POSITION]) + direction * self.motion.band * np.repeat(fractions[:, None], 2, axis=1)
         arrest, _, _ = rest_ends(left, before[:0], places, begin, end, direction, 0)
-        return Rest(
-            arrest=arrest,
-            breakaway=float(core[kernel.FLAT_END]),
-            position=float(core[kernel.POSITION]),
-            direction_before=direction,
-            direction_after=0,
-            reference_way=float(core[kernel.REFERENCE]),
-            reference_travel=float(core[kernel.REFERENCE_FLAT_END] - core[kernel.REFERENCE]),
-            effort=float(core[kernel.EFFORT_FLAT_END]),
-            complete=False,
+        whole = before if oldest == self._rest_end else before[:0]
+        return self._rest(
+            whole, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
         )
 
     def _rest_in_spell(self) -> Rest | None:
@@ -202,14 +209,60 @@ class RestDetector:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
             if breakaway - arrest < _LEAST_DWELL * span:
                 return None
-        self._rest_end = oldest + last + 1
+        whole = oldest == self._rest_end
+        rest = self._rest(
+            before if whole else before[:0],
+            crossings[first : last + 1],
+            arrest,
+            breakaway,
+            float(0.5 * (begin + crossings[last, kernel.POSITION])),
+            direction_before,
+            direction_after,
+        )
+        self._rest_end, self._left = (
+            oldest + last + 1,
+            (breakaway, rest.position, rest.reference + rest.reference_advance),
+        )
+        return rest
+
+    def _rest(
+        self,
+        slip: FloatArray,
+        crossings: FloatArray,
+        arrest: float,
+        breakaway: float,
+        position: float,
+        direction_before: int,
+        direction_after: int,
+    ) -> Rest:
+        """A rest over the flats of these crossings; those of the slip before it, none if they are not all known."""
+        shape = SlipShape()
+        first, last = crossings[0], crossings[-1]
+        left, place, reference_left = self._left
+        # What was noted before the joint is taken to have left is creep.
+        slip = slip[slip[:, kernel.TIME] > left]
+        if len(slip) > 1:
+            shape = slip_shape(
+                np.concatenate([[left], slip[:, kernel.TIME], [max(arrest, slip[-1, kernel.TIME])]]),
+                np.concatenate([[place], slip[:, kernel.POSITION], [position]]),
+                np.concatenate([[reference_left], slip[:, kernel.REFERENCE], [first[kernel.REFERENCE]]]),
+            )
+        durations = crossings[:, kernel.FLAT_END] - crossings[:, kernel.TIME]
+        advances = crossings[:, kernel.ADVANCE] + (crossings[:, kernel.REFERENCE] - first[kernel.REFERENCE]) * durations
+        lasted = float(durations.sum())
+        reference = float(last[kernel.REFERENCE_FLAT_END])
         return Rest(
             arrest=arrest,
             breakaway=breakaway,
-            position=float(0.5 * (begin + crossings[last, kernel.POSITION])),
+            position=position,
             direction_before=direction_before,
             direction_after=direction_after,
-            reference_way=float(before[-1, kernel.REFERENCE]),
-            reference_travel=float(crossings[last, kernel.REFERENCE_FLAT_END] - before[-1, kernel.REFERENCE]),
-            effort=float(crossings[last, kernel.EFFORT_FLAT_END]),
+            slip=shape,
+            band=self.motion.band,
+            reference=float(first[kernel.REFERENCE]),
+            reference_advance=reference - float(first[kernel.REFERENCE]),
+            reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
+            error=reference - position if self.motion.reference_has_position else math.nan,
+            effort=float(last[kernel.EFFORT_FLAT_END]),
+            complete=direction_after != 0,
         )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,9 +23,11 @@ STATUS_OF = {
     kernel.AT_REST: Status.AT_REST,
     kernel.REVERSING: Status.NOT_JUDGED,
     kernel.TOO_SHORT: Status.NOT_JUDGED,
+    kernel.STOPS_AND_GOES: Status.NOT_JUDGED,
     kernel.DIPS: Status.AT_RISK,
     kernel.MOVES: Status.SMOOTH,
 }
+_MENDED = (Status.NOT_JUDGED, Status.AT_REST)
 
 
 class Segments:
@@ -53,6 +56,36 @@ class Segments:
         for begin, end in pairwise(edges):
             self._extend(rows[begin:end], STATUS_OF[int(codes[begin])])
 
+    def mend(self, start: float, end: float) -> None:
+        """Let a stretch of time be stick slip after all, as became certain only later."""
+        reached = self._from + _way(self.all[-1]) if self.all else math.nan
+        later: list[Segment] = []
+        while self.all and self.all[-1].end > start:
+            later.append(self.all.pop())
+        for segment in reversed(later):
+            # What is called smooth, or was stick slip before, was judged by itself.
+            status = Status.STICK_SLIP if segment.status in _MENDED else segment.status
+            for begin, until, which in (
+                (segment.start, start, segment.status),
+                (max(segment.start, start), min(segment.end, end), status),
+                (end, segment.end, segment.status),
+            ):
+                self._append(
+                    replace(segment, start=max(begin, segment.start), end=min(until, segment.end), status=which)
+                )
+        if self.all:
+            self._from = reached - _way(self.all[-1])
+
+    def _append(self, segment: Segment) -> None:
+        """Add a stretch, joined with the one before if that is of the same status."""
+        if segment.end <= segment.start:
+            return
+        last = self.all[-1] if self.all else None
+        if last is not None and last.status is segment.status and 0.0 <= segment.start - last.end < SILENCE:
+            velocity = (_way(last) + _way(segment)) / (segment.end - last.start)
+            segment = replace(segment, start=self.all.pop().start, velocity=velocity)
+        self.all.append(segment)
+
     def _extend(self, rows: FloatArray, status: Status) -> None:
         start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
         last = self.all[-1] if self.all else None
@@ -63,3 +96,7 @@ class Segments:
             self._from = float(rows[0, kernel.FROM])
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
         self.all.append(Segment(start=start, end=end, status=status, velocity=velocity))
+
+
+def _way(segment: Segment) -> float:
+    return segment.velocity * (segment.end - segment.start)

@@ -73,6 +73,18 @@ class TooShort:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StopsAndGoes:
+    """The joint stops and goes, and without a reference nothing tells commanded stops from sticking.
+
+    Attributes
+    ----------
+    repeats : whether a reference is published, but only repeats what is measured.
+    """
+
+    repeats: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class SpeedFalls:
     """The speed falls far, though not to a rest.
 
@@ -97,7 +109,7 @@ class ThinReserve:
     exactly: bool
 
 
-Reason = NoSamples | TooFewSamples | Hunting | Stuck | Reversing | TooShort | SpeedFalls | ThinReserve
+Reason = NoSamples | TooFewSamples | Hunting | Stuck | Reversing | TooShort | StopsAndGoes | SpeedFalls | ThinReserve
 
 
 @dataclass(frozen=True, kw_only=True)

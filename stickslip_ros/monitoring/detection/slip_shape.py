@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The course of a motion between two rests, from when it had gone which share of its way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_PARTS, _CROSSINGS_A_PART = 32, 2
+_SHARES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipShape:
+    """See the module. The ends, which are hard to date, do not count.
+
+    Attributes
+    ----------
+    middle_half : from a quarter to three quarters of the way [s], NaN if unknown; a slip's is set by the natural
+        frequency, whatever its distance.
+    asymmetry : from half of the way to nine tenths, over from a tenth to half [1]; NaN if unknown. Above 1 the motion
+        is fastest early, as one that follows a step of its reference.
+    directness : its way over all that it went to and fro [1]; NaN if unknown.
+    quickness : its fastest speed over that of the reference [1], each over a small part of its duration; infinite if
+        the reference stood, NaN if unknown. A joint that follows has about 1, a spring that lets go more.
+    """
+
+    middle_half: float = math.nan
+    asymmetry: float = math.nan
+    directness: float = math.nan
+    quickness: float = math.nan
+
+
+def slip_shape(
+    times: NDArray[np.float64], positions: NDArray[np.float64], references: NDArray[np.float64]
+) -> SlipShape:
+    """The shape of a motion through these places, the first and the last of which are rests; arrays of shape (n,)."""
+    way = float(positions[-1] - positions[0])
+    if way == 0.0:
+        return SlipShape()
+    shares = np.maximum.accumulate((positions - positions[0]) / way)
+    middle_half = asymmetry = math.nan
+    after = np.searchsorted(shares, _SHARES)
+    if after[0] > 0 and after[-1] < len(shares):
+        low, high = shares[after - 1], shares[after]
+        at = times[after - 1] + (_SHARES - low) / (high - low) * (times[after] - times[after - 1])
+        tenth, quarter, half, three_quarters, nine_tenths = at.tolist()
+        if quarter < three_quarters and tenth < half:
+            middle_half, asymmetry = three_quarters - quarter, (nine_tenths - half) / (half - tenth)
+    edges = np.linspace(times[0], times[-1], min(len(times) // _CROSSINGS_A_PART, _PARTS) + 1)
+    fastest, of_reference = (
+        float(np.max(np.abs(np.diff(np.interp(edges, times, places))))) for places in (positions, references)
+    )
+    return SlipShape(
+        middle_half=middle_half,
+        asymmetry=asymmetry,
+        directness=abs(way) / float(np.sum(np.abs(np.diff(positions)))),
+        quickness=math.inf if of_reference == 0.0 else fastest / of_reference,
+    )
