@@ -18,13 +18,19 @@ from launch_ros.actions import Node
 
 def nodes(context: LaunchContext) -> list[Node | RegisterEventHandler]:
     """Replay and monitor, in a namespace of their own: the robot may be running."""
-    names = ("recording", "time_factor", "namespace", "params_file")
+    names = ("recording", "states", "time_factor", "namespace", "params_file")
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
     replay = Node(
         package="stickslip_ros",
         executable="replay",
         namespace=given["namespace"],
-        parameters=[{"recording": given["recording"], "time_factor": float(given["time_factor"])}],
+        parameters=[
+            {
+                "recording": given["recording"],
+                "states": given["states"],
+                "time_factor": float(given["time_factor"]),
+            }
+        ],
     )
     monitor = Node(
         package="stickslip_ros",
@@ -41,6 +47,9 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument("recording", description="path of a bag or table, or the name of a known recording"),
+            DeclareLaunchArgument(
+                "states", default_value="", description="topic of a bag's joint states, where there are several"
+            ),
             DeclareLaunchArgument("time_factor", default_value="1.0", description="recorded seconds a second"),
             DeclareLaunchArgument("namespace", default_value="replay", description="namespace of both nodes"),
             DeclareLaunchArgument(

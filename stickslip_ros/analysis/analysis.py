@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.bags.topics import TopicChoice, Topics, find_topics
+from stickslip_ros.bags.topics import TopicChoice, Topics, find_robots
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
@@ -35,7 +35,7 @@ class AnalysisOptions:
 
     Attributes
     ----------
-    topics : named by the user. joints : names; () for every joint.
+    topics : named by the user. joints : names, of one robot ("left/joint1") or of every one; () for every joint.
     start, end : in seconds after the first sample.
     parameters : as the node has them. with_traces : whether to keep what the report draws.
     longest_piece : of a recording, after which a watcher sees the joints [s] of samples.
@@ -66,15 +66,19 @@ class BagAnalysis:
 
     Attributes
     ----------
-    path : as given. topics : what was read. joints : by name. warnings : what is missing or was left out.
+    path : as given. robots : what was read of each; the name "" is of a bag's only one.
+    joints : by name, which begins with that of the robot where there are several. warnings : what is missing or was
+        left out.
     recorded : when, by the recorder's clock [s]; NaN if it has no samples.
+    owners : robot of each joint, and the joint's name there.
     """
 
     path: str
-    topics: Topics
+    robots: dict[str, Topics]
     joints: dict[str, JointAnalysis]
     warnings: tuple[str, ...]
     recorded: float = math.nan
+    owners: dict[str, tuple[str, str]] = field(default_factory=dict)
 
 
 Progress = Callable[[int, int], None]
@@ -105,10 +109,10 @@ def analyze(
     options = options or AnalysisOptions()
     with Bag(path) as bag:
         try:
-            topics = find_topics(bag.channels(), options.topics)
+            robots = find_robots(bag.channels(), options.topics)
         except RecordingError as error:
             raise RecordingError("; ".join([f"bag {path}: {error}", *bag.warnings])) from error
-        reader = BagReader(bag, topics, options.topics.controller)
+        reader = BagReader(bag, robots, options.topics.controller)
         size, done = bag.size, 0
 
         def read(count: int) -> None:
@@ -116,32 +120,59 @@ def analyze(
             done = min(done + count, size)
             progress(done, size)
 
-        joints, there, recorded = _follow(reader, options, read, watcher)
+        joints, recorded = _follow(reader, options, read, watcher)
         progress(size, size)
-        warnings = [*bag.warnings, *topics.notes, *options.parameters.misnamed_joints(there)]
+        warnings = [*bag.warnings, *(note for topics in robots.values() for note in topics.notes)]
+        named = {*reader.joints, *(joint for _, joint in reader.joints.values())}
+        warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
-        _check_joints(path, options.joints, joints, there, warnings)
+        _check_joints(path, options.joints, joints, reader.joints, warnings)
         # Assessed only now, that the warnings of the last block are there.
         found = {name: joint.analysis() for name, joint in joints.items()}
     for name, joint in found.items():
         warnings += [f"{name}: {count} samples left out: {why}" for why, count in joint.assessment.dropped.items()]
         change = joint.assessment.change
         warnings += [f"{name}: {friction_change_text(change)}"] if change is not None else []
-    return BagAnalysis(path=str(path), topics=topics, joints=found, warnings=tuple(warnings), recorded=recorded)
+    return BagAnalysis(
+        path=str(path),
+        robots=robots,
+        joints=found,
+        warnings=tuple(warnings),
+        recorded=recorded,
+        owners={name: reader.joints[name] for name in found},
+    )
+
+
+def _without_leaders(robots: Mapping[str, Topics], reader: BagReader) -> list[str]:
+    """What is to be said of joints that follow a leader which has no joint of their name."""
+    there: dict[str, list[str]] = {name: [] for name in robots}
+    for robot, joint in reader.joints.values():
+        there[robot].append(joint)
+    leaders = {topics.states: robot for robot, topics in robots.items()}
+    texts = []
+    for robot, topics in robots.items():
+        if topics.leader is None:
+            continue
+        leads = there[leaders[topics.leader]]
+        alone = [joint for joint in there[robot] if joint not in leads]
+        if alone and leads:
+            texts.append(
+                f"{robot}: no joint of its leader {topics.leader.topic} is named {' or '.join(alone)} (there are "
+                f"{', '.join(leads)}): judged without a reference"
+            )
+    return texts
 
 
 def _follow(
     reader: BagReader, options: AnalysisOptions, read: Callable[[int], None], watcher: Watcher
-) -> tuple[dict[str, FollowedJoint], set[str], float]:
+) -> tuple[dict[str, FollowedJoint], float]:
     joints: dict[str, FollowedJoint] = {}
-    there: set[str] = set()
     first = math.nan
     clock = recorded = math.nan
     gains_of: dict[str, Gains] = {}
     # The traces look back at samples that the monitor keeps for a minute only.
     longest = min(options.longest_piece, _TRACED_AT_ONCE) if options.with_traces else options.longest_piece
     for piece in _short_pieces(reader.pieces(read), longest):
-        there |= set(piece.samples)
         found: dict[str, list[Cycle]] = {}
         for name, gains in piece.gains.items():
             gains_of[name] = gains
@@ -153,13 +184,16 @@ def _follow(
         for name in dict.fromkeys([*samples, *piece.references]):
             joint = joints.get(name)
             if joint is None:
-                if name not in samples or (options.joints and name not in options.joints):
+                if name not in samples:
+                    continue
+                own = reader.joints[name][1]
+                if options.joints and not {name, own} & set(options.joints):
                     continue
                 if len(joints) >= _MOST_JOINTS:
                     continue
                 joint = joints[name] = FollowedJoint(
                     name,
-                    options.parameters,
+                    options.parameters.also_of(own, name),
                     with_traces=options.with_traces,
                     at_once=_AT_ONCE if math.isinf(longest) else 1,
                 )
@@ -170,7 +204,7 @@ def _follow(
         if beyond:
             break
     watcher(joints, {name: joint.end() for name, joint in joints.items()}, clock)
-    return joints, there, recorded
+    return joints, recorded
 
 
 def _short_pieces(pieces: Iterable[Piece], longest: float) -> Iterator[Piece]:
@@ -213,10 +247,16 @@ def _within(
 
 
 def _check_joints(
-    path: Path, wanted: tuple[str, ...], joints: dict[str, FollowedJoint], there: set[str], warnings: list[str]
+    path: Path,
+    wanted: tuple[str, ...],
+    joints: dict[str, FollowedJoint],
+    names: Mapping[str, tuple[str, str]],
+    warnings: list[str],
 ) -> None:
+    there = set(names)
     listed = ", ".join(sorted(there)) or "none"
-    missing = [name for name in wanted if name not in joints]
+    own = {names[name][1] for name in joints}
+    missing = [name for name in wanted if name not in joints and name not in own]
     if wanted and len(missing) == len(wanted):
         raise RecordingError(f"bag {path}: no samples of joint {', '.join(missing)}; joints there: {listed}")
     if not joints:

@@ -30,12 +30,22 @@ CYCLE_COLUMNS = {
 
 
 def bag_json(analysis: BagAnalysis) -> dict[str, Any]:
-    """One bag."""
+    """One bag; where it has several robots, their topics by name, and of each joint whose it is and its name there."""
+    only = analysis.robots.get("")
+    read = (
+        {"robots": {name: _topics(topics) for name, topics in analysis.robots.items()}}
+        if only is None
+        else {"topics": _topics(only)}
+    )
+    joints = {}
+    for name, joint in analysis.joints.items():
+        robot, own = analysis.owners.get(name, ("", name))
+        joints[name] = ({"robot": robot, "joint": own} if robot else {}) | joint_json(joint)
     return {
         "path": analysis.path,
         "recorded": number(analysis.recorded),
-        "topics": _topics(analysis.topics),
-        "joints": {name: joint_json(joint) for name, joint in analysis.joints.items()},
+        **read,
+        "joints": joints,
         "warnings": list(analysis.warnings),
     }
 

@@ -29,7 +29,8 @@ def rows_of(answers: Iterable[Answer]) -> list[Row]:
         if "error" in found:
             rows.append(_row(path, found) | {"error": found["error"]})
         for name, joint in found.get("joints", {}).items():
-            rows.append(_row(path, found) | _joint(name, joint))
+            own = {"robot": joint["robot"]} if "robot" in joint else {}
+            rows.append(_row(path, found) | own | _joint(joint.get("joint", name), joint))
     return rows
 
 

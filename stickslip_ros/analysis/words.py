@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
@@ -68,6 +69,14 @@ def advice(joint: JointAnalysis) -> str:
     if not changes:
         return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
     return f"Change {' and '.join(changes)}{faster}."
+
+
+def topics_read(robot: str, topics: Topics) -> list[str]:
+    """What was read of a robot, "" for a bag's only one."""
+    read = [f"states from {topics.states.topic}"]
+    read += [f"references from {channel.topic}" for channel in topics.references]
+    read += [f"gains from {channel.topic}" for channel in topics.gains]
+    return [f"{robot}: {', '.join(read)}"] if robot else read
 
 
 def rests_on(joint: JointAnalysis) -> str:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from stickslip_ros.bags.reading import BagReader
@@ -26,10 +27,11 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None) -> Bat
     there: set[str] = set()
     with Bag(path) as bag:
         try:
-            topics = find_topics(bag.channels(), choice or TopicChoice())
+            # Gains are not read here, so that it is no matter which they would be.
+            topics = find_topics(bag.channels(), replace(choice or TopicChoice(), gains=""))
         except RecordingError as error:
             raise RecordingError(f"bag {path}: {error}") from error
-        for piece in BagReader(bag, topics).pieces():
+        for piece in BagReader(bag, {"": topics}).pieces():
             there |= set(piece.samples)
             if joint in piece.samples:
                 pairing.add_samples(piece.samples[joint])

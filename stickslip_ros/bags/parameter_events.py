@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
@@ -18,12 +19,13 @@ class GainEvents:
     Parameters
     ----------
     controller : the node whose events count; None for every node, of which the first that has gains of a joint counts.
+    is_of_robot : says of a node whether its gains are about the robot; None if it cannot be told.
 
     ``refused`` counts what was left out, and why.
     """
 
-    def __init__(self, controller: str | None) -> None:
-        self._controller = controller
+    def __init__(self, controller: str | None, is_of_robot: Callable[[str], bool | None] = lambda _: True) -> None:
+        self._controller, self._is_of_robot = controller, is_of_robot
         self._heard = HeardGains()
         self._owner: dict[str, str] = {}
         self.refused: Counter[str] = Counter()
@@ -31,12 +33,16 @@ class GainEvents:
     def take(self, event: Any) -> dict[str, Gains]:
         """The gains of the joints that an event changes and whose stiffness is known by now."""
         node = str(event.node)
-        if self._controller is not None and node != self._controller:
+        of_robot = self._is_of_robot(node)
+        if (self._controller is not None and node != self._controller) or of_robot is False:
             return {}
         changed = []
         for parameter in (*event.new_parameters, *event.changed_parameters):
             found = joint_and_kind(str(parameter.name))
             if found is None:
+                continue
+            if of_robot is None:
+                self.refused[f"gains of {node}: it is in no robot's namespace (choose with --controller)"] += 1
                 continue
             joint, kind = found
             owner = self._owner.setdefault(joint, node)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stickslip_ros.bags.decoding import Decoder
 from stickslip_ros.bags.parameter_events import GainEvents
 from stickslip_ros.bags.storage.bag import Bag
-from stickslip_ros.bags.topics import EVENTS_TYPE, Topics
+from stickslip_ros.bags.topics import EVENTS_TYPE, Topics, nearest_namespace
 from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.blocks import Block, Channel, Integers
 from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
@@ -37,6 +37,8 @@ class Piece:
     samples : of each joint, rows of time, position, velocity and effort, of shape (n, 4).
     references : of each joint, rows of time, position and velocity, of shape (n, 3).
     clock : time of recording less stamp at the piece's first sample [s], NaN if it has none.
+
+    Where there are several robots, a joint is named after its own: "left/joint1".
     """
 
     gains: dict[str, Gains] = field(default_factory=dict)
@@ -46,19 +48,34 @@ class Piece:
 
 
 class BagReader:
-    """Reads a bag from the topics found in it; ``refused`` counts what was left out, and why."""
+    """Reads a bag from the topics found in it; ``refused`` counts what was left out, and why.
 
-    def __init__(self, bag: Bag, topics: Topics, controller: str | None = None) -> None:
-        self._bag, self._topics = bag, topics
+    Parameters
+    ----------
+    robots : topics of each; the name "" is of the only one, whose joints keep their names.
+    controller : node whose gains count, where the parameter events of several are there.
+
+    Attributes
+    ----------
+    joints : the joints seen so far, by the names that pieces have: robot and name of its own.
+    """
+
+    def __init__(self, bag: Bag, robots: Mapping[str, Topics], controller: str | None = None) -> None:
+        self._bag, self._robots = bag, dict(robots)
+        every = list(robots.values())
+        self._channels = set[Channel]().union(*(topics.all for topics in every))
         self._fast = {
             channel: JointStateDecoder()
+            for topics in every
             for channel in (topics.states, *topics.references)
             if channel.type == joint_states.TYPE
         }
-        slow = (*topics.references, *topics.gains, *topics.events)
-        self._slow = {channel: Decoder(channel) for channel in slow if channel.type != joint_states.TYPE}
-        self._events = GainEvents(controller)
+        self._slow = {channel: Decoder(channel) for channel in self._channels if channel.type != joint_states.TYPE}
+        self._events = {
+            name: GainEvents(controller, partial(is_of_robot, topics, controller)) for name, topics in robots.items()
+        }
         self._refused: Counter[str] = Counter()
+        self.joints: dict[str, tuple[str, str]] = {}
 
     @property
     def refused(self) -> Counter[str]:
@@ -67,11 +84,11 @@ class BagReader:
         for channel, decoder in self._fast.items():
             for reason, count in decoder.refused.items():
                 found[f"{channel.topic}: {reason}"] += count
-        return found + self._events.refused
+        return sum((events.refused for events in self._events.values()), found)
 
     def pieces(self, progress: Callable[[int], None] = lambda _: None) -> Iterator[Piece]:
         """Everything in the order of its recording."""
-        for block in self._bag.blocks(self._topics.all, progress):
+        for block in self._bag.blocks(self._channels, progress):
             numbers = {channel: number for number, channel in block.channels.items()}
             gains_at = self._gains_in(block, numbers)
             edges = [0, *(number for number, _ in gains_at), len(block)]
@@ -82,48 +99,74 @@ class BagReader:
 
     def _gains_in(self, block: Block, numbers: dict[Channel, int]) -> list[tuple[int, dict[str, Gains]]]:
         """At which messages of a block which gains change."""
-        found = []
-        for channel in (*self._topics.gains, *self._topics.events):
+        found: dict[int, dict[str, Gains]] = {}
+        for channel in dict.fromkeys(
+            one for topics in self._robots.values() for one in (*topics.gains, *topics.events)
+        ):
             for number in np.flatnonzero(block.channel == numbers.get(channel, -1)).tolist():
                 try:
                     message = self._slow[channel].decode(block.message(number))
-                    gains = self._events.take(message) if channel.type == EVENTS_TYPE else gains_from_message(message)
+                    gains = None if channel.type == EVENTS_TYPE else gains_from_message(message)
                 except MessageError as error:
                     self._refused[f"{channel.topic}: {error}"] += 1
                     continue
-                if gains:
-                    found.append((number, gains))
-        return sorted(found, key=lambda one: one[0])
+                for robot, topics in self._robots.items():
+                    if channel not in (*topics.gains, *topics.events):
+                        continue
+                    new = self._events[robot].take(message) if gains is None else gains
+                    for joint, value in new.items():
+                        found.setdefault(number, {})[_full_name(robot, joint)] = value
+        return sorted(found.items())
 
     def _piece(self, block: Block, numbers: dict[Channel, int], begin: int, end: int, gains: dict[str, Gains]) -> Piece:
-        samples, clock = self._states(block, self._chosen(block, numbers, self._topics.states, begin, end))
+        samples: dict[str, FloatArray] = {}
         references: dict[str, FloatArray] = {}
-        for channel in self._topics.references:
-            chosen = self._chosen(block, numbers, channel, begin, end)
-            rows = self._references(channel, block, chosen) if len(chosen) else {}
-            for joint, values in rows.items():
-                known = references.get(joint)
-                references[joint] = values if known is None else np.concatenate([known, values])
+        clock = np.nan
+        # A leader's joint states are read once, and are its own samples and references of those that follow it.
+        decoded: dict[Channel, tuple[dict[str, FloatArray], float]] = {}
+        for robot, topics in self._robots.items():
+            for channel in (topics.states, *topics.references):
+                if channel in self._fast and channel not in decoded:
+                    chosen = self._chosen(block, numbers, channel, begin, end)
+                    decoded[channel] = self._joint_states(channel, block, chosen)
+            own, first = decoded[topics.states]
+            samples |= {name: rows for joint, rows in own.items() if (name := self._known(robot, joint))}
+            clock = first if np.isnan(clock) else clock
+            for channel in topics.references:
+                if channel in decoded:
+                    rows_of = {joint: rows[:, :3] for joint, rows in decoded[channel][0].items()}
+                else:
+                    chosen = self._chosen(block, numbers, channel, begin, end)
+                    rows_of = self._controller_states(channel, block, chosen) if len(chosen) else {}
+                for joint, values in rows_of.items():
+                    name = _full_name(robot, joint)
+                    known = references.get(name)
+                    references[name] = values if known is None else np.concatenate([known, values])
         return Piece(gains=gains, samples=samples, references=references, clock=clock)
+
+    def _known(self, robot: str, joint: str) -> str:
+        """The name of a robot's joint in pieces; "" if it is another one's already."""
+        name = _full_name(robot, joint)
+        if self.joints.setdefault(name, (robot, joint)) == (robot, joint):
+            return name
+        self._refused[f"{name} is the name of joints of two robots; only one is read"] += 1
+        return ""
 
     @staticmethod
     def _chosen(block: Block, numbers: dict[Channel, int], channel: Channel, begin: int, end: int) -> Integers:
         chosen: Integers = begin + np.flatnonzero(block.channel[begin:end] == numbers.get(channel, -1))
         return chosen
 
-    def _states(self, block: Block, chosen: Integers) -> tuple[dict[str, FloatArray], float]:
-        found = self._fast[self._topics.states].decode(block, chosen) if len(chosen) else []
-        times = [self._times(self._topics.states, rows, block, chosen) for rows in found]
+    def _joint_states(self, channel: Channel, block: Block, chosen: Integers) -> tuple[dict[str, FloatArray], float]:
+        """Rows of each joint, and time of recording less stamp of the first [s]."""
+        found = self._fast[channel].decode(block, chosen) if len(chosen) else []
+        times = [self._times(channel, rows, block, chosen) for rows in found]
         clock = np.nan
         if found:
             clock = 1e-9 * float(block.log_time[chosen[found[0].index[0]]]) - float(times[0][0])
         return rows_by_joint(found, times), clock
 
-    def _references(self, channel: Channel, block: Block, chosen: Integers) -> dict[str, FloatArray]:
-        if channel in self._fast:
-            found = self._fast[channel].decode(block, chosen)
-            times = [self._times(channel, rows, block, chosen) for rows in found]
-            return {joint: rows[:, :3] for joint, rows in rows_by_joint(found, times).items()}
+    def _controller_states(self, channel: Channel, block: Block, chosen: Integers) -> dict[str, FloatArray]:
         listed: dict[str, list[tuple[float, float, float]]] = {}
         for number in chosen.tolist():
             try:
@@ -152,3 +195,18 @@ class BagReader:
             self._refused[f"{channel.topic}: {reason}"] += count
 
         return refuse
+
+
+def _full_name(robot: str, joint: str) -> str:
+    return f"{robot}/{joint}" if robot else joint
+
+
+def is_of_robot(topics: Topics, controller: str | None, node: str) -> bool | None:
+    """Whether a node's parameters are about a robot: the only one, or that in whose namespace the node is."""
+    if not topics.namespaces:
+        return True
+    space = nearest_namespace(node, topics.namespaces)
+    if space is None:
+        # One that was chosen is everybody's.
+        return True if node == controller else None
+    return space == topics.namespace

@@ -36,6 +36,10 @@ def print_analysis(analysis: BagAnalysis) -> None:
         table.add_row(*_row(joint))
     console.print(table)
     console.print("[dim]reserve: of damping, by Eq. (43); exactly: by integration of (4)-(6)[/]", soft_wrap=True)
+    if len(analysis.robots) > 1:
+        for name, topics in analysis.robots.items():
+            for text in words.topics_read(name, topics):
+                console.print(text, style="dim", markup=False, soft_wrap=True)
     for joint in analysis.joints.values():
         if joint.status in _TALKED_OF:
             console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)

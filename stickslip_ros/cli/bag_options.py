@@ -21,7 +21,13 @@ _EVERY = "*"
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     """Options read by :func:`analysis_options`."""
     what = parser.add_argument_group("what to analyse")
-    what.add_argument("--joint", action="append", metavar="NAME", default=[], help="this joint only; may be repeated")
+    what.add_argument(
+        "--joint",
+        action="append",
+        metavar="NAME",
+        default=[],
+        help="this joint only (of several robots: left/joint1); may be repeated",
+    )
     what.add_argument("--start", type=float, metavar="S", default=0.0, help="seconds after the first sample")
     what.add_argument("--end", type=float, metavar="S", default=math.inf, help="seconds after the first sample")
     known = parser.add_argument_group("what is known of the joints")
@@ -38,9 +44,12 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     known.add_argument("--no-learning", action="store_true", help="do not learn friction from the motion: faster")
     topics = parser.add_argument_group("topics, where there are several that could be meant")
-    topics.add_argument("--states", metavar="TOPIC", help="joint states")
-    topics.add_argument("--references", action="append", metavar="TOPIC", help="desired motion; '' for none")
-    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains")
+    topics.add_argument("--states", metavar="TOPIC", help="joint states of one robot (default: every robot's)")
+    topics.add_argument(
+        "--references", action="append", metavar="[ROBOT=]TOPIC",
+        help="desired motion, or the joint states of a leader; '' for none; may be repeated",
+    )  # fmt: skip
+    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains; '' for none")
     topics.add_argument("--controller", metavar="NODE", help="whose parameter events hold the gains")
 
 

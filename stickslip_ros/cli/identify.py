@@ -23,6 +23,7 @@ from rich.table import Table
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
 from stickslip_ros.bags.table import find_recording, load_recording
+from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
@@ -47,6 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RECORDING",
         help="a .csv or .npz file, a bag (MCAP file, rosbag2 directory or .db3 file), or a known recording",
     )
+    topics = parser.add_argument_group("topics of a bag, where there are several that could be meant")
+    topics.add_argument("--states", metavar="TOPIC", help="joint states")
+    topics.add_argument("--references", action="append", metavar="TOPIC", help="desired motion; '' for none")
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then [N·m/rad]")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then [N·m·s/rad] (default 0)")
     parser.add_argument("--integral", type=float, metavar="KI", default=0.0, help="k_i then [N·m/(rad·s)] (default 0)")
@@ -85,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     gains = _gains(options)
     if options.recording:
         path = _find(options.recording)
-        batch = read_joint(path, options.on) if is_read_as_bag(path) else load_recording(path).batch
+        batch = read_joint(path, options.on, _topics(options)) if is_read_as_bag(path) else load_recording(path).batch
         name, source = path.stem, f"Identified from {path.name}."
     else:
         experiment = _experiment(options)
@@ -113,6 +117,12 @@ def run(options: argparse.Namespace) -> int:
         if not options.json:
             Console(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
     return 0
+
+
+def _topics(options: argparse.Namespace) -> TopicChoice:
+    given = options.references
+    references = None if given is None else tuple(topic for topic in given if topic)
+    return TopicChoice(states=options.states, references=references)
 
 
 def _find(name: str) -> Path:

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64MultiArray
 
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
-from stickslip_ros.bags.table import find_recording, load_recording
+from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice, find_topics
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
@@ -50,13 +50,14 @@ class Replay(Node):
 
         name = str(parameter("recording", "", "path of a bag, a .csv or .npz, or the name of a known recording"))
         joint = str(parameter("joint", "joint1", "name of the joint in a table"))
+        states = str(parameter("states", "", "topic of a bag's joint states, where there are several"))
         self._factor = float(parameter("time_factor", 1.0, "recorded seconds a second [1]"))  # type: ignore[arg-type]
         self._linger = float(parameter("linger", 1.0, "how long to stay after the last sample [s]"))  # type: ignore[arg-type]
         require_positive("time_factor", self._factor)
         require_not_negative("linger", self._linger)
         if not joint:
             raise InvalidParameterError("joint", "the name of a joint", "''")
-        self._messages = _of_bag(Path(name)) if is_read_as_bag(Path(name)) else _of_table(name, joint)
+        self._messages = _of_bag(Path(name), states) if is_read_as_bag(Path(name)) else _of_table(name, joint)
         self._next = next(self._messages, None)
         self._first = self._next[0] if self._next else 0.0
         self._start = math.nan
@@ -105,10 +106,14 @@ def _of_table(name: str, joint: str) -> Iterator[Recorded]:
         yield when, "joint_states", message
 
 
-def _of_bag(path: Path) -> Iterator[Recorded]:
+def _of_bag(path: Path, states: str) -> Iterator[Recorded]:
     """A bag's joint states, references (if they are JointStates) and gains, as serialized."""
     with Bag(path) as bag:
-        topics = find_topics(bag.channels(), TopicChoice())
+        try:
+            topics = find_topics(bag.channels(), TopicChoice(states=states or None))
+        except RecordingError as error:
+            # The option of the commands is a parameter here.
+            raise RecordingError(str(error).replace("--states", "the parameter states")) from error
         names = {topics.states: "joint_states"}
         names |= {channel: "joint_references" for channel in topics.references if channel.type == JOINT_STATE}
         names |= dict.fromkeys(topics.gains, "pd_gains")

@@ -75,6 +75,12 @@ class Parameters:
             texts += [unknown.text] if unknown is not None else []
         return texts
 
+    def also_of(self, joint: str, other: str) -> Parameters:
+        """The same, where what is said of a joint holds for another one too, unless something is said of that."""
+        names = {spec.name.format(joint=other): spec.name.format(joint=joint) for spec in PER_JOINT}
+        more = {name: self.given[known] for name, known in names.items() if known in self.given}
+        return self if joint == other else Parameters(more | dict(self.given))
+
     def settings_of(self, joint: str) -> JointSettings:
         """What they say of a joint.
 

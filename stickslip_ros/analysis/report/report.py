@@ -65,10 +65,7 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
     sections = [_section(joint) for joint in shown]
     start = min((joint.start for joint in joints), default=math.nan)
     end = max((joint.end for joint in joints), default=math.nan)
-    topics = analysis.topics
-    read = [f"states from {topics.states.topic}"]
-    read += [f"references from {channel.topic}" for channel in topics.references]
-    read += [f"gains from {channel.topic}" for channel in topics.gains]
+    read = [text for name, topics in analysis.robots.items() for text in words.topics_read(name, topics)]
     write_page(
         path,
         "report.html",
