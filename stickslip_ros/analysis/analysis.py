@@ -126,11 +126,13 @@ def analyze(
         named = {*reader.joints, *(joint for _, joint in reader.joints.values())}
         warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
+        warnings += [f"{what} ({count} messages)" for what, count in reader.replaced.items()]
+        warnings += [f"joint {name!r} has no name" for name, (_, own) in reader.joints.items() if not own]
         _check_joints(path, options.joints, joints, reader.joints, warnings)
         # Assessed only now, that the warnings of the last block are there.
         found = {name: joint.analysis() for name, joint in joints.items()}
     for name, joint in found.items():
-        warnings += [f"{name}: {count} samples left out: {why}" for why, count in joint.assessment.dropped.items()]
+        warnings += [f"{name}: {problem}" for problem in joint.problems]
         change = joint.assessment.change
         warnings += [f"{name}: {friction_change_text(change)}"] if change is not None else []
     return BagAnalysis(

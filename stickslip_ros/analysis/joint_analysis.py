@@ -10,15 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.analysis.data_problems import NOT_JUDGED, data_problems
 from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.monitoring.detection.status import NoSamples, Segment, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
 from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
@@ -41,7 +42,9 @@ class JointAnalysis:
 
     Attributes
     ----------
-    samples : how many were used. start, end : stamps of the first and the last one [s].
+    samples : how many were used. start, end : stamps of the first and the last one, or of the earliest and the latest
+        where stamps go backwards [s].
+    problems : what is wrong with the data, a sentence each.
     status : the worst one that lasted; reason : why, "" where the status says it all.
     segments : stretches of one status; cycles : all that were found.
     velocity : at which margin and advice are worked out [rad/s], NaN if the joint did not move.
@@ -62,10 +65,15 @@ class JointAnalysis:
     exact: ExactVerdict
     settings: JointSettings
     traces: JointTraces | None
+    problems: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
-        """From the first sample to the last [s]."""
+        """From the first sample to the last, or the time that was followed where stamps go backwards [s]; NaN without
+        any.
+        """
+        if self.assessment.restarts:
+            return sum(segment.end - segment.start for segment in self.segments)
         return self.end - self.start
 
     @property
@@ -131,9 +139,10 @@ class FollowedJoint:
     def _follow(self, batch: Batch | None) -> list[Cycle]:
         if batch is None:
             return []
-        finite = np.isfinite(batch.time)
-        if math.isnan(self._start) and finite.any():
-            self._start = float(batch.time[finite][0])
+        if math.isnan(self._start):
+            # Comparisons with NaN are false.
+            usable = (np.abs(batch.time) < LARGEST) & (np.abs(batch.position) < LARGEST)
+            self._start = float(batch.time[usable][0]) if usable.any() else math.nan
         self._samples += len(batch)
         found = self.monitor.process(batch)
         if self._traces is not None:
@@ -151,14 +160,18 @@ class FollowedJoint:
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
             conditions = self.settings.options.conditions
             exact = exact_verdict(assessment.joint, assessment.margin_gains, velocity, conditions)
-        dropped = "; ".join(f"{reason} ({count})" for reason, count in assessment.dropped.items())
+        problems = tuple(data_problems(assessment, self._samples))
+        start, end = self._start, assessment.time
+        if assessment.restarts:
+            start = min((segment.start for segment in segments), default=end)
+            end = max((segment.end for segment in segments), default=end)
         return JointAnalysis(
             name=self.name,
             samples=self._samples - sum(assessment.dropped.values()),
-            start=self._start,
-            end=assessment.time,
+            start=start,
+            end=end,
             status=status,
-            reason=_reason(status, assessment, dropped),
+            reason=_reason(status, assessment, problems),
             segments=segments,
             cycles=tuple(self.cycles),
             velocity=velocity,
@@ -166,13 +179,16 @@ class FollowedJoint:
             exact=exact,
             settings=self.settings,
             traces=self._traces,
+            problems=problems,
         )
 
 
-def _reason(status: Status, assessment: Assessment, dropped: str) -> str:
-    if status is assessment.finding.status:
-        return reason_text(assessment.finding)
-    return dropped if status is Status.UNKNOWN else ""
+def _reason(status: Status, assessment: Assessment, problems: Sequence[str]) -> str:
+    finding = assessment.finding
+    told = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
+    texts = [reason_text(finding)] if told else []
+    # What is wrong with the data of a joint that was judged is a warning, no reason.
+    return "; ".join(filter(None, [*texts, *(problems if status in NOT_JUDGED else ())]))
 
 
 def overall_status(segments: Sequence[Segment]) -> Status:

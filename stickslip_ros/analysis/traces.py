@@ -14,7 +14,7 @@ import numpy as np
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
 
 _BUCKETS = 2000  # of an outline, up to twice as many while it is made
 _CYCLES_KEPT = 5
@@ -34,10 +34,10 @@ class Outline:
         self._high = np.zeros(0)
 
     def add(self, time: FloatArray, value: FloatArray) -> None:
-        """Continue the curve; stamps before its beginning and values that are unknown are left out."""
+        """Continue the curve; stamps before its beginning and values that are unknown or cannot be are left out."""
         if math.isnan(self._begin) and len(time):
             self._begin = float(time[0])
-        known = np.isfinite(value) & (time >= self._begin)
+        known = (np.abs(value) < LARGEST) & (time >= self._begin)
         time, value = time[known], value[known]
         if not len(time):
             return
@@ -93,7 +93,8 @@ class JointTraces:
     def add(self, batch: Batch | None, cycles: Sequence[Cycle], monitor: JointMonitor) -> None:
         """Take what the monitor took, and the cycles that it found."""
         if batch is not None:
-            usable = np.isfinite(batch.time) & np.isfinite(batch.position)
+            # What the monitor leaves out; comparisons with NaN are false.
+            usable = (np.abs(batch.time) < LARGEST) & (np.abs(batch.position) < LARGEST)
             time = batch.time[usable]
             self.position.add(time, batch.position[usable])
             self.reference.add(time, batch.reference_position[usable])

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 
+from stickslip_ros.analysis.data_problems import NOT_JUDGED, lacks_data
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
@@ -33,7 +34,7 @@ def finding(joint: JointAnalysis) -> str:
         Status.NOT_JUDGED: f"{joint.name} moves too little, or turns too often, to be judged",
         Status.UNKNOWN: f"{joint.name} cannot be judged",
     }
-    text = words[joint.status]
+    text = words[Status.UNKNOWN if lacks_data(joint.status, joint.assessment) else joint.status]
     return f"{text}: {joint.reason}." if joint.reason else f"{text}."
 
 
@@ -41,6 +42,9 @@ def advice(joint: JointAnalysis) -> str:
     """What to do, in one sentence."""
     state = joint.assessment
     advised = state.recommended
+    keeps = state.recommendation is not None and state.recommendation.keep
+    if joint.status in NOT_JUDGED and (advised is None or keeps):
+        return "Whether something has to be done cannot be said."
     if advised is None:
         if joint.status not in (Status.STICK_SLIP, Status.AT_RISK):
             return "Nothing has to be done."

@@ -57,6 +57,7 @@ class BagReader:
 
     Attributes
     ----------
+    replaced : what was not used of messages but for something else, and of how many.
     joints : the joints seen so far, by the names that pieces have: robot and name of its own.
     """
 
@@ -75,6 +76,7 @@ class BagReader:
             name: GainEvents(controller, partial(is_of_robot, topics, controller)) for name, topics in robots.items()
         }
         self._refused: Counter[str] = Counter()
+        self.replaced: Counter[str] = Counter()
         self.joints: dict[str, tuple[str, str]] = {}
 
     @property
@@ -130,7 +132,7 @@ class BagReader:
                     chosen = self._chosen(block, numbers, channel, begin, end)
                     decoded[channel] = self._joint_states(channel, block, chosen)
             own, first = decoded[topics.states]
-            samples |= {name: rows for joint, rows in own.items() if (name := self._known(robot, joint))}
+            samples |= {name: rows for joint, rows in own.items() if (name := self._known(robot, joint)) is not None}
             clock = first if np.isnan(clock) else clock
             for channel in topics.references:
                 if channel in decoded:
@@ -144,13 +146,13 @@ class BagReader:
                     references[name] = values if known is None else np.concatenate([known, values])
         return Piece(gains=gains, samples=samples, references=references, clock=clock)
 
-    def _known(self, robot: str, joint: str) -> str:
-        """The name of a robot's joint in pieces; "" if it is another one's already."""
+    def _known(self, robot: str, joint: str) -> str | None:
+        """The name of a robot's joint in pieces; None if it is another one's already."""
         name = _full_name(robot, joint)
         if self.joints.setdefault(name, (robot, joint)) == (robot, joint):
             return name
         self._refused[f"{name} is the name of joints of two robots; only one is read"] += 1
-        return ""
+        return None
 
     @staticmethod
     def _chosen(block: Block, numbers: dict[Channel, int], channel: Channel, begin: int, end: int) -> Integers:
@@ -176,7 +178,7 @@ class BagReader:
                 self._refused[f"{channel.topic}: {error}"] += 1
                 continue
             recorded = 1e-9 * float(block.log_time[number])
-            time = with_time(seconds(message.header.stamp), recorded, _INSTEAD, self._refusing(channel))
+            time = with_time(seconds(message.header.stamp), recorded, _INSTEAD, self._replacing(channel))
             for joint, (position, velocity) in rows_of.items():
                 listed.setdefault(joint, []).append((time, position, velocity))
         return {joint: np.array(rows) for joint, rows in listed.items()}
@@ -184,17 +186,17 @@ class BagReader:
     def _times(self, channel: Channel, rows: JointRows, block: Block, chosen: Integers) -> FloatArray:
         """Stamps, or the times of recording where there are none."""
         recorded = partial(self._recorded, block, chosen, rows)
-        return with_times(rows.time, recorded, _INSTEAD, self._refusing(channel))
+        return with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
 
     @staticmethod
     def _recorded(block: Block, chosen: Integers, rows: JointRows) -> FloatArray:
         return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
 
-    def _refusing(self, channel: Channel) -> Callable[[str, int], None]:
-        def refuse(reason: str, count: int) -> None:
-            self._refused[f"{channel.topic}: {reason}"] += count
+    def _replacing(self, channel: Channel) -> Callable[[str, int], None]:
+        def replace(reason: str, count: int) -> None:
+            self.replaced[f"{channel.topic}: {reason}"] += count
 
-        return refuse
+        return replace
 
 
 def _full_name(robot: str, joint: str) -> str:

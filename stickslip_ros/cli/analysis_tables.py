@@ -13,6 +13,7 @@ from rich.table import Table
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
+from stickslip_ros.analysis.data_problems import lacks_data
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.fleet_table import by_joint, rows_of
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
@@ -41,7 +42,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
             for text in words.topics_read(name, topics):
                 console.print(text, style="dim", markup=False, soft_wrap=True)
     for joint in analysis.joints.values():
-        if joint.status in _TALKED_OF:
+        if joint.status in _TALKED_OF or lacks_data(joint.status, joint.assessment):
             console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)
             if words.rests_on(joint):
                 console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
@@ -56,7 +57,7 @@ def _row(joint: JointAnalysis) -> list[str]:
         joint.name,
         _status(joint.status.value),
         f"{joint.time_in(Status.STICK_SLIP):.3g}",
-        f"{joint.duration:.4g}",
+        _number(joint.duration, ".4g"),
         str(len(joint.cycles)),
         _number(joint.velocity),
         _number(joint.usual_slip),

@@ -4,7 +4,7 @@
 
 A bag is an MCAP file, a rosbag2 directory or a .db3 file; a folder stands for every bag in it. Of several bags a
 table of the fleet is printed, and --html writes a page with trends instead of one bag's report. Exit status: 0 done,
-1 stick slip found with --fail-on-stick-slip, 2 a bag could not be analysed.
+1 stick slip found with --fail-on-stick-slip, 2 a bag could not be analysed, or none of its joints be judged.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
 from stickslip_ros.analysis.annotation import Annotation
+from stickslip_ros.analysis.data_problems import nothing_judged
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
@@ -70,7 +71,8 @@ def run(options: argparse.Namespace) -> int:
             raise InvalidParameterError("--out", "used with one bag, by itself", options.out)
         answers, analysis = _many(bags, options), None
     errors = [found["error"] for found in answers if "error" in found]
-    for text in errors:
+    blind = [text for found in answers if (text := nothing_judged(found))]
+    for text in (*errors, *blind):
         print(f"stickslip: {text}", file=sys.stderr)
     if options.csv:
         write_cycles(options.csv, answers)
@@ -87,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     statuses = [joint["status"] for found in answers for joint in found.get("joints", {}).values()]
     if options.fail_on_stick_slip and "stick_slip" in statuses:
         return 1
-    return 2 if errors else 0
+    return 2 if errors or blind else 0
 
 
 def _one(path: Path, options: argparse.Namespace) -> tuple[list[Answer], BagAnalysis | None]:

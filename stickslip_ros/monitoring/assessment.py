@@ -87,6 +87,7 @@ class Assessment:
     resolution, noise : of the position [rad].
     sample_rate : [Hz].
     dropped : reasons for which samples were left out, and how many.
+    restarts : how often stamps went back by so much, or for so long, that the motion was followed anew from there.
     """
 
     finding: Finding
@@ -118,6 +119,7 @@ class Assessment:
     noise: float
     sample_rate: float
     dropped: dict[str, int]
+    restarts: int = 0
 
     @property
     def gains_known(self) -> bool:

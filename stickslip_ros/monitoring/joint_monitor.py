@@ -405,6 +405,7 @@ class JointMonitor:
             noise=self._motion.noise,
             sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
+            restarts=self._filter.restarts,
         )
 
 

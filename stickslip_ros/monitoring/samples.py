@@ -75,11 +75,12 @@ LARGEST = 1e12  # no joint's position and no clock's time; the arithmetic stays 
 class SampleFilter:
     """Keeps samples in strict order of time, with finite time and position, and counts what it drops.
 
-    ``dropped`` maps a reason to how often it occurred.
+    ``dropped`` maps a reason to how often it occurred; ``restarts`` counts how often time began anew.
     """
 
     last_time: float = -np.inf
     dropped: dict[str, int] = field(default_factory=dict)
+    restarts: int = 0
     _backward: int = 0
 
     def pass_on(self, batch: Batch) -> None:
@@ -92,7 +93,9 @@ class SampleFilter:
         finite_time = np.abs(batch.time) < LARGEST
         finite = finite_time & (np.abs(batch.position) < LARGEST)
         self._count("time is not finite", int((~finite_time).sum()))
-        self._count("position is missing or not finite", int((finite_time & ~finite).sum()))
+        unknown = finite_time & np.isnan(batch.position)
+        self._count("position is missing or not a number", int(unknown.sum()))
+        self._count(f"position is infinite or larger than {LARGEST:g}", int((finite_time & ~finite & ~unknown).sum()))
         if not finite.all():
             batch = batch.where(finite)
         if len(batch) == 0:
@@ -124,6 +127,7 @@ class SampleFilter:
                     self._count("stamp goes backwards", 1)
                     continue
                 begins.append(index)
+                self.restarts += 1
             keep[index] = True
             self._backward = 0
             self.last_time = time

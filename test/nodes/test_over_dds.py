@@ -167,7 +167,7 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
             "characters other than",
         ):
             assert text in refused
-        assert "position is missing or not finite" in one.diagnostics["bad"][2]["samples left out"]
+        assert "position is missing or not a number" in one.diagnostics["bad"][2]["samples left out"]
         assert one.status("bad") != "stick_slip"
         dropped = one.diagnostics["good"][2]["samples left out"]
         assert "stamp stands still" in dropped

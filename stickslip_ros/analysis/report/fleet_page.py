@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.fleet_table import Row, by_joint, rows_of
 from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
+from stickslip_ros.monitoring.detection.status import Status
 
 _WORST_FIRST = ("stick_slip", "at_risk", "smooth", "not_judged", "at_rest", "unknown")
 _TRENDS = {
@@ -71,6 +73,7 @@ def write_fleet_page(path: Path, answers: Sequence[Answer]) -> None:
         robots=sorted({robot for robot, _ in groups}),
         joints=sorted({joint for _, joint in groups}),
         sticking=sum(cell.sticking > 0 for cell in matrix.values()),
+        unjudged=sum(Status(cell.worst) in NOT_JUDGED for cell in matrix.values()),
         matrix=matrix,
         failed=sum("error" in found for found in answers),
         errors=[row["error"] for row in rows if row["error"]],

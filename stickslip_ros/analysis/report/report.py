@@ -11,6 +11,7 @@ from pathlib import Path
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
+from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
 from stickslip_ros.model.friction import Gains
@@ -63,8 +64,8 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         shown = [joint for joint in joints if math.isfinite(joint.velocity)]
     shown = sorted(shown, key=lambda joint: (_MATTERS + tuple(Status)).index(joint.status))[:_MOST_SECTIONS]
     sections = [_section(joint) for joint in shown]
-    start = min((joint.start for joint in joints), default=math.nan)
-    end = max((joint.end for joint in joints), default=math.nan)
+    start = min((joint.start for joint in joints if math.isfinite(joint.start)), default=math.nan)
+    end = max((joint.end for joint in joints if math.isfinite(joint.end)), default=math.nan)
     read = [text for name, topics in analysis.robots.items() for text in words.topics_read(name, topics)]
     write_page(
         path,
@@ -79,6 +80,7 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         warnings=analysis.warnings,
         joints=joints,
         shown=shown,
+        judged=sum(joint.status not in NOT_JUDGED for joint in joints),
         sticking=[joint.name for joint in joints if joint.status is Status.STICK_SLIP],
         sections=sections,
         stick_slip=Status.STICK_SLIP,
