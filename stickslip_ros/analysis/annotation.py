@@ -103,4 +103,5 @@ class Annotation:
         return make(_ARRAY, header=self._writer.header(time), status=statuses)
 
     def _write(self, topic: str, message: Any, time: float) -> None:
-        self._writer.write([self._writer.serialized(round(time * 1e9), topic, message)])
+        # Where stamps jump, stamp and clock may be of different pieces; a time of recording has no sign.
+        self._writer.write([self._writer.serialized(max(round(time * 1e9), 0), topic, message)])

@@ -15,16 +15,16 @@ _MOST_NAMED = 5  # joints
 _OTHERWISE = "it moves too little, or turns too often"
 
 
-def data_problems(assessment: Assessment, samples: int) -> list[str]:
+def data_problems(dropped: Mapping[str, int], restarts: int, samples: int) -> list[str]:
     """What is wrong with a joint's samples, a sentence each; nothing if all is in order.
 
     Parameters
     ----------
-    samples : how many came, those that were left out among them.
+    dropped, restarts : as of an assessment. samples : how many came, those that were left out among them.
     """
-    texts = [f"{count} of {samples} samples left out: {why}" for why, count in assessment.dropped.items()]
-    if assessment.restarts:
-        times = "once" if assessment.restarts == 1 else f"{assessment.restarts} times"
+    texts = [f"{count} of {samples} samples left out: {why}" for why, count in dropped.items()]
+    if restarts:
+        times = "once" if restarts == 1 else f"{restarts} times"
         texts.append(f"stamps jump back {times}: the motion is followed anew from there")
     return texts
 

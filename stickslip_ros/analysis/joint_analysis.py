@@ -160,7 +160,7 @@ class FollowedJoint:
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
             conditions = self.settings.options.conditions
             exact = exact_verdict(assessment.joint, assessment.margin_gains, velocity, conditions)
-        problems = tuple(data_problems(assessment, self._samples))
+        problems = tuple(data_problems(assessment.dropped, assessment.restarts, self._samples))
         start, end = self._start, assessment.time
         if assessment.restarts:
             start = min((segment.start for segment in segments), default=end)

@@ -14,15 +14,17 @@ import argparse
 import json
 import math
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
+from stickslip_ros.analysis.data_problems import data_problems
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
-from stickslip_ros.bags.table import find_recording, load_recording
+from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
@@ -100,10 +102,13 @@ def run(options: argparse.Namespace) -> int:
         name, source = options.on, f"Identified by a ladder of speeds {options.speeds} rad/s."
     with Console(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
         found = identify(batch, gains, prior.joint if prior else None)
+    problems = data_problems(found.dropped, found.restarts, len(batch))
+    if sum(found.dropped.values()) == len(batch):
+        raise RecordingError(f"{name}: {'; '.join(problems) or 'no samples'}")
     if options.json:
         print(json.dumps(_as_json(found), ensure_ascii=False))
     else:
-        _print(found)
+        _print(found, problems)
     if not found.parameters() and found.slips is None:
         return 1
     if options.out:
@@ -215,11 +220,14 @@ def _as_json(found: Identification) -> dict[str, Any]:
     }
 
 
-def _print(found: Identification) -> None:
+def _print(found: Identification, problems: Sequence[str]) -> None:
     console = Console(highlight=False, soft_wrap=True)
     parameters = found.parameters()
     slips = found.slips
-    console.print(f"{len(found.cycles)} stick-slip cycles found; usual speed {found.speed:.4g} rad/s.")
+    speed = f"; usual speed {found.speed:.4g} rad/s" if math.isfinite(found.speed) else ""
+    console.print(f"{len(found.cycles)} stick-slip cycles found{speed}.")
+    for problem in problems:
+        console.print(f"[yellow]warning:[/] {problem}")
     if slips is not None:
         console.print(f"[yellow]{slips.mismatch}[/]" if slips.mismatch else slips.summary())
     if not parameters:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import PAPERS_LAW
@@ -30,6 +30,7 @@ class Identification:
         is unknown or the joint hardly slid.
     cycles : stick-slip cycles that were found. speed : usual speed of the motion [rad/s].
     resolution : of the position [rad]. gains : in force, None if unknown.
+    dropped, restarts : samples that were left out, as of an assessment.
     """
 
     slips: FrictionEstimate | None
@@ -38,6 +39,8 @@ class Identification:
     speed: float
     resolution: float
     gains: Gains | None
+    dropped: dict[str, int] = field(default_factory=dict)
+    restarts: int = 0
 
     @property
     def per_inertia(self) -> bool:
@@ -119,4 +122,6 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
         speed=sorted(speeds)[len(speeds) // 2] if speeds else math.nan,
         resolution=state.resolution,
         gains=gains,
+        dropped=state.dropped,
+        restarts=state.restarts,
     )

@@ -83,6 +83,7 @@ def test_what_is_wrong_with_the_data_is_said(case: str, tmp_path: Path) -> None:
     path, page = recorded(tmp_path / "bag.mcap", times, positions), tmp_path / "report.html"
     status, text, errors = outcome(str(path), "--html", str(page))
     assert status == (0 if judged else 2)
+    assert outcome(str(path), "--out", str(tmp_path / "annotated.mcap"))[0] == status
     assert said in text
     assert "Nothing has to be done" not in text
     html = page.read_text(encoding="utf-8").replace("&#39;", "'")
@@ -191,7 +192,7 @@ def test_whatever_the_data(
         path, page = Path(folder) / "bag.mcap", Path(folder) / "report.html"
         recorded(path, time[places], np.resize(position, len(places)), names)
         status, text, errors = outcome(str(path), "--html", str(page))
-        again, found, _ = outcome(str(path), "--json")
+        again, found, _ = outcome(str(path), "--json", "--out", str(Path(folder) / "out.mcap"))
         html = page.read_text(encoding="utf-8") if page.exists() else ""
     assert status == again
     assert "Traceback" not in text + errors
@@ -212,3 +213,15 @@ def test_whatever_the_data(
         assert not any(words in text + errors + html for words in ALL_IS_WELL)
     assert not re.search(r"\bnan\b", text + errors)
     assert not re.search(r"(^|\s)-\d[\d.e+]* s", html)
+
+
+def test_identify_says_what_is_wrong_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 10, item 11: data of which nothing can be used are an error; of others it is said what was left out."""
+    path = recorded(tmp_path / "bag.mcap", TIMES, np.full(COUNT, math.nan))
+    assert main(["identify", str(path)]) == 2
+    assert f"1500 of 1500 samples left out: {NAN}" in capsys.readouterr().err
+    path = recorded(tmp_path / "bag.mcap", TIMES[::-1], POSITIONS)
+    assert main(["identify", str(path)]) == 1
+    out = capsys.readouterr().out
+    assert "samples left out: stamp goes backwards" in out
+    assert "nan" not in out

@@ -16,7 +16,9 @@ from support_ros import Probe, probe
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
+from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES
 from stickslip_ros.settings.known_joints import load_joint
@@ -161,3 +163,20 @@ def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Pat
     for name in NAMES:
         assert float(values[units[name]]) == pytest.approx(estimate[name].value, rel=1e-9), name
         assert float(values[units[f"{name} std"]]) == pytest.approx(estimate[name].std, rel=1e-6), name
+
+
+def test_a_bag_of_several_robots_is_played_one_at_a_time(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 10, item 10: replay plays one robot; of several it lists the topics, and names the parameter."""
+    path = tmp_path / "arms.mcap"
+    topics = ("/left/joint_states", "/right/joint_states")
+    times = 1.0 + 0.01 * np.arange(100)
+    with BagWriter(path, dict.fromkeys(topics, JOINT_STATE)) as writer:
+        values = np.stack([0.1 * times, *[np.full(100, np.nan)] * 2], axis=1)[:, :, None]
+        writer.write(*(writer.joint_states(topic, ("joint1",), times, values) for topic in topics))
+    with NodeProcess("replay", {"recording": path}) as replay:
+        assert replay.wait(60.0) == 2
+        listed = "/left/joint_states (100 messages), /right/joint_states (100 messages)"
+        assert f"{listed}: choose one with the parameter states" in replay.output()
+    with NodeProcess("replay", {"recording": path, "states": "/middle"}) as replay:
+        assert replay.wait(60.0) == 2
+        assert "the parameter states /middle: no such topic" in replay.output()
