@@ -105,6 +105,7 @@ class FollowedJoint:
             studies_at_once=True, segments_kept=None, at_arrest=True,  # as the node has it
         )  # fmt: skip
         self.cycles: list[Cycle] = []
+        self.with_reference = False  # whether any sample had one
         self._pairing = ReferencePairing()
         self._samples = 0
         self._start = math.nan
@@ -144,6 +145,7 @@ class FollowedJoint:
             usable = (np.abs(batch.time) < LARGEST) & (np.abs(batch.position) < LARGEST)
             self._start = float(batch.time[usable][0]) if usable.any() else math.nan
         self._samples += len(batch)
+        self.with_reference = self.with_reference or bool(np.isfinite(batch.reference_position).any())
         found = self.monitor.process(batch)
         if self._traces is not None:
             self._traces.add(batch, found, self.monitor)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -301,6 +302,17 @@ def test_a_follower_that_is_left_behind(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["analyze", str(path), "--no-learning", "--json", "--references", ""]) == 0
     (plain,) = json.loads(capsys.readouterr().out)["bags"]
     assert plain["joints"]["follower/joint1"]["reason"] == ""
+
+
+def test_a_leader_by_another_clock(tmp_path: Path) -> None:
+    """Issue 10, item 10: stamps that never meet give no reference, which is said."""
+    follower = motion("/follower/joint_states", lambda time: 0.1 * time)
+    leader = motion("/leader/joint_states", lambda time: 0.1 * time)
+    later = [(*one[:3], joint_state(one[2] + 100.0, ["joint1"], position=[0.1 * one[2]])) for one in leader]
+    found = analyze(in_order(tmp_path / "bag.mcap", follower, later), AnalysisOptions(parameters=Parameters({})))
+    (warning,) = found.warnings
+    assert "follower: no stamp of its leader /leader/joint_states is near any of its own" in warning
+    assert math.isnan(found.joints["follower/joint1"].assessment.tracking_error)
 
 
 def test_commands_that_need_one_robot_name_the_option(two_arms: Path, capsys: pytest.CaptureFixture[str]) -> None:
