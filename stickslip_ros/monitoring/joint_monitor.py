@@ -363,6 +363,8 @@ class JointMonitor:
         self._believe()
         belief = self._prediction.belief
         margin, reason = self._prediction.margin(velocity)
+        if belief is None and self.learner.estimate is None and self.learner.studied_in_vain:
+            reason += f": {self.learner.studied_in_vain} slips were studied in vain"
         std = probability = math.nan
         if margin is not None and belief is not None:
             loop = ObservedLoop(

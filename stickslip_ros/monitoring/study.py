@@ -18,6 +18,7 @@ from stickslip_ros.monitoring.friction.estimate import (
     covariance_of,
     friction_estimate,
     honest_covariance,
+    may_be_usable,
     solve,
 )
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
@@ -73,7 +74,11 @@ def study(question: StudyQuestion) -> Learnt | None:
     integral = windows[0].gains is not None and windows[0].gains.integral != 0
     if windows[0].source is not ForceSource.EFFORT or explained or integral:
         return found
-    alone = _study(StudyQuestion(windows=[one.without_force() for one in windows], configured=question.configured))
+    without = [one.without_force() for one in windows]
+    if not may_be_usable(without):
+        # A search for what would not be believed takes seconds, and of these slips each asks for another.
+        return found
+    alone = _study(StudyQuestion(windows=without, configured=question.configured))
     if alone is None or not alone.estimate.usable:
         return found
     if found is None:

@@ -357,6 +357,19 @@ def test_real_recordings_take_the_same_road(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_recording_of_changing_speed_is_analysed_to_its_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Issue 17, item 7: slips of which none is usable without the force end nothing; what they lack is said."""
+    recording("openarm_joint3_tracking")
+    path = next(RECORDINGS.glob("openarm_joint3_tracking*"))
+    assert main(["convert", str(path), "--out", str(tmp_path / "bag.mcap"), "--name", "axis"]) == 0
+    capsys.readouterr()
+    assert main(["analyze", str(tmp_path / "bag.mcap")]) == 0
+    assert "No gains can be advised: " in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
     """Issue 6: a bag is read as a stream: eight times the length costs no more memory."""
     import subprocess

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +23,9 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.simulation import simulate_cycles
 from stickslip_ros.monitoring.friction.estimate import DOES_NOT_FIT, NAMES, FrictionEstimate, estimate_friction
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_search import bounds
+from stickslip_ros.monitoring.friction.slip_search import bounds, search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
 pytestmark = pytest.mark.slow
@@ -262,6 +264,36 @@ def test_too_few_slips_give_no_estimate(puma: Joint) -> None:
     windows, _ = cut_slips(batch, GAINS)
     assert estimate_friction(windows[:2]) is None
     assert estimate_friction([]) is None
+
+
+def test_where_no_slip_is_usable_there_is_no_estimate(puma: Joint) -> None:
+    """Issue 17, item 7: slips of which each begins another speed say nothing, where only speeds are known.
+
+    None is told apart from one that holds a change of speed. It ended with an IndexError.
+    """
+    windows = [one.without_force() for one in cut_slips(record(puma, GAINS, 0.0058, duration=16.0).batch, GAINS)[0]]
+    windows = [replace(one, reference_speed=0.001 * 2.0**number) for number, one in enumerate(windows)]
+    assert len(windows) >= 6
+    problem = SlipProblem(windows)
+    assert not problem.usable.any()
+    assert search(problem) is None
+    assert search(problem, start=np.zeros(6)) is None
+    assert estimate_friction(windows) is None
+
+
+def test_slips_that_teach_nothing_are_told(puma: Joint) -> None:
+    """Issue 17, item 7: where the slips studied gave no estimate, this is said."""
+    windows = [one.without_force() for one in cut_slips(record(puma, GAINS, 0.0058, duration=16.0).batch, GAINS)[0]]
+    monitor = JointMonitor(studies_at_once=True)
+    for number, one in enumerate(windows):
+        monitor.learner.take(replace(one, reference_speed=0.001 * 2.0**number))
+        monitor.learner.study_now()
+    assert monitor.learner.estimate is None
+    assert re.search(
+        r"neither configured nor learnt yet: \d+ slips were studied in vain$", monitor.assessment().margin_reason
+    )
+    monitor.learner.reset()
+    assert monitor.assessment().margin_reason.endswith("neither configured nor learnt yet")
 
 
 def test_slider_on_a_spring() -> None:

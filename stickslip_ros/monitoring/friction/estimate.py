@@ -262,6 +262,12 @@ def solve(
     return (problem, solution) if solution is not None else None
 
 
+def may_be_usable(windows: list[SlipWindow]) -> bool:
+    """Whether an estimate from these slips may be usable: not if too many are set aside before anything is fitted."""
+    problem = SlipProblem(_of_known_directions(windows, np.ones(len(windows), dtype=bool)))
+    return bool((~problem.usable).sum() <= _USABLE_ASIDE * problem.count)
+
+
 def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -> list[SlipWindow]:
     """All of them, or those of one direction where there are hardly any usable ones of the other."""
     counts = {one: sum(w.direction == one for w, good in zip(windows, usable, strict=True) if good) for one in (1, -1)}

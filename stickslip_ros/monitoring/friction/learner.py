@@ -75,7 +75,8 @@ class FrictionLearner:
     configured : prior, or None.
     memory : slips after which what they said has faded to a third.
 
-    ``skipped`` counts slips that waited in vain because studies took too long.
+    ``skipped`` counts slips that waited in vain because studies took too long; ``studied_in_vain`` those of the last
+    study if it found nothing: none was usable, or no friction fits them.
     """
 
     def __init__(self, configured: Joint | None = None, memory: float = 100.0) -> None:
@@ -100,6 +101,7 @@ class FrictionLearner:
         self._under_way = False
         self._waiting: deque[SlipWindow] = deque()
         self.skipped = 0
+        self.studied_in_vain = 0
 
     def wants(self, cycle: Cycle) -> bool:
         """Whether there is something to learn from a slip: not if many like it came before, and one just now."""
@@ -177,6 +179,8 @@ class FrictionLearner:
         """
         if not self._under_way:
             return
+        studied = len(self._due.windows) if self._due is not None else 0
+        self.studied_in_vain = studied if learnt is None else 0
         self._due, self._under_way = None, False
         if learnt is not None and not (self.estimate is not None and self.estimate.usable > learnt.estimate.usable):
             self._state, self.estimate = learnt, learnt.estimate

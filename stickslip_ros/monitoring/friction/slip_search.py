@@ -92,7 +92,7 @@ def search(
     known: Mapping[int, tuple[float, float]] | None = None,
     start: FloatArray | None = None,
 ) -> Solution | None:
-    """Find the friction behind the slips; None if nothing fits at all.
+    """Find the friction behind the slips; None if nothing fits at all, or no slip is usable.
 
     Parameters
     ----------
@@ -100,9 +100,12 @@ def search(
     start : logarithms that fitted slips of this joint before, of shape (6,): if they lead to a good fit, nothing is
         searched.
     """
+    if not problem.usable.any():
+        return None
     known = {RISE_TIME: (math.log(_USUAL_RISE_TIME), _RISE_TIME_SPREAD), **(known or {})}
     best = _fit_again(problem, start, known) if start is not None else None
     if best is None:
+        # What the fit set aside is taken back: some slips are usable again.
         problem.begin_anew()
         best = _search_anew(problem, known)
     if best is not None:
