@@ -71,9 +71,9 @@ def test_every_row_is_in_the_json_and_the_fleets_table(state: Assessment, monkey
 
     names = with_a_row_more(monkeypatch)
     analysis = JointAnalysis(
-        name="a", samples=1, start=0.0, end=40.0, status=Status.STICK_SLIP, reason="", segments=(),
-        cycles=(state.last_cycle,) if state.last_cycle else (), velocity=state.velocity, assessment=state,
-        exact=KNOWN, settings=Parameters().settings_of("a"), traces=None,
+        name="a", samples=1, start=0.0, end=40.0, status=Status.STICK_SLIP, worst=Status.STICK_SLIP, reason="",
+        segments=(), transient=None, cycles=(state.last_cycle,) if state.last_cycle else (),
+        velocity=state.velocity, assessment=state, exact=KNOWN, settings=Parameters().settings_of("a"), traces=None,
     )  # fmt: skip
     found = joint_json(analysis)
     text = json.dumps(found)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def _topics(topics: Topics) -> dict[str, Any]:
 
 
 def joint_json(joint: JointAnalysis) -> dict[str, Any]:
-    """One joint; null for what is unknown."""
+    """One joint; null for what is unknown. What status, worst status and share are says `judgement.py`."""
     state = joint.assessment
     margin = None
     if state.joint is not None and state.margin_gains is not None and state.margin is not None:
@@ -73,6 +74,9 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         **told.SAMPLING.for_json(state),
         **told.POSITION.for_json(state),
         **told.STATUS.for_json(joint.status),
+        "worst_status": joint.worst.value,
+        "stick_slip_share": number(joint.stick_slip_share),
+        "moving_time": number(joint.moving_time),
         "reason": joint.reason,
         "time_in": {status.value: number(joint.time_in(status)) for status in Status},
         **told.VELOCITY.for_json(joint.velocity),
@@ -81,6 +85,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
             for one in joint.segments
         ],
         "cycles": [cycle_json(cycle) for cycle in joint.cycles],
+        "transient": None if joint.transient is None else asdict(joint.transient),
         "friction": _friction(state.estimate),
         "gains": None if gains is None else told.GAINS.for_json(gains) | told.INTEGRAL_GAIN.for_json(gains),
         "margin": margin,

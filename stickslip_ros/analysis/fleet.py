@@ -25,6 +25,7 @@ from stickslip_ros.bags.storage.bag_paths import is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 
+_LAYOUT = 2  # of an answer: another one where keys are new, or mean something else
 _ATTEMPTS = 2  # of a bag whose process dies
 _KILLED = "its process was killed twice: is there too little memory?"
 
@@ -71,7 +72,7 @@ def _bags_in(folder: Path) -> list[Path]:
 
 
 class Answers:
-    """Answers kept in a folder, each under what it depends on: the bag's files, the options, this version."""
+    """Answers kept in a folder, each under what it depends on: files, options, version and layout."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
@@ -88,6 +89,7 @@ class Answers:
             return None
         basis = (
             stickslip_ros.__version__,
+            _LAYOUT,
             str(task.path),
             states,
             repr(task.options),

@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.fleet import Answer
+from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.margin import damping_reserve
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import NAMES
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
@@ -43,6 +46,36 @@ def by_joint(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
     return groups
 
 
+def stick_slip_share(rows: Sequence[Row]) -> float:
+    """Share of the moving time of a joint's recordings that it spent in stick slip, 0 to 1; NaN if it never moved."""
+    moving = sum(row["moving_time"] or _NEVER for row in rows)
+    return sum(row["sticking_time"] for row in rows) / moving if moving > 0.0 else math.nan
+
+
+def stuck_in(rows: Sequence[Row]) -> int:
+    """In how many of a joint's recordings stick slip occurred."""
+    return sum(row["worst_status"] == Status.STICK_SLIP.value for row in rows)
+
+
+def usual_status(rows: Sequence[Row]) -> str:
+    """The status of the recordings in which the joint moved longest, if its motion was judged in any; of two as long
+    the more severe.
+    """
+    here = [status for status in SEVERITY if any(row["status"] == status.value for row in rows)]
+    judged = [status for status in here if status in JUDGED]
+
+    def moved(status: Status) -> float:
+        return float(sum(row["moving_time"] or _NEVER for row in rows if row["status"] == status.value))
+
+    return max(judged or here, key=moved).value
+
+
+def worst_status(rows: Sequence[Row]) -> str:
+    """The most severe status that occurred in any of a joint's recordings."""
+    here = {row["worst_status"] for row in rows}
+    return next(status.value for status in SEVERITY if status.value in here)
+
+
 def _row(path: Path, found: Answer) -> Row:
     known = {"bag": str(path), "robot": robot_of(path, found), "recorded": found.get("recorded")}
     return known | _joint(None, None) | {"warnings": len(found.get("warnings", [])), "error": None}
@@ -65,6 +98,9 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     for section in (told.SAMPLING, told.POSITION, told.STATUS, told.VELOCITY):
         row |= section.for_fleet(joint or None)
     row |= {
+        "worst_status": joint.get("worst_status"),
+        "stick_slip_share": joint.get("stick_slip_share"),
+        "moving_time": joint.get("moving_time"),
         "sticking_time": joint["time_in"]["stick_slip"] or _NEVER if joint else None,
         "cycles": None if cycles is None else len(cycles),
         "usual_slip": slips[len(slips) // 2] if slips else None,
@@ -118,7 +154,7 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     # What has no unit is an answer, if it is no text.
     flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
     kinds = dict.fromkeys(flags | {f"{name}_identified" for name in NAMES}, pyarrow.bool_())
-    kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "error"), text)
+    kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "worst_status", "error"), text)
     kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole)
     # Types by name, not by what happens to be there: tables of many runs fit together.
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in (rows[0] if rows else ["bag"])])

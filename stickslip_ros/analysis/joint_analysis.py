@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip_ros.analysis.data_problems import NOT_JUDGED, data_problems
+from stickslip_ros.analysis.judgement import (
+    SEVERITY,
+    moving_time,
+    overall_status,
+    stick_slip_share,
+    time_in,
+    worst_status,
+)
 from stickslip_ros.analysis.traces import JointTraces
+from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -24,17 +33,6 @@ from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
 
-# What a recording as a whole is called, the first of these that it has for a time.
-_WORST_FIRST = (
-    Status.STICK_SLIP,
-    Status.AT_RISK,
-    Status.SMOOTH,
-    Status.NOT_JUDGED,
-    Status.AT_REST,
-    Status.UNKNOWN,
-)
-_LEAST_TIME = 0.5  # [s] without a break, from which on a status says something of a recording
-
 
 @dataclass(frozen=True, kw_only=True)
 class JointAnalysis:
@@ -45,9 +43,12 @@ class JointAnalysis:
     samples : how many were used. start, end : stamps of the first and the last one, or of the earliest and the latest
         where stamps go backwards [s].
     problems : what is wrong with the data, a sentence each.
-    status : the worst one that lasted; reason : why, "" where the status says it all.
+    status : what held for most of the time; worst : the most severe that occurred; `judgement.py` defines both.
+    reason : of the status, "" where it says it all.
     segments : stretches of one status; cycles : all that were found.
-    velocity : at which margin and advice are worked out [rad/s], NaN if the joint did not move.
+    transient : what the stick slip was, if it died out after starting; None if not.
+    velocity : at which margin and advice are worked out [rad/s], the usual one of the worst status; NaN if the joint
+        did not move.
     assessment : what is known at the end. exact : verdict by integration.
     settings : what was given of the joint. traces : for drawing, None unless asked for.
     """
@@ -57,9 +58,11 @@ class JointAnalysis:
     start: float
     end: float
     status: Status
+    worst: Status
     reason: str
     segments: tuple[Segment, ...]
     cycles: tuple[Cycle, ...]
+    transient: Transient | None
     velocity: float
     assessment: Assessment
     exact: ExactVerdict
@@ -90,7 +93,17 @@ class JointAnalysis:
 
     def time_in(self, status: Status) -> float:
         """How long the joint was in a status [s]."""
-        return sum(segment.end - segment.start for segment in self.segments if segment.status is status)
+        return time_in(self.segments, status)
+
+    @property
+    def moving_time(self) -> float:
+        """How long the joint moved or stuck [s]."""
+        return moving_time(self.segments)
+
+    @property
+    def stick_slip_share(self) -> float:
+        """Share of the moving time in stick slip, 0 to 1; NaN if the joint did not move."""
+        return stick_slip_share(self.segments)
 
 
 class FollowedJoint:
@@ -155,8 +168,9 @@ class FollowedJoint:
     def analysis(self) -> JointAnalysis:
         """What has been found, after the last samples."""
         segments = tuple(self.monitor.segments)
-        status = overall_status(segments)
-        velocity = judged_velocity(segments, status, self.cycles)
+        status, worst = overall_status(segments), worst_status(segments)
+        # Advice is for where it is wanted: at the speed at which it went worst.
+        velocity = judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
         exact = ExactVerdict(smooth=None, reason=assessment.margin_reason)
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
@@ -173,9 +187,11 @@ class FollowedJoint:
             start=start,
             end=end,
             status=status,
+            worst=worst,
             reason=_reason(status, assessment, problems),
             segments=segments,
             cycles=tuple(self.cycles),
+            transient=transient(segments, self.cycles),
             velocity=velocity,
             assessment=assessment,
             exact=exact,
@@ -193,15 +209,6 @@ def _reason(status: Status, assessment: Assessment, problems: Sequence[str]) -> 
     return "; ".join(filter(None, [*texts, *(problems if status in NOT_JUDGED else ())]))
 
 
-def overall_status(segments: Sequence[Segment]) -> Status:
-    """The worst status that lasted for a time without a break; if none did, the worst that occurred."""
-    for least in (_LEAST_TIME, 0.0):
-        for status in _WORST_FIRST:
-            if any(one.end - one.start > least for one in segments if one.status is status):
-                return status
-    return segments[-1].status if segments else Status.UNKNOWN
-
-
 def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
     """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested.
 
@@ -209,7 +216,7 @@ def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequenc
     """
     if status is Status.STICK_SLIP and cycles:
         return _usual([cycle.mean_speed for cycle in cycles], [cycle.period for cycle in cycles])
-    for wanted in dict.fromkeys((status, *_WORST_FIRST[:4])):
+    for wanted in dict.fromkeys((status, *SEVERITY[:4])):
         chosen = [segment for segment in segments if segment.status is wanted and segment.velocity != 0.0]
         lengths = [segment.end - segment.start for segment in chosen]
         if sum(lengths) > 0.0:

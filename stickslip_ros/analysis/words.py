@@ -13,29 +13,68 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
 
+_LEAST_SHARE = 0.001  # that is told as a number
+_WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
+_MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
+
+
+def matters(joint: JointAnalysis) -> bool:
+    """Whether something may have to be done: whether the joint stuck or was at risk, however short."""
+    return joint.worst in _MATTERS
+
 
 def finding(joint: JointAnalysis) -> str:
-    """What the joint does, in one sentence."""
+    """What the joint does: what holds for most of the time, and what was worse than that."""
     speed = f" at {joint.velocity:.3g} rad/s" if math.isfinite(joint.velocity) else ""
-    if joint.status is Status.STICK_SLIP:
-        period = sum(cycle.period for cycle in joint.cycles)
-        rest = sum(cycle.dwell for cycle in joint.cycles)
-        hunts = any(cycle.hunting for cycle in joint.cycles[-3:])
-        what = "hunts about its reference" if hunts else "sticks and slips"
-        share = f", at rest for {100.0 * rest / period:.0f} % of it" if period > 0 else ""
-        return (
-            f"{joint.name} {what}{speed}: {len(joint.cycles)} cycles in {joint.time_in(joint.status):.3g} s{share}, "
-            f"slips of {joint.usual_slip:.3g} rad."
-        )
-    words = {
+    if joint.worst is Status.STICK_SLIP:
+        return f"{_sticking(joint, speed)}{_in_the_end(joint)}"
+    usual = {
         Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but its reserve is thin",
-        Status.SMOOTH: f"{joint.name} moves smoothly{speed}",
+        Status.SMOOTH: f"{joint.name} moves smoothly{'' if matters(joint) else speed}",
         Status.AT_REST: f"{joint.name} is at rest",
         Status.NOT_JUDGED: f"{joint.name} moves too little, or turns too often, to be judged",
         Status.UNKNOWN: f"{joint.name} cannot be judged",
     }
-    text = words[Status.UNKNOWN if lacks_data(joint.status, joint.assessment) else joint.status]
-    return f"{text}: {joint.reason}." if joint.reason else f"{text}."
+    text = usual[Status.UNKNOWN if lacks_data(joint.status, joint.assessment) else joint.status]
+    text += f": {joint.reason}" if joint.reason else ""
+    if joint.worst is Status.AT_RISK and joint.status is not Status.AT_RISK:
+        share = percent(joint.time_in(Status.AT_RISK) / joint.moving_time)
+        text += f"; for {share} of its moving time its reserve is thin, or its speed dips,{speed}".rstrip(",")
+    return f"{text}.{_in_the_end(joint)}"
+
+
+def _sticking(joint: JointAnalysis, speed: str) -> str:
+    period = sum(cycle.period for cycle in joint.cycles)
+    rest = sum(cycle.dwell for cycle in joint.cycles)
+    hunts = any(cycle.hunting for cycle in joint.cycles[-3:])
+    what = "hunts about its reference" if hunts else "sticks and slips"
+    usual = {
+        Status.SMOOTH: "moves smoothly most of the time, but ",
+        Status.AT_RISK: "is at risk most of the time, and ",
+    }
+    at_rest = f", at rest for {100.0 * rest / period:.0f} % of it" if period > 0 else ""
+    return (
+        f"{joint.name} {usual.get(joint.status, '')}{what}{speed} for {percent(joint.stick_slip_share)} of its moving "
+        f"time: {len(joint.cycles)} cycles in {joint.time_in(Status.STICK_SLIP):.3g} s{at_rest}, "
+        f"slips of {joint.usual_slip:.3g} rad."
+    )
+
+
+def _in_the_end(joint: JointAnalysis) -> str:
+    """That stick slip died out, where it did."""
+    if joint.transient is None:
+        return ""
+    count = joint.transient.cycles
+    return f" It stuck {'once' if count == 1 else f'{count} times'} after starting and has been smooth since."
+
+
+def percent(share: float) -> str:
+    """A share as people read it: no more digits than they need, but what is there is not 0 %; "-" if unknown."""
+    if not math.isfinite(share):
+        return "-"
+    if 0.0 < share < _LEAST_SHARE:
+        return f"< {100.0 * _LEAST_SHARE:.1f} %"
+    return f"{100.0 * share:.1f} %" if 0.0 < share < _WHOLE_PERCENTS else f"{100.0 * share:.0f} %"
 
 
 def advice(joint: JointAnalysis) -> str:
@@ -46,12 +85,13 @@ def advice(joint: JointAnalysis) -> str:
     if joint.status in NOT_JUDGED and (advised is None or keeps):
         return "Whether something has to be done cannot be said."
     if advised is None:
-        if joint.status not in (Status.STICK_SLIP, Status.AT_RISK):
+        if not matters(joint):
             return "Nothing has to be done."
         return f"No gains can be advised: {state.margin_reason or 'nothing is known of its friction'}."
     recommendation = state.recommendation
     if recommendation is not None and recommendation.keep:
-        if joint.status is Status.STICK_SLIP:
+        # A joint that sticks only after starting is no witness against friction that promises smooth motion.
+        if joint.worst is Status.STICK_SLIP and joint.transient is None:
             return "Its gains have the wanted margin by the friction believed, which therefore is not the true one."
         return "Its gains have the wanted margin: keep them."
     slowest = state.lowest_smooth_velocity

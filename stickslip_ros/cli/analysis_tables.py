@@ -15,34 +15,31 @@ from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.data_problems import lacks_data
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_table import by_joint, rows_of
+from stickslip_ros.analysis.fleet_table import by_joint, rows_of, stick_slip_share, stuck_in, usual_status, worst_status
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.detection.status import Status
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _WIDTH = 120
-_TALKED_OF = (Status.STICK_SLIP, Status.AT_RISK, Status.UNKNOWN)
 
 
 def print_analysis(analysis: BagAnalysis) -> None:
-    """One bag: a row for each joint, then in words what matters."""
+    """One bag: a row for each joint, then in words what matters, the joint that stuck most first."""
     console = _console()
     console.print(f"[bold]{analysis.path}[/]", soft_wrap=True)
-    table = Table(box=None, padding=(0, 1))
-    for heading in ("joint\n", "status\n"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("sticks\n[s]", "of\n[s]", "cycles\n", "speed\n[rad/s]", "slip\n[rad]", "reserve\n", "exactly\n"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
-    for joint in analysis.joints.values():
-        table.add_row(*_row(joint))
-    console.print(table)
-    console.print("[dim]reserve: of damping, by Eq. (43); exactly: by integration of (4)-(6)[/]", soft_wrap=True)
+    joints = list(analysis.joints.values())
+    console.print(_joints_table(joints, _columns(console, joints)))
+    console.print(
+        "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
+        "stuck\nreserve: of damping, by Eq. (43); exactly: by integration of (4)-(6)[/]",
+        soft_wrap=True,
+    )
     if len(analysis.robots) > 1:
         for name, topics in analysis.robots.items():
             for text in words.topics_read(name, topics):
                 console.print(text, style="dim", markup=False, soft_wrap=True)
-    for joint in analysis.joints.values():
-        if joint.status in _TALKED_OF or lacks_data(joint.status, joint.assessment):
+    for joint in sorted(joints, key=lambda joint: -_share(joint.stick_slip_share)):
+        if words.matters(joint) or lacks_data(joint.status, joint.assessment):
             console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)
             if words.rests_on(joint):
                 console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
@@ -51,43 +48,83 @@ def print_analysis(analysis: BagAnalysis) -> None:
         console.print(warning, markup=False, soft_wrap=True)
 
 
-def _row(joint: JointAnalysis) -> list[str]:
+_TEXTS = ("joint\n", "status\n", "worst\n")
+# The headings of a bag's table that a narrow terminal has no room for, the first one first.
+_SPARED = ("of\n[s]", "sticks\n[s]", "slip\n[rad]", "speed\n[rad/s]", "exactly\n", "reserve\n")
+
+
+def _columns(console: Console, joints: Sequence[JointAnalysis]) -> list[str]:
+    """The headings there is room for."""
+    headings = list(_cells(joints[0])) if joints else ["joint\n"]
+    endless = console.options.update(width=10 * _WIDTH)
+    for spared in _SPARED if joints else ():
+        if _joints_table(joints, headings).__rich_measure__(console, endless).maximum <= console.width:
+            break
+        headings.remove(spared)
+    return headings
+
+
+def _joints_table(joints: Sequence[JointAnalysis], headings: Sequence[str]) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    for heading in headings:
+        table.add_column(escape(heading), justify="left" if heading in _TEXTS else "right", no_wrap=True)
+    for joint in joints:
+        cells = _cells(joint)
+        table.add_row(*[cells[heading] for heading in headings])
+    return table
+
+
+def _cells(joint: JointAnalysis) -> dict[str, str]:
     exactly = {True: "[green]smooth[/]", False: "[red]sticks[/]", None: "-"}[joint.exact.smooth]
-    return [
-        joint.name,
-        _status(joint.status.value),
-        f"{joint.time_in(Status.STICK_SLIP):.3g}",
-        _number(joint.duration, ".4g"),
-        str(len(joint.cycles)),
-        _number(joint.velocity),
-        _number(joint.usual_slip),
-        _number(100.0 * joint.reserve, "+.0f", " %"),
-        exactly,
-    ]
+    return {
+        "joint\n": escape(joint.name),
+        "status\n": _status(joint.status.value),
+        "stick slip\n": words.percent(joint.stick_slip_share),
+        "worst\n": _status(joint.worst.value),
+        "sticks\n[s]": f"{joint.time_in(Status.STICK_SLIP):.3g}",
+        "of\n[s]": f"{joint.moving_time:.4g}",
+        "cycles\n": str(len(joint.cycles)),
+        "speed\n[rad/s]": _number(joint.velocity),
+        "slip\n[rad]": _number(joint.usual_slip),
+        "reserve\n": _number(100.0 * joint.reserve, "+.0f", " %"),
+        "exactly\n": exactly,
+    }
+
+
+def _share(share: float) -> float:
+    return share if math.isfinite(share) else 0.0
 
 
 def print_fleet(answers: Sequence[Answer]) -> None:
     """Many bags: a row for each joint of each robot."""
     console = _console()
     table = Table(box=None, padding=(0, 1))
-    for heading in ("robot\n", "joint\n", "latest\nstatus"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("bags\n", "sticking\n", "sticks\n[s]", "of\n[s]", "cycles\n", "friction\n[N·m]"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for heading in (
+        "robot\n", "joint\n", "status\n", "stick slip\n", "worst\n", "bags\n", "sticking\n", "sticks\n[s]", "of\n[s]",
+        "cycles\n", "friction\n[N·m]",
+    ):  # fmt: skip
+        table.add_column(escape(heading), justify="left" if heading in ("robot\n", *_TEXTS) else "right", no_wrap=True)
     for (robot, joint), rows in sorted(by_joint(rows_of(answers)).items()):
         known = [row["coulomb"] for row in rows if row["coulomb"] is not None and row["coulomb_identified"]]
         table.add_row(
             robot,
             joint,
-            _status(rows[-1]["status"]),
+            _status(usual_status(rows)),
+            words.percent(stick_slip_share(rows)),
+            _status(worst_status(rows)),
             str(len(rows)),
-            str(sum(row["status"] == "stick_slip" for row in rows)),
+            str(stuck_in(rows)),
             f"{sum(row['sticking_time'] for row in rows):.3g}",
-            f"{sum(row['duration'] or 0.0 for row in rows):.4g}",
+            f"{sum(row['moving_time'] or 0.0 for row in rows):.4g}",
             str(sum(row["cycles"] for row in rows)),
             "-" if not known else _number(known[0]) if len(known) == 1 else f"{known[0]:.3g} to {known[-1]:.3g}",
         )
     console.print(table)
+    console.print(
+        "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
+        "stuck; sticking: bags in which it stuck[/]",
+        soft_wrap=True,
+    )
     console.print("[dim]friction: Coulomb friction identified in the first and in the latest bag[/]", soft_wrap=True)
     for found in answers:
         for warning in found.get("warnings", []):

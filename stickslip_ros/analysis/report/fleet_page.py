@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +14,20 @@ import numpy as np
 
 from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_table import Row, by_joint, rows_of
+from stickslip_ros.analysis.fleet_table import (
+    Row,
+    by_joint,
+    rows_of,
+    stick_slip_share,
+    stuck_in,
+    usual_status,
+    worst_status,
+)
+from stickslip_ros.analysis.judgement import SEVERITY
 from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
+from stickslip_ros.analysis.words import percent
 from stickslip_ros.monitoring.detection.status import Status
 
-_WORST_FIRST = ("stick_slip", "at_risk", "smooth", "not_judged", "at_rest", "unknown")
 _TRENDS = {
     "coulomb": "Coulomb friction [N·m]",
     "stribeck": "Stribeck friction [N·m]",
@@ -32,8 +42,10 @@ Group = tuple[tuple[str, str], list[Row]]
 
 @dataclass(frozen=True, kw_only=True)
 class _Cell:
-    """A joint's worst status, and in how many of its recordings it stuck."""
+    """A joint's status, its share of stick slip, its worst status, and in how many of its recordings it stuck."""
 
+    status: str
+    share: float
     worst: str
     sticking: int
     recordings: int
@@ -83,14 +95,17 @@ def write_fleet_page(path: Path, answers: Sequence[Answer]) -> None:
 
 def _badness(group: Group) -> tuple[Any, ...]:
     (robot, joint), rows = group
-    worst = min(_WORST_FIRST.index(row["status"]) for row in rows)
-    return (worst, -sum(row["sticking_time"] for row in rows), robot, joint)
+    share = stick_slip_share(rows)
+    severity = [status.value for status in SEVERITY]
+    return (-share if math.isfinite(share) else 0.0, severity.index(worst_status(rows)), robot, joint)
 
 
 def _cell(rows: Sequence[Row]) -> _Cell:
     return _Cell(
-        worst=min((row["status"] for row in rows), key=_WORST_FIRST.index),
-        sticking=sum(row["status"] == "stick_slip" for row in rows),
+        status=usual_status(rows),
+        share=stick_slip_share(rows),
+        worst=worst_status(rows),
+        sticking=stuck_in(rows),
         recordings=len(rows),
     )
 
@@ -137,10 +152,11 @@ def _friction(rows: Sequence[Row], name: str, label: str) -> Plot:
 def _sticking(rows: Sequence[Row]) -> Plot:
     from stickslip_ros.analysis.report.plots import RED
 
-    label = "time spent sticking [%]"
+    label = "stick slip [% of moving time]"
     plot, at = _axes(rows, label)
-    shares = [100.0 * row["sticking_time"] / row["duration"] if row["duration"] else 0.0 for row in rows]
+    shares = [100.0 * (row["stick_slip_share"] or 0.0) for row in rows]
     plot.line(at, shares, color=RED, alpha=0.4)
     plot.scatter(at, shares, size=7, color=RED)
     plot.y_range.start, plot.y_range.end = -2, 102
-    return Plot(plot, "Time spent sticking [%]", f"{shares[0]:.0f} % at first, {shares[-1]:.0f} % at last.")
+    said = f"{percent(shares[0] / 100.0)} at first, {percent(shares[-1] / 100.0)} at last."
+    return Plot(plot, "Stick slip [% of moving time]", said)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import stickslip_ros
+from stickslip_ros.analysis.words import percent
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 
@@ -59,7 +60,13 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) 
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters |= {"number": _number, "words": _words, "anchor": _anchor, "file_name": _file_name}
+    environment.filters |= {
+        "number": _number,
+        "words": _words,
+        "anchor": _anchor,
+        "file_name": _file_name,
+        "percent": _percent,
+    }
     environment.tests["finite"] = math.isfinite
     # The marked ones are this package's own, and bokeh's; all else is escaped.
     page = environment.get_template(template).render(
@@ -78,6 +85,10 @@ def _number(value: float | None, form: str = ".3g", unit: str = "") -> str:
 
 def _words(status: str) -> str:
     return status.replace("_", " ")
+
+
+def _percent(share: float | None) -> str:
+    return percent(math.nan if share is None else share).replace("-", "–")
 
 
 def _anchor(name: str) -> str:

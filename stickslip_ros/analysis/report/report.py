@@ -13,13 +13,13 @@ from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.judgement import SEVERITY
 from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
 
-_MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
@@ -59,10 +59,10 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         If it cannot be written.
     """
     joints = list(analysis.joints.values())
-    shown = [joint for joint in joints if joint.status in _MATTERS]
+    shown = [joint for joint in joints if words.matters(joint)]
     if len(joints) <= _FEW_JOINTS:
         shown = [joint for joint in joints if math.isfinite(joint.velocity)]
-    shown = sorted(shown, key=lambda joint: (_MATTERS + tuple(Status)).index(joint.status))[:_MOST_SECTIONS]
+    shown = sorted(shown, key=_goodness)[:_MOST_SECTIONS]
     sections = [_section(joint) for joint in shown]
     start = min((joint.start for joint in joints if math.isfinite(joint.start)), default=math.nan)
     end = max((joint.end for joint in joints if math.isfinite(joint.end)), default=math.nan)
@@ -81,11 +81,17 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         joints=joints,
         shown=shown,
         judged=sum(joint.status not in NOT_JUDGED for joint in joints),
-        sticking=[joint.name for joint in joints if joint.status is Status.STICK_SLIP],
+        sticking=sorted((joint for joint in joints if joint.worst is Status.STICK_SLIP), key=_goodness),
         sections=sections,
         stick_slip=Status.STICK_SLIP,
         cycles_listed=_CYCLES_LISTED,
     )
+
+
+def _goodness(joint: JointAnalysis) -> tuple[float, int, int]:
+    """Puts joints in order, the one that stuck for the largest share of its moving time first."""
+    share = joint.stick_slip_share
+    return (-share if math.isfinite(share) else 0.0, SEVERITY.index(joint.worst), SEVERITY.index(joint.status))
 
 
 def _section(joint: JointAnalysis) -> _Section:

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What is said of a joint over a whole recording, from its stretches of one status each.
+
+**Moving time** is the time in which the joint moved or stuck: in every status but ``at_rest`` and ``unknown``.
+**The share of stick slip** is the time in status ``stick_slip`` over the moving time.
+**The status** of a recording is the one that held for most of the time in which the motion was judged: of
+``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. A
+joint whose motion was never judged is ``not_judged`` if it moved, else ``at_rest`` if it stood, else ``unknown``.
+**The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick slip however short, since it
+takes cycles; any other if it lasted half a second without a break, or if nothing did.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from stickslip_ros.monitoring.detection.status import Segment, Status
+
+# The most severe first.
+SEVERITY = (
+    Status.STICK_SLIP,
+    Status.AT_RISK,
+    Status.SMOOTH,
+    Status.NOT_JUDGED,
+    Status.AT_REST,
+    Status.UNKNOWN,
+)
+JUDGED = (Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH)
+_NOT_MOVING = (Status.AT_REST, Status.UNKNOWN)
+_LEAST_TIME = 0.5  # [s] without a break, from which on a status says something of a recording
+
+
+def time_in(segments: Sequence[Segment], status: Status) -> float:
+    """How long a joint was in a status [s]."""
+    return sum(one.end - one.start for one in segments if one.status is status)
+
+
+def moving_time(segments: Sequence[Segment]) -> float:
+    """How long a joint moved or stuck [s]: see the module."""
+    return sum(one.end - one.start for one in segments if moves(one))
+
+
+def moves(segment: Segment) -> bool:
+    """Whether a stretch counts as moving time: see the module."""
+    return segment.status not in _NOT_MOVING
+
+
+def stick_slip_share(segments: Sequence[Segment]) -> float:
+    """Share of the moving time that was spent in stick slip, 0 to 1; NaN if the joint did not move."""
+    moving = moving_time(segments)
+    return time_in(segments, Status.STICK_SLIP) / moving if moving > 0.0 else math.nan
+
+
+def overall_status(segments: Sequence[Segment]) -> Status:
+    """The status that held for most of the time in which the motion was judged: see the module."""
+    times = {status: time_in(segments, status) for status in SEVERITY}
+    # Of equal times max() takes the first, which is the more severe.
+    most = max(JUDGED, key=times.__getitem__)
+    if times[most] > 0.0:
+        return most
+    for status in SEVERITY:
+        if times[status] > 0.0:
+            return status
+    return segments[-1].status if segments else Status.UNKNOWN
+
+
+def worst_status(segments: Sequence[Segment]) -> Status:
+    """The most severe status that occurred: see the module."""
+    longest = {status: max((one.end - one.start for one in segments if one.status is status), default=0.0)
+               for status in SEVERITY}  # fmt: skip
+    if longest[Status.STICK_SLIP] > 0.0:
+        return Status.STICK_SLIP
+    for least in (_LEAST_TIME, 0.0):
+        for status in SEVERITY:
+            if longest[status] > least:
+                return status
+    return segments[-1].status if segments else Status.UNKNOWN

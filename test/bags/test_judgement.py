@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What is said of a whole recording: status, worst status, share of stick slip, transients; in every output."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support_bags import KNOWN, WITHOUT_LEARNING, sticking
+
+from stickslip_ros.analysis import words
+from stickslip_ros.analysis.analysis import analyze
+from stickslip_ros.analysis.fleet import Answers, BagTask
+from stickslip_ros.analysis.fleet_table import stick_slip_share as share_of_rows
+from stickslip_ros.analysis.fleet_table import usual_status
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.judgement import moving_time, overall_status, stick_slip_share, worst_status
+from stickslip_ros.analysis.transient import transient
+from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
+from stickslip_ros.cli.main import main
+from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.detection.status import Segment, Status
+
+STICKS, RISK, SMOOTH = Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH
+REST, NOT_JUDGED, UNKNOWN = Status.AT_REST, Status.NOT_JUDGED, Status.UNKNOWN
+
+
+def stretches(*parts: tuple[Status, float]) -> list[Segment]:
+    """Segments one after the other, of a status and a duration [s] each, from 0 s on."""
+    segments: list[Segment] = []
+    for status, duration in parts:
+        start = segments[-1].end if segments else 0.0
+        segments.append(Segment(start=start, end=start + duration, status=status, velocity=0.01))
+    return segments
+
+
+def cycle(rest: float, breakaway: float, arrest: float, *, hunting: bool = False) -> Cycle:
+    """A cycle whose rest begins at a time [s]."""
+    return Cycle(
+        breakaway=breakaway, arrest=arrest, dwell=breakaway - rest, slip_distance=0.01, position=0.0, effort=math.nan,
+        hunting=hunting,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("parts", "status", "worst"),
+    [
+        ([(SMOOTH, 212.0), (STICKS, 3.0)], SMOOTH, STICKS),
+        ([(STICKS, 3.0), (SMOOTH, 2.0)], STICKS, STICKS),
+        ([(STICKS, 2.0), (SMOOTH, 2.0)], STICKS, STICKS),
+        ([(RISK, 2.0), (SMOOTH, 2.0), (REST, 90.0)], RISK, RISK),
+        ([(RISK, 2.0), (STICKS, 2.5), (SMOOTH, 2.0), (SMOOTH, 2.0)], SMOOTH, STICKS),
+        # What was judged speaks, however long the rest.
+        ([(NOT_JUDGED, 50.0), (SMOOTH, 2.0), (REST, 90.0)], SMOOTH, SMOOTH),
+        ([(NOT_JUDGED, 5.0), (REST, 90.0)], NOT_JUDGED, NOT_JUDGED),
+        ([(REST, 90.0)], REST, REST),
+        ([(UNKNOWN, 3.0)], UNKNOWN, UNKNOWN),
+        ([], UNKNOWN, UNKNOWN),
+        # Stick slip however short; anything else from half a second on.
+        ([(SMOOTH, 60.0), (STICKS, 0.3)], SMOOTH, STICKS),
+        ([(SMOOTH, 60.0), (RISK, 0.3)], SMOOTH, SMOOTH),
+        ([(NOT_JUDGED, 0.4), (RISK, 0.3)], RISK, RISK),
+    ],
+)
+def test_most_of_the_time_and_the_worst(parts: list[tuple[Status, float]], status: Status, worst: Status) -> None:
+    """Issue 17, item 6: the status is what held for most of the judged time; the worst is beside it."""
+    segments = stretches(*parts)
+    assert overall_status(segments) is status
+    assert worst_status(segments) is worst
+
+
+def test_the_share_is_of_moving_time() -> None:
+    """Issue 17, item 6: rest counts for nothing, motion that is not judged counts; no motion has no share."""
+    segments = stretches((REST, 100.0), (SMOOTH, 6.0), (STICKS, 2.0), (NOT_JUDGED, 2.0), (UNKNOWN, 5.0))
+    assert moving_time(segments) == pytest.approx(10.0)
+    assert stick_slip_share(segments) == pytest.approx(0.2)
+    assert math.isnan(stick_slip_share(stretches((REST, 3.0))))
+    assert math.isnan(stick_slip_share([]))
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.0, "0 %"), (0.0142, "1.4 %"), (0.0001, "< 0.1 %"), (0.421, "42 %"), (1.0, "100 %"), (math.nan, "-")],
+)
+def test_shares_in_words(share: float, said: str) -> None:
+    """Issue 17, item 6: short stick slip is never 0 %."""
+    assert words.percent(share) == said
+
+
+FIRST = [cycle(0.0, 2.0, 2.8), cycle(2.8, 2.9, 3.7), cycle(3.7, 3.8, 4.6)]
+
+
+@pytest.mark.parametrize(
+    ("parts", "cycles", "dies_out"),
+    [
+        ([(REST, 2.0), (STICKS, 3.0), (SMOOTH, 15.0)], FIRST, True),
+        # It stands, starts again, and sticks after starting again.
+        ([(REST, 2.0), (STICKS, 3.0), (SMOOTH, 9.0), (REST, 6.0), (STICKS, 2.0), (SMOOTH, 30.0)],
+         [*FIRST, cycle(20.3, 20.4, 21.0), cycle(21.0, 21.2, 22.0)], True),
+        # In the midst of motion: the rest before the slip is no start.
+        ([(SMOOTH, 9.0), (REST, 0.3), (SMOOTH, 40.0)], [cycle(9.0, 9.3, 9.9)], False),
+        ([(REST, 2.0), (STICKS, 3.0), (SMOOTH, 4.0), (STICKS, 0.5), (SMOOTH, 30.0)],
+         [*FIRST, cycle(9.0, 9.1, 9.5)], False),
+        # It goes on too long, is not judged since, or hunts.
+        ([(REST, 2.0), (STICKS, 3.0), (SMOOTH, 1.0)], FIRST, False),
+        ([(REST, 2.0), (STICKS, 3.0), (NOT_JUDGED, 30.0), (SMOOTH, 4.0)], FIRST, False),
+        ([(REST, 2.0), (STICKS, 3.0), (SMOOTH, 15.0)], [replace(one, hunting=True) for one in FIRST], False),
+        ([(SMOOTH, 15.0)], [], False),
+    ],
+)  # fmt: skip
+def test_what_dies_out_after_a_start(parts: list[tuple[Status, float]], cycles: list[Cycle], dies_out: bool) -> None:
+    """Issue 17, item 5: sticks soon after a start, and smooth motion since, are a transient; nothing else is."""
+    found = transient(stretches(*parts), cycles)
+    assert (found is not None) == dies_out
+    if found is not None:
+        assert (found.cycles, found.end) == (len(cycles), cycles[-1].arrest)
+        assert found.smooth >= 15.0
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Joints that stick for a while and then move fast and smoothly, that stick to the end, and that never do."""
+    path = tmp_path_factory.mktemp("bags") / "arm.mcap"
+    starting = RecordedJoint(
+        joint=KNOWN.joint,
+        gains=KNOWN.gains,
+        velocities=(0.004, *[0.05] * 5),
+        encoder_resolution=KNOWN.encoder_resolution,
+    )
+    joints = {"starting": starting, "sticking": sticking(0.006), "smooth": sticking(0.06)}
+    write_simulation(path, joints, duration=90.0, rate=200.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def joints(bag: Path) -> dict[str, JointAnalysis]:
+    """What is found of them."""
+    return analyze(bag, WITHOUT_LEARNING).joints
+
+
+def test_a_joint_that_sticks_for_a_while(joints: dict[str, JointAnalysis]) -> None:
+    """Issue 17, items 5 and 6: smooth for most of the time; stick slip, its share, and advice are not hidden."""
+    joint = joints["starting"]
+    assert (joint.status, joint.worst) == (SMOOTH, STICKS)
+    assert 0.05 < joint.stick_slip_share < 0.4
+    assert joint.transient is not None
+    assert joint.transient.cycles == len(joint.cycles)
+    said = words.finding(joint)
+    assert "starting moves smoothly most of the time, but sticks and slips at 0.00" in said
+    assert f"for {100.0 * joint.stick_slip_share:.0f} % of its moving time" in said
+    assert f"It stuck {len(joint.cycles)} times after starting and has been smooth since." in said
+    assert words.advice(joint).startswith("Change stiffness")
+
+
+def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:
+    """Issue 17, item 6: what sticks throughout sticks, what never does is smooth, and keeps its gains."""
+    assert (joints["sticking"].status, joints["sticking"].worst) == (STICKS, STICKS)
+    assert joints["sticking"].transient is None
+    assert (joints["smooth"].status, joints["smooth"].stick_slip_share) == (SMOOTH, 0.0)
+    assert words.advice(joints["smooth"]) == "Its gains have the wanted margin: keep them."
+
+
+def test_every_output_has_status_share_and_worst(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 17, item 6: the table on the terminal, the JSON, the table of a fleet, the page, the exit status."""
+    common = ["analyze", str(bag), "--no-learning", "--model", "puma560_joint1"]
+    table, page = tmp_path / "fleet.csv", tmp_path / "report.html"
+    assert main([*common, "--table", str(table), "--html", str(page)]) == 0
+    out = capsys.readouterr().out
+    rows = {line.split()[0]: line.split() for line in reversed(out.splitlines()) if line.startswith("starting ")}
+    assert rows["starting"][1] == "smooth"
+    assert rows["starting"][3:5] == ["%", "stick_slip"]
+    # In words what stuck most comes first.
+    assert out.index("sticking sticks and slips") < out.index("starting moves smoothly")
+    assert main([*common, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["bags"][0]["joints"]
+    one = found["starting"]
+    assert (one["status"], one["worst_status"]) == ("smooth", "stick_slip")
+    assert one["stick_slip_share"] == pytest.approx(one["time_in"]["stick_slip"] / one["moving_time"])
+    assert one["transient"]["cycles"] == len(one["cycles"])
+    assert found["sticking"]["transient"] is None
+    with table.open(newline="", encoding="utf-8") as file:
+        (row,) = [row for row in csv.DictReader(file) if row["joint"] == "starting"]
+    assert (row["status"], row["worst_status"]) == ("smooth", "stick_slip")
+    assert float(row["stick_slip_share"]) == one["stick_slip_share"]
+    text = page.read_text(encoding="utf-8")
+    assert "2 of 3 joints stick and slip" in text
+    assert text.index("<h2>sticking") < text.index("<h2>starting")
+    # A short stretch of stick slip fails too.
+    assert main([*common, "--joint", "starting", "--fail-on-stick-slip"]) == 1
+    assert main([*common, "--joint", "smooth", "--fail-on-stick-slip"]) == 0
+
+
+def test_a_joint_over_its_recordings() -> None:
+    """Issue 17, item 6: of a fleet's joint the time counts, not the number of recordings."""
+    rows = [
+        {"status": "smooth", "worst_status": "stick_slip", "moving_time": 90.0, "sticking_time": 1.0},
+        {"status": "stick_slip", "worst_status": "stick_slip", "moving_time": 5.0, "sticking_time": 4.0},
+        {"status": "stick_slip", "worst_status": "stick_slip", "moving_time": 5.0, "sticking_time": 5.0},
+        {"status": "at_rest", "worst_status": "at_rest", "moving_time": 0.0, "sticking_time": 0.0},
+    ]
+    assert usual_status(rows) == "smooth"
+    assert share_of_rows(rows) == pytest.approx(0.1)
+    assert usual_status(rows[-1:]) == "at_rest"
+    assert math.isnan(share_of_rows(rows[-1:]))
+
+
+def test_answers_kept_by_another_layout_are_not_taken(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Issue 17, item 6: answers kept before the keys changed are analysed anew, though the version is the same."""
+    task = BagTask(bag, WITHOUT_LEARNING)
+    kept = Answers(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr("stickslip_ros.analysis.fleet._LAYOUT", 1)
+        kept.keep(task, {"path": str(bag)})
+        assert kept.get(task) == {"path": str(bag)}
+    assert kept.get(task) is None
