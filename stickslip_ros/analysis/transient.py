@@ -15,6 +15,7 @@ from stickslip_ros.monitoring.detection.status import Segment, Status
 
 _PERIODS = 2.0  # that may pass between a start and the first stick, and between sticks
 _LATEST = 2.0 / 3.0  # of the moving time, by which the last cycle must have ended
+_FASTER = 3.0  # times the speed of the cycles, from which on smooth motion says nothing of them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,8 @@ def transient(segments: Sequence[Segment], cycles: Sequence[Cycle]) -> Transient
 
     - every cycle follows upon a start or upon another cycle, within two periods, and none is hunting;
     - the last cycle ended before the last third of the moving time;
-    - since then the joint was smooth for longer than it was in stick slip, and for most of the time it moved.
+    - since then the joint was smooth for longer than it was in stick slip, and for most of the time it moved, at no
+      more than three times the speed: what moves smoothly because it is faster would stick again.
 
     Parameters
     ----------
@@ -49,7 +51,9 @@ def transient(segments: Sequence[Segment], cycles: Sequence[Cycle]) -> Transient
     end = cycles[-1].arrest
     moving = [one for one in segments if moves(one)]
     total, after = _time_after(moving, -math.inf), _time_after(moving, end)
-    smooth = _time_after([one for one in moving if one.status is Status.SMOOTH], end)
+    fastest = _FASTER * max(cycle.mean_speed for cycle in cycles)
+    alike = [one for one in moving if one.status is Status.SMOOTH and abs(one.velocity) <= fastest]
+    smooth = _time_after(alike, end)
     stuck = _time_after([one for one in moving if one.status is Status.STICK_SLIP], -math.inf)
     dies_out = total - after < _LATEST * total and smooth > stuck and smooth > 0.5 * after
     return Transient(cycles=len(cycles), end=end, smooth=smooth) if dies_out else None

@@ -122,14 +122,21 @@ def test_what_dies_out_after_a_start(parts: list[tuple[Status, float]], cycles: 
         assert found.smooth >= 15.0
 
 
+def test_faster_motion_is_no_end_of_a_transient() -> None:
+    """Issue 17, item 5: a joint that is smooth only since it moves much faster would stick again."""
+    segments = stretches((REST, 2.0), (STICKS, 3.0), (SMOOTH, 15.0))
+    segments[-1] = replace(segments[-1], velocity=-0.1)
+    assert transient(segments, FIRST) is None
+
+
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Joints that stick for a while and then move fast and smoothly, that stick to the end, and that never do."""
+    """Joints that stick for a while and then move smoothly, a little faster; that stick to the end; that never do."""
     path = tmp_path_factory.mktemp("bags") / "arm.mcap"
     starting = RecordedJoint(
         joint=KNOWN.joint,
-        gains=KNOWN.gains,
-        velocities=(0.004, *[0.05] * 5),
+        gains=replace(KNOWN.gains, damping=60.0),
+        velocities=(0.006, *[0.016] * 5),
         encoder_resolution=KNOWN.encoder_resolution,
     )
     joints = {"starting": starting, "sticking": sticking(0.006), "smooth": sticking(0.06)}
