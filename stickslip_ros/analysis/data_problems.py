@@ -15,14 +15,22 @@ _MOST_NAMED = 5  # joints
 _OTHERWISE = "it moves too little, or turns too often"
 
 
-def data_problems(dropped: Mapping[str, int], restarts: int, samples: int) -> list[str]:
+REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
+
+
+def data_problems(
+    dropped: Mapping[str, int], restarts: int, samples: int, *, reference_follows: bool = False
+) -> list[str]:
     """What is wrong with a joint's samples, a sentence each; nothing if all is in order.
 
     Parameters
     ----------
-    dropped, restarts : as of an assessment. samples : how many came, those that were left out among them.
+    dropped, restarts, reference_follows : as of an assessment.
+    samples : how many came, those that were left out among them.
     """
     texts = [f"{count} of {samples} samples left out: {why}" for why, count in dropped.items()]
+    if reference_follows:
+        texts.append(REFERENCE_FOLLOWS)
     if restarts:
         times = "once" if restarts == 1 else f"{restarts} times"
         texts.append(f"stamps jump back {times}: the motion is followed anew from there")

@@ -25,7 +25,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import NoSamples, Segment, Status
+from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
@@ -176,7 +176,11 @@ class FollowedJoint:
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
             conditions = self.settings.options.conditions
             exact = exact_verdict(assessment.joint, assessment.margin_gains, velocity, conditions)
-        problems = tuple(data_problems(assessment.dropped, assessment.restarts, self._samples))
+        problems = tuple(
+            data_problems(
+                assessment.dropped, assessment.restarts, self._samples, reference_follows=assessment.reference_follows
+            )
+        )
         start, end = self._start, assessment.time
         if assessment.restarts:
             start = min((segment.start for segment in segments), default=end)
@@ -188,7 +192,7 @@ class FollowedJoint:
             end=end,
             status=status,
             worst=worst,
-            reason=_reason(status, assessment, problems),
+            reason=_reason(status, assessment, self.monitor.why_not_judged(), problems),
             segments=segments,
             cycles=tuple(self.cycles),
             transient=transient(segments, self.cycles),
@@ -201,8 +205,11 @@ class FollowedJoint:
         )
 
 
-def _reason(status: Status, assessment: Assessment, problems: Sequence[str]) -> str:
+def _reason(status: Status, assessment: Assessment, usual: Reason | None, problems: Sequence[str]) -> str:
+    """Why a recording has its status: as at its end, or as usual where most of it was not judged."""
     finding = assessment.finding
+    if status is Status.NOT_JUDGED and usual is not None:
+        finding = Finding(status=status, reason=usual)
     told = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
     texts = [reason_text(finding)] if told else []
     # What is wrong with the data of a joint that was judged is a warning, no reason.

@@ -5,8 +5,10 @@
 **Moving time** is the time in which the joint moved or stuck: in every status but ``at_rest`` and ``unknown``.
 **The share of stick slip** is the time in status ``stick_slip`` over the moving time.
 **The status** of a recording is the one that held for most of the time in which the motion was judged: of
-``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. A
-joint whose motion was never judged is ``not_judged`` if it moved, else ``at_rest`` if it stood, else ``unknown``.
+``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. That
+time must be a fifth of the moving time: what an arm that stops and goes did in between says nothing of the whole. A
+joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
+``unknown``.
 **The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick slip however short, since it
 takes cycles; any other if it lasted half a second without a break, or if nothing did.
 """
@@ -29,6 +31,7 @@ SEVERITY = (
 )
 JUDGED = (Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH)
 _NOT_MOVING = (Status.AT_REST, Status.UNKNOWN)
+_LEAST_SHARE = 0.2  # of the moving time that must have been judged
 _LEAST_TIME = 0.5  # [s] without a break, from which on a status says something of a recording
 
 
@@ -58,9 +61,11 @@ def overall_status(segments: Sequence[Segment]) -> Status:
     times = {status: time_in(segments, status) for status in SEVERITY}
     # Of equal times max() takes the first, which is the more severe.
     most = max(JUDGED, key=times.__getitem__)
-    if times[most] > 0.0:
+    if sum(times[status] for status in JUDGED) >= _LEAST_SHARE * moving_time(segments) > 0.0:
         return most
-    for status in SEVERITY:
+    if moving_time(segments) >= _LEAST_TIME:
+        return Status.NOT_JUDGED
+    for status in (Status.AT_REST, Status.NOT_JUDGED):
         if times[status] > 0.0:
             return status
     return segments[-1].status if segments else Status.UNKNOWN

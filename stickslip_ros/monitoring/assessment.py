@@ -87,6 +87,7 @@ class Assessment:
     resolution, noise : of the position [rad].
     sample_rate : [Hz].
     dropped : reasons for which samples were left out, and how many.
+    reference_follows : whether what is published as the reference only repeats what is measured, and does not count.
     restarts : how often stamps went back by so much, or for so long, that the motion was followed anew from there.
     """
 
@@ -119,6 +120,7 @@ class Assessment:
     noise: float
     sample_rate: float
     dropped: dict[str, int]
+    reference_follows: bool = False
     restarts: int = 0
 
     @property

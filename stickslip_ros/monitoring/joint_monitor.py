@@ -106,6 +106,7 @@ class JointMonitor:
         self.cycle_count = 0
         self._last_cycle: Cycle | None = None
         self._segments = Segments(segments_kept)
+        self._slices = np.zeros(len(STATUS_OF), dtype=int)  # of each code, ever
         self._begin()
 
     @property
@@ -153,6 +154,7 @@ class JointMonitor:
         self.cycle_count = 0
         self._last_cycle = None
         self._segments.all.clear()
+        self._slices[:] = 0
         self.learner.reset()
 
     def memory(self) -> JointMemory:
@@ -171,6 +173,13 @@ class JointMonitor:
     def segments(self) -> Sequence[Segment]:
         """The past as stretches of one status each, oldest first."""
         return self._segments.all
+
+    def why_not_judged(self) -> Reason | None:
+        """For most of the time that was not judged, why; None where too little was seen to say it."""
+        code = max((kernel.STOPS_AND_GOES, kernel.REVERSING, kernel.TOO_SHORT), key=self._slices.__getitem__)
+        if self._slices[code] == 0 or code == kernel.TOO_SHORT:
+            return None
+        return self._found(code, math.nan, math.nan).reason
 
     @property
     def last_time(self) -> float:
@@ -278,6 +287,7 @@ class JointMonitor:
         if not len(rows):
             return
         codes = rows[:, kernel.CODE].astype(int)
+        self._slices += np.bincount(codes, minlength=len(self._slices))
         moves = np.flatnonzero(codes == kernel.MOVES)
         if len(moves):
             reserves, _ = self._damping_reserves(rows[moves, kernel.VELOCITY])
@@ -305,7 +315,7 @@ class JointMonitor:
         elif code == kernel.REVERSING:
             reason = Reversing()
         elif code == kernel.STOPS_AND_GOES:
-            reason = StopsAndGoes(repeats=self._motion.reference_follows)
+            reason = StopsAndGoes()
         elif code == kernel.TOO_SHORT:
             reason = TooShort(moving=first, needed=second)
         elif code == kernel.DIPS:
@@ -407,6 +417,7 @@ class JointMonitor:
             noise=self._motion.noise,
             sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
+            reference_follows=self._motion.reference_follows,
             restarts=self._filter.restarts,
         )
 

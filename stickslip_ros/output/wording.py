@@ -48,9 +48,8 @@ def reason_text(finding: Finding) -> str:
             return "reversing"
         case TooShort(moving=moving, needed=needed):
             return f"too short a motion: {moving:.2f} s of {needed:.2f} s"
-        case StopsAndGoes(repeats=repeats):
-            which = "; what is published only repeats what is measured" if repeats else ""
-            return f"stops and goes; publish the reference to tell commanded stops from sticking{which}"
+        case StopsAndGoes():
+            return "stops and goes; publish the reference to tell commanded stops from sticking"
         case SpeedFalls(share=share):
             return f"the speed falls to {100 * share:.0f} % of its mean"
         case ThinReserve(reserve=reserve, exactly=exactly):

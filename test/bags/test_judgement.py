@@ -55,8 +55,10 @@ def cycle(rest: float, breakaway: float, arrest: float, *, hunting: bool = False
         ([(STICKS, 2.0), (SMOOTH, 2.0)], STICKS, STICKS),
         ([(RISK, 2.0), (SMOOTH, 2.0), (REST, 90.0)], RISK, RISK),
         ([(RISK, 2.0), (STICKS, 2.5), (SMOOTH, 2.0), (SMOOTH, 2.0)], SMOOTH, STICKS),
-        # What was judged speaks, however long the rest.
-        ([(NOT_JUDGED, 50.0), (SMOOTH, 2.0), (REST, 90.0)], SMOOTH, SMOOTH),
+        # What was judged speaks, if it is a fifth of the moving time, however long the rest.
+        ([(NOT_JUDGED, 50.0), (SMOOTH, 2.0), (REST, 90.0)], NOT_JUDGED, SMOOTH),
+        ([(NOT_JUDGED, 7.0), (SMOOTH, 2.0), (REST, 90.0)], SMOOTH, SMOOTH),
+        ([(NOT_JUDGED, 0.3), (REST, 9.0)], REST, REST),
         ([(NOT_JUDGED, 5.0), (REST, 90.0)], NOT_JUDGED, NOT_JUDGED),
         ([(REST, 90.0)], REST, REST),
         ([(UNKNOWN, 3.0)], UNKNOWN, UNKNOWN),

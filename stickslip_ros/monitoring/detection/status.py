@@ -72,16 +72,9 @@ class TooShort:
     needed: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class StopsAndGoes:
-    """The joint stops and goes, and without a reference nothing tells commanded stops from sticking.
-
-    Attributes
-    ----------
-    repeats : whether a reference is published, but only repeats what is measured.
-    """
-
-    repeats: bool
+    """The joint stops and goes, and without a reference nothing tells commanded stops from sticking."""
 
 
 @dataclass(frozen=True, kw_only=True)

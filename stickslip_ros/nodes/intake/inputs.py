@@ -61,4 +61,6 @@ class Inputs:
             reasons += [f"gains not known: {why}"] if why else []
         if REFERENCES in self._types.troubles and assessment.velocity_source != "reference":
             reasons.append(f"no reference: {self._types.troubles[REFERENCES]}")
+        if assessment.reference_follows:
+            reasons.append("no reference: what is published only repeats what is measured")
         return "; ".join(reasons)
