@@ -51,7 +51,7 @@ def nothing_judged(found: Mapping[str, Any]) -> str:
     found : the bag's answer, as `analysis_json.bag_json` has it.
     """
     joints: Mapping[str, Mapping[str, Any]] = found.get("joints", {})
-    if not joints or any(Status(joint["status"]) not in NOT_JUDGED for joint in joints.values()):
+    if not joints or any(Status(joint["worst_status"]) not in NOT_JUDGED for joint in joints.values()):
         return ""
     texts = [f"{name}: {joint['reason'] or _OTHERWISE}" for name, joint in joints.items()]
     more = [f"and {len(texts) - _MOST_NAMED} more joints"] if len(texts) > _MOST_NAMED else []

@@ -219,10 +219,15 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
 def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
     """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested.
 
-    Of stick slip that of the cycles: a stretch of it may hold several speeds, and turns.
+    Of stick slip that of the cycles: a stretch of it may hold several speeds, and turns. It is the reference's where
+    one is known: a joint that sticks before it is told to move, or falls behind, has a lower mean speed.
     """
     if status is Status.STICK_SLIP and cycles:
-        return _usual([cycle.mean_speed for cycle in cycles], [cycle.period for cycle in cycles])
+        speeds = [
+            cycle.reference_speed if math.isfinite(cycle.reference_speed) and not cycle.hunting else cycle.mean_speed
+            for cycle in cycles
+        ]
+        return _usual(speeds, [cycle.period for cycle in cycles])
     for wanted in dict.fromkeys((status, *SEVERITY[:4])):
         chosen = [segment for segment in segments if segment.status is wanted and segment.velocity != 0.0]
         lengths = [segment.end - segment.start for segment in chosen]

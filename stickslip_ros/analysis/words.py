@@ -82,7 +82,7 @@ def advice(joint: JointAnalysis) -> str:
     state = joint.assessment
     advised = state.recommended
     keeps = state.recommendation is not None and state.recommendation.keep
-    if joint.status in NOT_JUDGED and (advised is None or keeps):
+    if joint.worst in NOT_JUDGED and (advised is None or keeps):
         return "Whether something has to be done cannot be said."
     if advised is None:
         if not matters(joint):

@@ -78,7 +78,7 @@ CASES: dict[str, tuple[Any, Any, str, bool]] = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_wrong_with_the_data_is_said(case: str, tmp_path: Path) -> None:
-    """Issue 10, item 11: how many samples were left out and why, in the table, the JSON and the report."""
+    """Issue 17, item 11: how many samples were left out and why, in the table, the JSON and the report."""
     times, positions, said, judged = CASES[case]
     path, page = recorded(tmp_path / "bag.mcap", times, positions), tmp_path / "report.html"
     status, text, errors = outcome(str(path), "--html", str(page))
@@ -102,7 +102,7 @@ def test_what_is_wrong_with_the_data_is_said(case: str, tmp_path: Path) -> None:
 
 
 def test_durations_where_stamps_go_back(tmp_path: Path) -> None:
-    """Issue 10, item 11: no duration is negative; where a recording begins anew its parts add up."""
+    """Issue 17, item 11: no duration is negative; where a recording begins anew its parts add up."""
     quiet = AnalysisOptions(parameters=Parameters({"learn": False}), with_traces=True)
 
     def joint(times: Any, positions: Any) -> Any:
@@ -121,7 +121,7 @@ def test_durations_where_stamps_go_back(tmp_path: Path) -> None:
 
 
 def test_names_that_say_nothing(tmp_path: Path) -> None:
-    """Issue 10, item 11: a joint without a name is analysed, and said; a bag without joints is an error."""
+    """Issue 17, item 11: a joint without a name is analysed, and said; a bag without joints is an error."""
     status, text, _ = outcome(str(recorded(tmp_path / "bag.mcap", TIMES, POSITIONS, names=("",))))
     assert status == 0
     assert "joint '' has no name" in text
@@ -131,7 +131,7 @@ def test_names_that_say_nothing(tmp_path: Path) -> None:
 
 
 def test_one_joint_that_can_be_judged_is_enough(tmp_path: Path) -> None:
-    """Issue 10, item 11: exit status 2 only if nothing could be judged; of the others it is said all the same."""
+    """Issue 17, item 11: exit status 2 only if nothing could be judged; of the others it is said all the same."""
     rows = [
         ("/joint_states", JOINT_STATE, time, joint_state(time, ["good", "bad"], position=[position, math.nan]))
         for time, position in zip(TIMES.tolist(), POSITIONS.tolist(), strict=True)
@@ -145,7 +145,7 @@ def test_one_joint_that_can_be_judged_is_enough(tmp_path: Path) -> None:
 
 
 def test_a_fleet_of_bad_bags(tmp_path: Path) -> None:
-    """Issue 10, item 11: a bag of which nothing could be judged is named among many."""
+    """Issue 17, item 11: a bag of which nothing could be judged is named among many."""
     recorded(tmp_path / "good.mcap", TIMES, POSITIONS)
     recorded(tmp_path / "bad.mcap", TIMES, np.full(COUNT, math.nan))
     page = tmp_path / "fleet.html"
@@ -175,7 +175,7 @@ def test_whatever_the_data(
     count: int,
     names: tuple[str, ...],
 ) -> None:
-    """Issue 10, item 11: no traceback; status 2 exactly if nothing could be judged; nothing is called well then."""
+    """Issue 17, item 11: no traceback; status 2 exactly if nothing could be judged; nothing is called well then."""
     time, position = 1.0 + 0.02 * np.arange(300), 0.03 * np.arange(300)
     for begin, length, value in positions:
         position[begin : begin + length] = value
@@ -201,7 +201,7 @@ def test_whatever_the_data(
         assert status == 2
         return
     joints = bag["joints"]
-    judged = [name for name, joint in joints.items() if joint["status"] not in NOT_JUDGED]
+    judged = [name for name, joint in joints.items() if joint["worst_status"] not in NOT_JUDGED]
     assert status == (0 if judged else 2)
     assert len(errors.strip().splitlines()) == (0 if judged else 1)
     for joint in joints.values():
@@ -216,7 +216,7 @@ def test_whatever_the_data(
 
 
 def test_identify_says_what_is_wrong_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 10, item 11: data of which nothing can be used are an error; of others it is said what was left out."""
+    """Issue 17, item 11: data of which nothing can be used are an error; of others it is said what was left out."""
     path = recorded(tmp_path / "bag.mcap", TIMES, np.full(COUNT, math.nan))
     assert main(["identify", str(path)]) == 2
     assert f"1500 of 1500 samples left out: {NAN}" in capsys.readouterr().err

@@ -79,7 +79,7 @@ def two_arms(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_robot_is_analysed(two_arms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 10, item 10: several topics of joint states are several robots, and nobody confuses their joints."""
+    """Issue 17, item 10: several topics of joint states are several robots, and nobody confuses their joints."""
     table, cycles, page = tmp_path / "table.csv", tmp_path / "cycles.csv", tmp_path / "report.html"
     arguments = ["analyze", str(two_arms), "--no-learning", "--model", "puma560_joint1"]
     outputs = ["--csv", str(cycles), "--table", str(table), "--html", str(page)]
@@ -122,7 +122,7 @@ def test_every_robot_is_analysed(two_arms: Path, tmp_path: Path, capsys: pytest.
 
 
 def test_robots_do_not_disturb_each_other(two_arms: Path) -> None:
-    """Issue 10, item 10: each robot's joints are judged as if its topics were alone in the bag."""
+    """Issue 17, item 10: each robot's joints are judged as if its topics were alone in the bag."""
     both = analyze(two_arms, WITHOUT_LEARNING)
     for robot in ("left", "right"):
         options = AnalysisOptions(
@@ -137,7 +137,7 @@ def test_robots_do_not_disturb_each_other(two_arms: Path) -> None:
 
 
 def test_joints_are_chosen_and_described_by_either_name(two_arms: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 10, item 10: options name a joint of one robot, or that of every robot."""
+    """Issue 17, item 10: options name a joint of one robot, or that of every robot."""
     given = Parameters({"learn": False, "gains.joint1.p": 100.0, "gains.right/joint1.p": 200.0})
     found = analyze(two_arms, AnalysisOptions(joints=("joint1",), parameters=given))
     assert set(found.joints) == {"left/joint1", "right/joint1"}
@@ -151,13 +151,13 @@ def test_joints_are_chosen_and_described_by_either_name(two_arms: Path, capsys: 
 
 
 def test_a_fleet_knows_the_robots(two_arms: Path) -> None:
-    """Issue 10, item 10: in a fleet's table a joint is its robot's."""
+    """Issue 17, item 10: in a fleet's table a joint is its robot's."""
     rows = rows_of([answer(BagTask(two_arms, WITHOUT_LEARNING))])
     assert {(row["robot"], row["joint"]) for row in rows} >= {("left", "joint1"), ("right", "joint1")}
 
 
 def test_annotations_name_the_robots(two_arms: Path, tmp_path: Path) -> None:
-    """Issue 10, item 10: what is written beside the recording names the robot too, in the order of time."""
+    """Issue 17, item 10: what is written beside the recording names the robot too, in the order of time."""
     out = tmp_path / "annotated.mcap"
     assert main(["analyze", str(two_arms), "--no-learning", "--out", str(out), "--json"]) == 0
     times = [time for topic, time, _ in messages_of(out) if topic == "/diagnostics"]
@@ -189,7 +189,7 @@ def robots(*topics: str, **choice: Any) -> Mapping[str, Any]:
     ],
 )
 def test_leaders_are_plain_from_the_names(leader: str, follower: str) -> None:
-    """Issue 10, item 10: the leader's joint states are the reference of the robot that follows it by its name."""
+    """Issue 17, item 10: the leader's joint states are the reference of the robot that follows it by its name."""
     found = {topics.states.topic: topics for topics in robots(leader, follower).values()}
     assert [one.topic for one in found[follower].references] == [leader]
     assert found[follower].leader.topic == leader
@@ -197,7 +197,7 @@ def test_leaders_are_plain_from_the_names(leader: str, follower: str) -> None:
 
 
 def test_names_that_do_not_pair() -> None:
-    """Issue 10, item 10: a leader of another arm is nobody's; where two could be meant, it is said."""
+    """Issue 17, item 10: a leader of another arm is nobody's; where two could be meant, it is said."""
     found = robots("/left_leader/joint_states", "/right_follower/joint_states")
     assert all(not topics.references for topics in found.values())
     found = robots("/leader/joint_states", "/master/joint_states", "/follower/joint_states")
@@ -215,7 +215,7 @@ def test_names_that_do_not_pair() -> None:
 
 
 def test_what_lies_in_a_namespace_is_its_robots() -> None:
-    """Issue 10, item 10: references and gains belong to the robot in whose namespace they are; others are named."""
+    """Issue 17, item 10: references and gains belong to the robot in whose namespace they are; others are named."""
     found = robots(
         "/left/joint_states", "/right/joint_states", "/left/command", "/left/pd_gains", "/right/pd_gains", "/pd_gains",
         "/desired",
@@ -237,7 +237,7 @@ def test_what_lies_in_a_namespace_is_its_robots() -> None:
 
 
 def test_references_as_asked_for() -> None:
-    """Issue 10, item 10: --references names the leader of all others, or of one; '' is none."""
+    """Issue 17, item 10: --references names the leader of all others, or of one; '' is none."""
     states = ("/a/joint_states", "/b/joint_states", "/c/joint_states")
     all_of_them = robots(*states, references=("/a/joint_states",))
     assert {name: [one.topic for one in topics.references] for name, topics in all_of_them.items()} == {
@@ -257,13 +257,13 @@ def test_references_as_asked_for() -> None:
 
 
 def test_one_topic_is_one_robot() -> None:
-    """Issue 10, item 10: a bag with one topic of joint states stays what it was, whatever its namespace."""
+    """Issue 17, item 10: a bag with one topic of joint states stays what it was, whatever its namespace."""
     assert list(robots("/left/joint_states", "/other", "/left/command")) == [""]
     assert list(robots("/left/joint_states", "/right/joint_states", states="/left/joint_states")) == [""]
 
 
 def test_gains_of_controllers_are_their_robots() -> None:
-    """Issue 10, item 10: a controller's parameters are about the robot in whose namespace it is."""
+    """Issue 17, item 10: a controller's parameters are about the robot in whose namespace it is."""
     found = robots("/left/joint_states", "/right/joint_states")
     value = SimpleNamespace(type=3, double_value=5.0)
     parameter = SimpleNamespace(name="gains.joint1.p", value=value)
@@ -282,7 +282,7 @@ def test_gains_of_controllers_are_their_robots() -> None:
 
 
 def test_a_follower_that_is_left_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 10, item 10: the leader's motion, of another rate and other stamps, is what the follower should do."""
+    """Issue 17, item 10: the leader's motion, of another rate and other stamps, is what the follower should do."""
     path = in_order(
         tmp_path / "bag.mcap",
         motion("/leader/joint_states", lambda time: 0.1 * time, rate=30.0, names=("joint1", "gripper")),
@@ -305,7 +305,7 @@ def test_a_follower_that_is_left_behind(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_a_leader_by_another_clock(tmp_path: Path) -> None:
-    """Issue 10, item 10: stamps that never meet give no reference, which is said."""
+    """Issue 17, item 10: stamps that never meet give no reference, which is said."""
     follower = motion("/follower/joint_states", lambda time: 0.1 * time)
     leader = motion("/leader/joint_states", lambda time: 0.1 * time)
     later = [(*one[:3], joint_state(one[2] + 100.0, ["joint1"], position=[0.1 * one[2]])) for one in leader]
@@ -316,7 +316,7 @@ def test_a_leader_by_another_clock(tmp_path: Path) -> None:
 
 
 def test_commands_that_need_one_robot_name_the_option(two_arms: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 10, item 10: what takes one robot lists them, with the option that chooses."""
+    """Issue 17, item 10: what takes one robot lists them, with the option that chooses."""
     assert main(["identify", str(two_arms), "--on", "joint1"]) == 2
     said = capsys.readouterr().err
     assert "/left/joint_states (2400 messages), /right/joint_states (2400 messages): choose one with --states" in said
@@ -327,7 +327,7 @@ def test_commands_that_need_one_robot_name_the_option(two_arms: Path, capsys: py
 
 
 def test_joints_of_two_robots_with_one_name(tmp_path: Path) -> None:
-    """Issue 10, item 10: even names that contradict each other are not mixed; it is said."""
+    """Issue 17, item 10: even names that contradict each other are not mixed; it is said."""
     path = in_order(
         tmp_path / "bag.mcap",
         motion("/a/joint_states", lambda time: time, names=("b/c",)),
@@ -340,7 +340,7 @@ def test_joints_of_two_robots_with_one_name(tmp_path: Path) -> None:
 
 
 def test_a_leader_and_its_follower_of_a_real_arm(tmp_path: Path) -> None:
-    """Issue 10, item 10: a teleoperated arm, recorded at two rates: the follower is judged by its leader's motion."""
+    """Issue 17, item 10: a teleoperated arm, recorded at two rates: the follower is judged by its leader's motion."""
     parts = []
     for role in ("lead", "follow"):
         files = list(RECORDINGS.glob(f"prismax_0_arm_left_{role}.npz"))

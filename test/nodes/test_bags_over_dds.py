@@ -166,7 +166,7 @@ def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Pat
 
 
 def test_a_bag_of_several_robots_is_played_one_at_a_time(ros_domain: int, tmp_path: Path) -> None:
-    """Issue 10, item 10: replay plays one robot; of several it lists the topics, and names the parameter."""
+    """Issue 17, item 10: replay plays one robot; of several it lists the topics, and names the parameter."""
     path = tmp_path / "arms.mcap"
     topics = ("/left/joint_states", "/right/joint_states")
     times = 1.0 + 0.01 * np.arange(100)

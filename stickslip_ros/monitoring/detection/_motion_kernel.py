@@ -60,7 +60,6 @@ MOTION = np.dtype(
         # What is known of the cycles.
         ("cycles", np.int64),  # recent ones
         ("period", float),  # their median
-        ("speed", float),  # their mean speed, rests included
         ("slip", float),  # longest of them
         ("dwell", float),  # likewise
         ("evidence", float),  # end of the last cycle, or of the rest in which it ended
@@ -85,8 +84,6 @@ TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES = ra
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
 _OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
-_PERIODS_STUCK = 4.0  # a joint may stand so many periods while its reference goes on
-_DRIVEN_SHARE = 0.25  # of the mean speed of the cycles: how fast the reference must go on for a rest to be a stick
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_CROSSINGS = 20
@@ -248,9 +245,6 @@ def _goes_on_sticking(rest, motion):
     longest_cycle = PERIODS_TO_TRUST * motion.period
     slip, dwell = min(_OUTLIVES * motion.slip, longest_cycle), min(_OUTLIVES * motion.dwell, longest_cycle)
     if np.isfinite(rest):
-        if travel_since(rest, motion) >= _DRIVEN_SHARE * motion.speed * (motion.now - rest) > 0.0:
-            # That it stands while its reference goes on is what it is to stick.
-            dwell = max(_OUTLIVES * motion.dwell, _PERIODS_STUCK * motion.period)
         return rest - motion.evidence <= slip and motion.now - rest <= dwell
     since = motion.evidence
     if motion.rested_at > since and motion.rest_began - since <= slip and motion.rested_at - motion.rest_began <= dwell:

@@ -48,6 +48,7 @@ class Cycle:
     position : where the slip began [rad].
     effort : measured effort at breakaway [N·m], NaN if unknown.
     hunting : whether the reference stood still and the slip before went the other way.
+    reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
     """
 
     breakaway: float
@@ -57,6 +58,7 @@ class Cycle:
     position: float
     effort: float
     hunting: bool = False
+    reference_speed: float = math.nan
 
     @property
     def slip_duration(self) -> float:
@@ -101,7 +103,6 @@ class CycleDetector:
             cycles=len(recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
             period=median(cycle.period for cycle in recent),
-            speed=median(cycle.mean_speed for cycle in recent),
             slip=max(cycle.slip_duration for cycle in recent),
             dwell=max(cycle.dwell for cycle in recent),
             evidence=last_breakaway if in_last_rest else last.arrest,
@@ -131,7 +132,7 @@ class CycleDetector:
             return None
         if math.isnan(rest.reference_advance):
             return cycle if self._spring.fits(_motion(cycle, rest)) else None
-        meanwhile = rest.reference - (before.reference + before.reference_advance)
+        meanwhile = _meanwhile(before, rest)
         # The rest that has just begun will be like the last one.
         keeps_up = abs(cycle.slip_distance) >= _LEAST_STEP * abs(before.reference_advance)
         if rest.slip.quickness < _LEAST_QUICKNESS:
@@ -184,8 +185,11 @@ class CycleDetector:
         """The slip between two rests, None if it is but creep within one, or a motion to and fro."""
         distance = rest.position - before.position
         usual = median(self._slips) if self._slips else 0.0
+        if rest.arrest <= before.breakaway:
+            return None
         if distance == 0 or abs(distance) < _LEAST_SLIP_SHARE * usual or rest.slip.directness < _LEAST_DIRECTNESS:
             return None
+        moved = rest.seen_from - before.seen_until
         return Cycle(
             breakaway=before.breakaway,
             arrest=rest.arrest,
@@ -193,10 +197,11 @@ class CycleDetector:
             slip_distance=distance,
             position=before.position,
             effort=before.effort,
+            reference_speed=abs(_meanwhile(before, rest)) / moved if moved > 0.0 else math.nan,
         )
 
     def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, went_on: bool, goes_on: bool) -> list[Cycle]:
-        meanwhile = rest.reference - (before.reference + before.reference_advance)
+        meanwhile = _meanwhile(before, rest)
         # A hop that leaves the joint far behind is the start of a motion, not a step of a staircase.
         keeps_up = abs(cycle.slip_distance) >= _LEAST_STEP * abs(rest.reference_advance)
         if rest.slip.quickness < _LEAST_QUICKNESS:
@@ -251,6 +256,11 @@ def _motion(cycle: Cycle, rest: Rest) -> Motion:
         shape=rest.slip,
         bands=abs(cycle.slip_distance) / rest.band,
     )
+
+
+def _meanwhile(before: Rest, rest: Rest) -> float:
+    """How far the reference went on between two rests [rad], NaN if unknown."""
+    return rest.reference - (before.reference + before.reference_advance)
 
 
 def _stood(before: Rest, rest: Rest, distance: float) -> bool:

@@ -22,7 +22,7 @@ class Evidence:
 
     Attributes
     ----------
-    cycles : how many; period : their median; speed : median of their mean speeds [rad/s].
+    cycles : how many; period : their median.
     slip, dwell : the longest among them.
     evidence : when the last cycle ended, or the rest in which it ended.
     last_breakaway : of the last rest; stop_before : of the rest before that, if the joint moved before.
@@ -30,7 +30,6 @@ class Evidence:
 
     cycles: int = 0
     period: float = math.nan
-    speed: float = math.nan
     slip: float = math.nan
     dwell: float = math.nan
     evidence: float = math.nan
@@ -103,6 +102,10 @@ class MotionRecord:
         """Let the judgement know the recent cycles and rests."""
         for name in evidence.__dataclass_fields__:
             self._motion[name] = getattr(evidence, name)
+
+    def did_not_rest(self) -> None:
+        """Let the judgement know that the joint only slowed down where it seemed to rest."""
+        self._motion["rested_at"] = -math.inf
 
     def require(self, *, motion: float, window: float) -> None:
         """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""

@@ -50,7 +50,8 @@ class Rest:
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
     slip : the course of the motion before.
     band : the smallest motion that is told from rest [rad].
-    reference : place of the reference when the rest began, or the way that it had gone if only its velocity is given
+    seen_from, seen_until : from the last reading that it moved before to the last one before it moved again [s].
+    reference : place of the reference at ``seen_from``, or the way that it had gone if only its velocity is given
         [rad]; NaN if unknown.
     reference_advance : how far it went on while the joint was at rest, signed [rad]; NaN if unknown.
     reference_mean_advance : how far it had gone on, as a mean over the rest [rad]: half of that for a steady reference,
@@ -67,6 +68,8 @@ class Rest:
     direction_after: int
     slip: SlipShape
     band: float
+    seen_from: float
+    seen_until: float
     reference: float
     reference_advance: float
     reference_mean_advance: float
@@ -106,6 +109,8 @@ class RestDetector:
         """
         for complete in self.motion.follow(samples):
             rest = self._rest_in_spell() if complete else self._begun_rest()
+            if complete and rest is None:
+                self.motion.did_not_rest()
             if rest is not None:
                 yield rest
 
@@ -259,6 +264,8 @@ class RestDetector:
             direction_after=direction_after,
             slip=shape,
             band=self.motion.band,
+            seen_from=float(first[kernel.TIME]),
+            seen_until=float(last[kernel.FLAT_END]),
             reference=float(first[kernel.REFERENCE]),
             reference_advance=reference - float(first[kernel.REFERENCE]),
             reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
