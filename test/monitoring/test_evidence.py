@@ -244,7 +244,7 @@ def sticking(
 def test_status_does_not_outlive_its_evidence(
     speeds: list[float], stiffness: float, resolution: float, with_reference: bool, seed: int
 ) -> None:
-    """Issue 17, item 1: within two usual cycles of the last breakaway or arrest the status is another."""
+    """Issue 17, item 1: two usual cycles after the last breakaway or arrest, the status is another."""
     batch, events = sticking([0.006, *speeds], 8.0, stiffness, resolution, seed)
     if not with_reference:
         batch = Batch(time=batch.time, position=batch.position)
@@ -256,7 +256,8 @@ def test_status_does_not_outlive_its_evidence(
         if monitor.finding().status is Status.STICK_SLIP:
             now = monitor.last_time
             usual = median(cycle.period for cycle in cycles[-5:])
-            last = max(event for event in events if event <= now)
+            # With a fine encoder a dip to a few per cent of the speed may pass for a stop, and is told as one.
+            last = max([cycles[-1].arrest, *(event for event in events if event <= now)])
             # What was is seen a few samples late, and a reading of the encoder.
             assert now - last <= 2.0 * usual + 2.0 * STEP
 

@@ -84,6 +84,7 @@ TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES = ra
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
 _OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
+_CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is seen a little late
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_CROSSINGS = 20
@@ -242,8 +243,9 @@ def _goes_on_sticking(rest, motion):
     """
     if motion.cycles < _CYCLES_FOR_STICK_SLIP:
         return False
-    longest_cycle = PERIODS_TO_TRUST * motion.period
-    slip, dwell = min(_OUTLIVES * motion.slip, longest_cycle), min(_OUTLIVES * motion.dwell, longest_cycle)
+    if motion.now - motion.evidence > _CYCLES_AT_MOST * motion.period:
+        return False
+    slip, dwell = _OUTLIVES * motion.slip, _OUTLIVES * motion.dwell
     if np.isfinite(rest):
         return rest - motion.evidence <= slip and motion.now - rest <= dwell
     since = motion.evidence
