@@ -279,3 +279,13 @@ def test_the_speed_that_is_judged_is_the_references() -> None:
     _, cycles, _ = followed(batch)
     assert min(cycle.mean_speed for cycle in cycles) < 0.001
     assert [cycle.reference_speed for cycle in cycles] == pytest.approx([0.006] * len(cycles), rel=0.02)
+
+
+def test_a_joint_that_slows_down_with_its_reference_is_at_no_risk() -> None:
+    """Issue 17: a dip of the speed is a risk where the reference goes on, and none where it dips as well."""
+    time = np.arange(0.0, 30.0, 0.005)
+    dips = np.where(time % 3.0 < 0.4, 0.005, 0.1)
+    place = 2.5e-5 * np.round(np.cumsum(0.005 * dips) / 2.5e-5)
+    for reference, at_risk in ((np.cumsum(0.005 * dips), False), (float(np.mean(dips)) * time, True)):
+        monitor, _, _ = followed(Batch(time=time, position=place, reference_position=reference))
+        assert (Status.AT_RISK in {segment.status for segment in monitor.segments}) is at_risk

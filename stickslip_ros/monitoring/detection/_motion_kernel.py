@@ -89,6 +89,7 @@ _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_CROSSINGS = 20
 _DIP_AT_RISK = 0.2  # of the mean speed
+_DEEPER = 0.5  # of the reference's own share, at most
 _START = 0.25  # of the motion needed: the start from rest is no dip
 _LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
 _WINDOW_CROSSINGS = 6
@@ -193,6 +194,23 @@ def slowest_share(since, detector):
 
 
 @helper()
+def reference_slowest_share(since, motion):
+    """Slowest motion of the reference since a time over its mean there, 0 to 1; 1 if there is too little to tell."""
+    slowest, way, duration = np.inf, 0.0, 0.0
+    for n in range(motion.entries - 1, max(1, motion.entries - PAST + 2), -1):
+        entry, before = n % PAST, (n - 2) % PAST
+        if motion.past[before, TIME] < since:
+            break
+        step = abs(motion.past[entry, WAY] - motion.past[before, WAY])
+        elapsed = motion.past[entry, TIME] - motion.past[before, TIME]
+        if not (np.isfinite(step) and elapsed > 0.0):
+            return 1.0
+        slowest = min(slowest, step / elapsed)
+        way, duration = way + step, duration + elapsed
+    return min(slowest * duration / way, 1.0) if way > 0.0 else 1.0
+
+
+@helper()
 def _entry_at(time, motion):
     """Index of the latest slice remembered that ends not after a time, or of the oldest; -1 if there is none."""
     entries = motion.entries
@@ -273,8 +291,14 @@ def judge(rest, motion, detector):
         if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
             return STOPS_AND_GOES, 0.0, 0.0
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
-    dip = slowest_share(max(now - needed, began + _START * needed), detector)
-    return DIPS if dip < _DIP_AT_RISK else MOVES, dip, 0.0
+    since = max(now - needed, began + _START * needed)
+    dip = slowest_share(since, detector)
+    if not dip < _DIP_AT_RISK:
+        return MOVES, dip, 0.0
+    if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
+        return STOPS_AND_GOES, 0.0, 0.0
+    # Where the reference itself slows down, the joint has to.
+    return DIPS if dip < _DEEPER * reference_slowest_share(since, motion) else MOVES, dip, 0.0
 
 
 @compiled()
