@@ -284,8 +284,9 @@ def test_the_speed_that_is_judged_is_the_references() -> None:
 def test_a_joint_that_slows_down_with_its_reference_is_at_no_risk() -> None:
     """Issue 17: a dip of the speed is a risk where the reference goes on, and none where it dips as well."""
     time = np.arange(0.0, 30.0, 0.005)
-    dips = np.where(time % 3.0 < 0.4, 0.005, 0.1)
-    place = 2.5e-5 * np.round(np.cumsum(0.005 * dips) / 2.5e-5)
-    for reference, at_risk in ((np.cumsum(0.005 * dips), False), (float(np.mean(dips)) * time, True)):
+    dips = np.where(time % 3.0 < 0.4, 0.012, 0.1)
+    commanded = np.cumsum(0.005 * dips)
+    place = 2.5e-5 * np.round((commanded - 7e-5) / 2.5e-5)
+    for reference, at_risk in ((commanded, False), (float(np.mean(dips)) * time, True)):
         monitor, _, _ = followed(Batch(time=time, position=place, reference_position=reference))
         assert (Status.AT_RISK in {segment.status for segment in monitor.segments}) is at_risk
