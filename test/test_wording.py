@@ -19,6 +19,7 @@ from stickslip_ros.monitoring.detection.status import (
     StopsAndGoes,
     Stuck,
     ThinReserve,
+    TooCoarse,
     TooFewSamples,
     TooShort,
 )
@@ -37,6 +38,7 @@ SENTENCES: list[tuple[Reason | None, str]] = [
     (Reversing(), "reversing"),
     (TooShort(moving=0.5, needed=2.345), "too short a motion: 0.50 s of 2.35 s"),
     (StopsAndGoes(), "stops and goes; publish the reference to tell commanded stops from sticking"),
+    (TooCoarse(counts=4.2), "the encoder is too coarse to count: 4 counts a slip"),
     (SpeedFalls(share=0.126), "the speed falls to 13 % of its mean"),
     (ThinReserve(reserve=0.05, exactly=False), "damping reserve 5 % by Eq. (43)"),
     (ThinReserve(reserve=-0.5, exactly=True), "damping reserve -50 % exactly"),

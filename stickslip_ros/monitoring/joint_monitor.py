@@ -34,6 +34,7 @@ from stickslip_ros.monitoring.detection.status import (
     StopsAndGoes,
     Stuck,
     ThinReserve,
+    TooCoarse,
     TooFewSamples,
     TooShort,
 )
@@ -318,6 +319,8 @@ class JointMonitor:
             reason = StopsAndGoes()
         elif code == kernel.TOO_SHORT:
             reason = TooShort(moving=first, needed=second)
+        elif code == kernel.STEPS_OF_COUNTS:
+            reason = TooCoarse(counts=first)
         elif code == kernel.DIPS:
             reason = SpeedFalls(share=first)
         elif code == kernel.MOVES:

@@ -14,6 +14,7 @@ from stickslip_ros.monitoring.detection.status import (
     StopsAndGoes,
     Stuck,
     ThinReserve,
+    TooCoarse,
     TooFewSamples,
     TooShort,
 )
@@ -50,6 +51,8 @@ def reason_text(finding: Finding) -> str:
             return f"too short a motion: {moving:.2f} s of {needed:.2f} s"
         case StopsAndGoes():
             return "stops and goes; publish the reference to tell commanded stops from sticking"
+        case TooCoarse(counts=counts):
+            return f"the encoder is too coarse to count: {counts:.0f} counts a slip"
         case SpeedFalls(share=share):
             return f"the speed falls to {100 * share:.0f} % of its mean"
         case ThinReserve(reserve=reserve, exactly=exactly):

@@ -80,7 +80,7 @@ BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
 SLICE_COLUMNS = 6
 
 # What the motion shows.
-TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES = range(8)
+TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS = range(9)
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
 _OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
@@ -93,6 +93,10 @@ _DEEPER = 0.5  # of the reference's own share, at most
 _START = 0.25  # of the motion needed: the start from rest is no dip
 _LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
 _WINDOW_CROSSINGS = 6
+_STEPPED = 24  # crossings that tell whether a joint steps
+_GAPS_OF_A_STEP = 4  # a slip of so few bands is too short to be seen as one
+_UNEVEN = 4.0  # times as long as the shortest gap beside it: the longest one of a joint that steps
+_NOTICED = 0.5  # of the crossings
 _ENOUGH_CROSSINGS = 3
 # Whether a reference repeats what was measured.
 _COMPARED = 3.0  # bands of motion from one comparison to the next
@@ -255,6 +259,36 @@ def reference_velocity(window, motion):
 
 
 @helper()
+def _counts_of_a_step(since, motion, detector):
+    """Counts from one stand to the next, of a joint that steps by a few bands at a time; 0 if it moves evenly.
+
+    Noise and whole samples make gaps uneven too, but not so much; a change of speed makes none of those side by side.
+    """
+    head = detector.head
+    first = head
+    while first > max(0, head - _STEPPED) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:
+        first -= 1
+    windows, uneven, stands = 0, 0, 0
+    for crossing in range(first + _GAPS_OF_A_STEP, head):
+        shortest, longest, latest = np.inf, 0.0, 0.0
+        for n in range(crossing - _GAPS_OF_A_STEP, crossing):
+            now, before = (n + 1) % kernel.RING, n % kernel.RING
+            gap = detector.crossings[now, kernel.TIME] - detector.crossings[before, kernel.TIME]
+            latest = max(gap, motion.interval)
+            shortest, longest = min(shortest, latest), max(longest, latest)
+        windows += 1
+        if longest >= _UNEVEN * shortest:
+            uneven += 1
+            # Long on the scale of ratios.
+            stands += 1 if latest * latest >= longest * shortest else 0
+    if 2 * windows < _STEPPED or uneven < _NOTICED * windows or stands == 0:
+        return 0.0
+    begin, end = (first + _GAPS_OF_A_STEP - 1) % kernel.RING, (head - 1) % kernel.RING
+    way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
+    return way / stands / detector.position.resolution if detector.position.resolution > 0.0 else 0.0
+
+
+@helper()
 def _goes_on_sticking(rest, motion):
     """Whether what the cycles have shown holds now: no motion and no rest since then outlived them.
 
@@ -294,12 +328,14 @@ def judge(rest, motion, detector):
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
     since = max(now - needed, began + _START * needed)
     dip = slowest_share(since, detector)
-    if not dip < _DIP_AT_RISK:
-        return MOVES, dip, 0.0
-    if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
-        return STOPS_AND_GOES, 0.0, 0.0
-    # Where the reference itself slows down, the joint has to.
-    return DIPS if dip < _DEEPER * reference_slowest_share(since, motion) else MOVES, dip, 0.0
+    if dip < _DIP_AT_RISK:
+        if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
+            return STOPS_AND_GOES, 0.0, 0.0
+        # Where the reference itself slows down, the joint has to.
+        if dip < _DEEPER * reference_slowest_share(since, motion):
+            return DIPS, dip, 0.0
+    counts = _counts_of_a_step(began, motion, detector)
+    return STEPS_OF_COUNTS if counts > 0.0 else MOVES, counts if counts > 0.0 else dip, 0.0
 
 
 @compiled()

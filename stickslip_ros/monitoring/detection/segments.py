@@ -26,6 +26,7 @@ STATUS_OF = {
     kernel.STOPS_AND_GOES: Status.NOT_JUDGED,
     kernel.DIPS: Status.AT_RISK,
     kernel.MOVES: Status.SMOOTH,
+    kernel.STEPS_OF_COUNTS: Status.NOT_JUDGED,
 }
 _MENDED = (Status.NOT_JUDGED, Status.AT_REST)
 

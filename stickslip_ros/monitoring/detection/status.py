@@ -78,6 +78,18 @@ class StopsAndGoes:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TooCoarse:
+    """The joint steps by so few counts of its encoder that slips cannot be told from smooth motion.
+
+    Attributes
+    ----------
+    counts : from one stand to the next [1].
+    """
+
+    counts: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class SpeedFalls:
     """The speed falls far, though not to a rest.
 
@@ -102,7 +114,18 @@ class ThinReserve:
     exactly: bool
 
 
-Reason = NoSamples | TooFewSamples | Hunting | Stuck | Reversing | TooShort | StopsAndGoes | SpeedFalls | ThinReserve
+Reason = (
+    NoSamples
+    | TooFewSamples
+    | Hunting
+    | Stuck
+    | Reversing
+    | TooShort
+    | StopsAndGoes
+    | TooCoarse
+    | SpeedFalls
+    | ThinReserve
+)
 
 
 @dataclass(frozen=True, kw_only=True)
