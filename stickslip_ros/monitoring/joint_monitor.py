@@ -177,7 +177,8 @@ class JointMonitor:
 
     def why_not_judged(self) -> Reason | None:
         """For most of the time that was not judged, why; None where too little was seen to say it."""
-        code = max((kernel.STOPS_AND_GOES, kernel.REVERSING, kernel.TOO_SHORT), key=self._slices.__getitem__)
+        codes = (kernel.STOPS_AND_GOES, kernel.STEPS_OF_COUNTS, kernel.REVERSING, kernel.TOO_SHORT)
+        code = max(codes, key=self._slices.__getitem__)
         if self._slices[code] == 0 or code == kernel.TOO_SHORT:
             return None
         return self._found(code, math.nan, math.nan).reason

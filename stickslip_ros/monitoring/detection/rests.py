@@ -33,9 +33,7 @@ _LEAST_SLIP_BANDS = 3.0
 _LEAST_DWELL = 0.105  # of the span of the crossings that it is extrapolated from
 _CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025
-_GENTLE = (
-    0.4  # of the fastest motion, over the root of the slip in bands: a cosine goes its first band no slower than 1
-)
+_GENTLE = 0.4  # of the fastest motion, over the root of the slip in bands: a cosine goes its first band at 1 or more
 _FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
 _CREPT = 0.2  # of the slip before: a joint at rest may creep so far
 _STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
