@@ -126,7 +126,9 @@ def friction_work(groups: DimensionlessGroups, *, rises_from_coulomb: bool = Fal
     level = np.maximum(steady_stribeck(groups, rises_from_coulomb=rises_from_coulomb), 0.0)
     velocity_squared = np.square(groups.velocity)
     jump = level * velocity_squared / (1.0 + velocity_squared)
-    work = level * groups.velocity * work_integral(groups.velocity, groups.lag) + 0.5 * jump * jump
+    # Of a spring that is next to none it may be larger than any number.
+    with np.errstate(over="ignore"):
+        work = level * groups.velocity * work_integral(groups.velocity, groups.lag) + 0.5 * jump * jump
     return _unwrap(np.asarray(work))
 
 

@@ -82,6 +82,7 @@ class CycleDetector:
     def __init__(self) -> None:
         self.last_rest: Rest | None = None
         self._rest_before: Rest | None = None
+        self._evidence = -math.inf
         self._foreseen: Cycle | None = None
         self._closed: Rest | None = None
         self._way = 0.0
@@ -99,13 +100,15 @@ class CycleDetector:
             return Evidence(last_breakaway=last_breakaway, stop_before=stop_before)
         last = recent[-1]
         in_last_rest = rest is not None and before is not None and last.breakaway == before.breakaway
+        # What was evidence remains it, though another rest may have begun since.
+        self._evidence = max(self._evidence, last_breakaway if in_last_rest else last.arrest)
         return Evidence(
             cycles=len(recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
             period=median(cycle.period for cycle in recent),
             slip=max(cycle.slip_duration for cycle in recent),
             dwell=max(cycle.dwell for cycle in recent),
-            evidence=last_breakaway if in_last_rest else last.arrest,
+            evidence=self._evidence,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
         )
