@@ -42,7 +42,6 @@ def test_commanded_motion_is_no_stick_slip(kind: str, seed: int) -> None:
     assert cycles_of(without_reference(batch)) == []
 
 
-@pytest.mark.xfail(strict=True, reason="the shape of a slip is unknown where it has more crossings than are kept")
 def test_long_moves_without_noise_are_no_stick_slip() -> None:
     """Issue 17: likewise where a move has more counts than are kept."""
     batch = random_motion("trapezoids, at random", np.random.default_rng(2), duration=_MINUTE)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,9 +152,8 @@ class RestDetector:
         begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
         places = float(core[kernel.POSITION]) + direction * self.motion.band * np.repeat(fractions[:, None], 2, axis=1)
         arrest, _, _ = rest_ends(left, before[:0], places, begin, end, direction, 0)
-        whole = before if oldest == self._rest_end else before[:0]
         return self._rest(
-            whole, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
+            before, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
         )
 
     def _rest_in_spell(self) -> Rest | None:
@@ -214,9 +213,8 @@ class RestDetector:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
             if breakaway - arrest < _LEAST_DWELL * span:
                 return None
-        whole = oldest == self._rest_end
         rest = self._rest(
-            before if whole else before[:0],
+            before,
             crossings[first : last + 1],
             arrest,
             breakaway,
@@ -240,13 +238,18 @@ class RestDetector:
         direction_before: int,
         direction_after: int,
     ) -> Rest:
-        """A rest over the flats of these crossings; those of the slip before it, none if they are not all known."""
+        """A rest over the flats of these crossings; with those of the slip before it, or the last of a long one."""
         shape = SlipShape()
         first, last = crossings[0], crossings[-1]
         left, place, reference_left = self._left
         # What was noted before the joint is taken to have left is creep.
         slip = slip[slip[:, kernel.TIME] > left]
-        if len(slip) > 1:
+        cut = self._rest_end < self.motion.crossing_count - kernel.RING
+        if cut and len(slip) > 2:
+            # How fast it was still shows; how long it took, no more.
+            at, places, references = (slip[:, column] for column in (kernel.TIME, kernel.POSITION, kernel.REFERENCE))
+            shape = replace(slip_shape(at, places, references), middle_half=math.nan, asymmetry=math.nan)
+        elif len(slip) > 1:
             shape = slip_shape(
                 np.concatenate([[left], slip[:, kernel.TIME], [max(arrest, slip[-1, kernel.TIME])]]),
                 np.concatenate([[place], slip[:, kernel.POSITION], [position]]),
