@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from stickslip_ros.analysis.data_problems import NOT_JUDGED, lacks_data
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
@@ -21,6 +22,16 @@ _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 def matters(joint: JointAnalysis) -> bool:
     """Whether something may have to be done: whether the joint stuck or was at risk, however short."""
     return joint.worst in _MATTERS
+
+
+def not_judged(joints: Sequence[JointAnalysis]) -> dict[str, list[str]]:
+    """Reasons why joints could not be judged, each with the names of those that nothing else is said of."""
+    found: dict[str, list[str]] = {}
+    for joint in joints:
+        told = matters(joint) or lacks_data(joint.status, joint.assessment)
+        if joint.status is Status.NOT_JUDGED and joint.reason and not told:
+            found.setdefault(joint.reason, []).append(joint.name)
+    return found
 
 
 def finding(joint: JointAnalysis) -> str:

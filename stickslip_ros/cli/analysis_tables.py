@@ -43,6 +43,8 @@ def print_analysis(analysis: BagAnalysis) -> None:
             console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)
             if words.rests_on(joint):
                 console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
+    for reason, names in words.not_judged(joints).items():
+        console.print(f"not judged, {reason}: {', '.join(names)}", soft_wrap=True, markup=False)
     for warning in analysis.warnings:
         console.print("[yellow]warning:[/] ", end="")
         console.print(warning, markup=False, soft_wrap=True)

@@ -366,3 +366,20 @@ def test_a_leader_and_its_follower_of_a_real_arm(tmp_path: Path) -> None:
     assert all(np.isfinite(joint.assessment.tracking_error) for joint in followers)
     leaders = [joint for name, joint in found.joints.items() if name.startswith("arm_left_lead/")]
     assert all(np.isnan(joint.assessment.tracking_error) for joint in leaders)
+
+
+def test_a_person_moves_an_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 17, item 2: joints that stop and go without a reference are named together, with what would help."""
+
+    def by_hand(time: float) -> float:
+        moves, share = divmod(time, 0.9)
+        share = min(share / 0.4, 1.0)
+        size = 0.05 * (1.0 + math.sin(1.7 * moves))
+        return float(0.3 * math.sin(moves) + size * share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
+
+    path = in_order(tmp_path / "bag.mcap", motion("/joint_states", by_hand, seconds=60.0, names=("joint1", "joint2")))
+    main(["analyze", str(path), "--no-learning"])
+    out = capsys.readouterr().out
+    assert "not judged, stops and goes; publish the reference" in out
+    assert "sticking: joint1, joint2" in out
+    assert "stick_slip" not in out
