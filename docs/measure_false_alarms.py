@@ -48,7 +48,7 @@ from stickslip_ros.monitoring.samples import Batch
 
 PICTURE = Path(__file__).parent / "pictures" / "roc.png"
 DURATION = 600.0  # [s] of a recording
-CURVE_HOURS = 1.0  # of each motion, at most
+CURVE_HOURS = 5.0  # of each motion, at most
 THRESHOLDS = (4.0, 7.0, 10.0, 12.0, 14.0, 17.0, 20.0, 25.0, 30.0)
 STICK_SLIPS = 360
 LEAST_DWELL = 0.01  # [s] of a slip that is to be found

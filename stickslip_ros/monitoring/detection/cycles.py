@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvi
 
 _DRIVEN_SHARE = 0.35  # of the mean speed of the cycle: how fast the reference must go on during a rest
 _NOT_AT_ITS_END = 0.25  # of the way that the reference goes on during a rest: what it has gone as a mean over the rest
+_STEADILY = 0.4  # likewise, if it stands beside the rest; a steady one has a half
 _LEAST_ADVANCE = 0.2  # of a band, likewise: less is noise
 _LEAST_STEP = 0.2  # of the way that the reference goes during the next rest
 _LEAST_SLIP_SHARE = 0.1  # of the usual slip; less is creep within a rest
@@ -171,6 +172,10 @@ class CycleDetector:
         way_before, self._way = self._way, distance
         cycle = self._cycle(before, rest)
         if cycle is None:
+            if rest.slip.directness < _LEAST_DIRECTNESS:
+                # What went to and fro in between was no slip.
+                self._spring.begin_anew()
+                self._end_train()
             return []
         self._slips.append(abs(distance))
         # By the net way, since a lightly damped joint bounces back before it rests.
@@ -280,7 +285,11 @@ def _is_driven(rest: Rest, cycle: Cycle, meanwhile: float) -> bool:
     turns = rest.direction_after * cycle.slip_distance < 0
     sign = math.copysign(1.0, rest.reference_mean_advance if turns else cycle.slip_distance)
     advance, mean = sign * rest.reference_advance, sign * rest.reference_mean_advance
-    if rest.dwell <= 0 or mean < max(_LEAST_ADVANCE * rest.band, _NOT_AT_ITS_END * advance):
+    share = _NOT_AT_ITS_END
+    if abs(meanwhile) <= _STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance):
+        # A reference that stands while the joint moves is one that steps, and a servo answers late.
+        share = _STEADILY
+    if rest.dwell <= 0 or mean < max(_LEAST_ADVANCE * rest.band, share * advance):
         return False
     speed = max(cycle.mean_speed, abs(meanwhile) / cycle.slip_duration) if cycle.slip_duration > 0 else math.inf
     return turns or advance >= _DRIVEN_SHARE * speed * rest.dwell
