@@ -13,8 +13,6 @@ from stickslip_ros.monitoring.detection.status import Status, TooFewSamples
 NOT_JUDGED = (Status.UNKNOWN, Status.NOT_JUDGED)
 _MOST_NAMED = 5  # joints
 _OTHERWISE = "it moves too little, or turns too often"
-
-
 REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
 
 

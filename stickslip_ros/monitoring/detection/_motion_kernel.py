@@ -322,14 +322,15 @@ def judge(rest, motion, detector):
     # A rest is known in full only some time after its end.
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
+    stops_and_goes = not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed
     if moving < needed or detector.head < _LEAST_CROSSINGS:
-        if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
+        if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
     since = max(now - needed, began + _START * needed)
     dip = slowest_share(since, detector)
     if dip < _DIP_AT_RISK:
-        if not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed:
+        if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
         # Where the reference itself slows down, the joint has to.
         if dip < _DEEPER * reference_slowest_share(since, motion):
