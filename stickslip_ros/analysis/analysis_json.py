@@ -15,7 +15,7 @@ from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.as_json import margin_json, recommendation_json
 from stickslip_ros.output.published import number
@@ -110,7 +110,7 @@ def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:
             "std": number(estimate[name].std),
             "identified": estimate[name].identified,
         }
-        for name in NAMES
+        for name in (*NAMES, COULOMB_AND_LOAD)
     }
     found |= {
         "per_inertia": estimate.normalised,

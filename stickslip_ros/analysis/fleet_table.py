@@ -15,7 +15,7 @@ from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.friction.estimate import NAMES
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
 
@@ -76,6 +76,14 @@ def worst_status(rows: Sequence[Row]) -> str:
     return next(status.value for status in SEVERITY if status.value in here)
 
 
+def dry_friction(row: Row) -> float | None:
+    """Coulomb friction [N·m], with any load where the joint moved in one direction alone; None if it is not known."""
+    for name in ("coulomb", COULOMB_AND_LOAD):
+        if row[f"{name}_identified"] and not row["per_inertia"]:
+            return float(row[name])
+    return None
+
+
 def _row(path: Path, found: Answer) -> Row:
     known = {"bag": str(path), "robot": robot_of(path, found), "recorded": found.get("recorded")}
     return known | _joint(None, None) | {"warnings": len(found.get("warnings", [])), "error": None}
@@ -111,8 +119,8 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     row |= told.EXACT.for_fleet(None if margin is None else margin["exact"])
     for section in (told.GAINS, told.INTEGRAL_GAIN):
         row |= section.for_fleet(joint.get("gains"))
-    for key in NAMES:
-        found = {} if friction is None else friction[key]
+    for key in (*NAMES, COULOMB_AND_LOAD):
+        found = (friction or {}).get(key, {})
         row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
     row |= told.BELIEF.for_fleet(margin)
     for section in told.OF_ADVICE:
@@ -153,7 +161,7 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     text, whole = pyarrow.string(), pyarrow.int64()
     # What has no unit is an answer, if it is no text.
     flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
-    kinds = dict.fromkeys(flags | {f"{name}_identified" for name in NAMES}, pyarrow.bool_())
+    kinds = dict.fromkeys(flags | {f"{name}_identified" for name in (*NAMES, COULOMB_AND_LOAD)}, pyarrow.bool_())
     kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "worst_status", "error"), text)
     kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole)
     # Types by name, not by what happens to be there: tables of many runs fit together.

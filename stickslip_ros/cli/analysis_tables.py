@@ -15,7 +15,15 @@ from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.data_problems import lacks_data
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_table import by_joint, rows_of, stick_slip_share, stuck_in, usual_status, worst_status
+from stickslip_ros.analysis.fleet_table import (
+    by_joint,
+    dry_friction,
+    rows_of,
+    stick_slip_share,
+    stuck_in,
+    usual_status,
+    worst_status,
+)
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.detection.status import Status
 
@@ -107,7 +115,7 @@ def print_fleet(answers: Sequence[Answer]) -> None:
     ):  # fmt: skip
         table.add_column(escape(heading), justify="left" if heading in ("robot\n", *_TEXTS) else "right", no_wrap=True)
     for (robot, joint), rows in sorted(by_joint(rows_of(answers)).items()):
-        known = [row["coulomb"] for row in rows if row["coulomb"] is not None and row["coulomb_identified"]]
+        known = [value for row in rows if (value := dry_friction(row)) is not None]
         table.add_row(
             robot,
             joint,

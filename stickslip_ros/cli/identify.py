@@ -30,7 +30,7 @@ from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
-from stickslip_ros.monitoring.friction.estimate import NAMES
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
 from stickslip_ros.output.published import number
 from stickslip_ros.settings.joint_file import joint_file_text, write_joint_file
@@ -207,6 +207,14 @@ def _as_json(found: Identification) -> dict[str, Any]:
         if name in parameters
     }
     slips = found.slips
+    if slips is not None and math.isfinite(slips.coulomb_and_load.value):
+        together = slips.coulomb_and_load
+        friction[COULOMB_AND_LOAD] = {
+            "value": number(together.value),
+            "std": number(together.std),
+            "identified": together.identified,
+            "from": "slips",
+        }
     frequency = slips.natural_frequency if slips is not None else None
     return {
         "friction": friction,
@@ -262,10 +270,12 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
             f"Sliding was seen from {found.sliding.slowest:.3g} to {found.sliding.fastest:.3g} rad/s; "
             "beyond these speeds the curve of friction is a guess."
         )
-    load = slips.load if slips is not None else None
-    if load is not None and math.isfinite(load.value):
-        console.print(f"Constant load {load.value:.4g} ± {load.std:.2g} N·m.")
-    elif slips is not None and not slips.normalised:
+    if slips is None or slips.normalised:
+        return
+    if math.isfinite(slips.load.value):
+        console.print(f"Constant load {slips.load.value:.4g} ± {slips.load.std:.2g} N·m.")
+    else:
         console.print(
-            "One direction only: a constant load, if any, is part of the Coulomb friction. No margin needs it."
+            f"One direction only: Coulomb friction and load together {slips.coulomb_and_load.value:.4g} "
+            f"± {slips.coulomb_and_load.std:.2g} N·m. Motion both ways tells them apart; no margin needs it."
         )

@@ -19,7 +19,7 @@ from stickslip_ros.monitoring.advice.sensitivity import in_words
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.wording import friction_change_text, reason_text
 
@@ -74,7 +74,9 @@ def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     learnt = [
         (one.name, one.unit_where(per_inertia=estimate.normalised), estimate[one.name]) for one in JOINT_PARAMETERS
     ]
-    for name, unit, found in (*learnt, ("load", unit_of(OperatingConditions, "load"), estimate.load)):
+    torque = unit_of(OperatingConditions, "load")
+    beside = (("load", torque, estimate.load), (COULOMB_AND_LOAD, torque, estimate.coulomb_and_load))
+    for name, unit, found in (*learnt, *beside):
         if math.isnan(found.value) or (estimate.normalised and name in _ONLY_ABSOLUTE):
             continue
         unit = in_ascii(unit)

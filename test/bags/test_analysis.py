@@ -88,9 +88,10 @@ def test_friction_is_learnt_from_a_bag(bag: Path) -> None:
     found = bag_json(analyze(bag, AnalysisOptions(joints=("elbow",))))["joints"]["elbow"]
     friction = found["friction"]
     assert friction["inertia"]["value"] == pytest.approx(6.3, rel=0.03)
-    assert friction["coulomb"]["value"] == pytest.approx(8.43, rel=0.03)
-    assert friction["coulomb"]["identified"]
-    assert friction["coulomb"]["std"] < 0.1
+    assert friction["coulomb_and_load"]["value"] == pytest.approx(8.43, rel=0.03)
+    assert friction["coulomb_and_load"]["identified"]
+    assert friction["coulomb_and_load"]["std"] < 0.1
+    assert not friction["coulomb"]["identified"]
     assert found["margin"]["rests_on"].startswith("learnt from")
 
 

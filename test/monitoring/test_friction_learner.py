@@ -130,9 +130,9 @@ def test_an_abrupt_change_is_named(puma: Joint) -> None:
     state = watched(moving(puma, 72.0, changed=oiled), monitor)
     said = friction_change_text(state.change)
     assert "friction changed abruptly at 3" in said
-    assert "coulomb 8.4" in said
+    assert "coulomb and load 8.4" in said
     assert state.estimate is not None
-    assert state.estimate["coulomb"].value == pytest.approx(5.0, rel=0.05)
+    assert state.estimate.coulomb_and_load.value == pytest.approx(5.0, rel=0.05)
     assert state.estimate["stribeck"].value == pytest.approx(1.1, rel=0.1)
 
 

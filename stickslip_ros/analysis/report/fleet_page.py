@@ -30,6 +30,7 @@ from stickslip_ros.monitoring.detection.status import Status
 
 _TRENDS = {
     "coulomb": "Coulomb friction [N·m]",
+    "coulomb_and_load": "Coulomb friction and load [N·m]",
     "stribeck": "Stribeck friction [N·m]",
     "viscous": "Viscous friction [N·m·s/rad]",
 }

@@ -114,17 +114,19 @@ def _parameters(joint: JointAnalysis) -> list[_Row]:
     per_inertia = estimate.normalised if estimate is not None and estimate.usable else state.per_inertia
     for parameter in JOINT_PARAMETERS:
         name, unit = parameter.name, parameter.unit_where(per_inertia=per_inertia)
-        source, value, error = "configured", math.nan, math.nan
+        label, source, value, error = parameter.label, "configured", math.nan, math.nan
         if estimate is not None and estimate.normalised and name in ("inertia", "coulomb"):
             continue
         if estimate is not None and estimate.usable:
             found = estimate[name]
+            if name == "coulomb" and math.isfinite(estimate.coulomb_and_load.value):
+                found, label = estimate.coulomb_and_load, "Coulomb friction with any load"
             value, error = found.value, found.std
             source = "the motion shows it" if found.identified else "the motion shows little of it"
         elif state.joint is not None:
             value = float(state.joint.inertia if name == "inertia" else getattr(state.joint.friction, name))
         if math.isfinite(value):
-            rows.append(_Row(meaning=parameter.label, value=value, unit=unit, source=source, error=error))
+            rows.append(_Row(meaning=label, value=value, unit=unit, source=source, error=error))
     if state.gains is not None:
         for meaning, name in (("stiffness k_p", "stiffness"), ("damping k_v", "damping")):
             value, unit = float(getattr(state.gains, name)), unit_of(Gains, name)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 
 _SIGNIFICANT = 4.0  # standard errors, by which a parameter must differ to be named
 _SMALL = 0.03  # relative change that is not worth naming
@@ -41,7 +41,7 @@ class FrictionChange:
 def friction_change(before: FrictionEstimate, after: FrictionEstimate, time: float) -> FrictionChange:
     """The change between what was learnt before and after a time [s]."""
     differences = []
-    for name in NAMES:
+    for name in (*NAMES, COULOMB_AND_LOAD):
         old, new = before[name], after[name]
         if before.normalised != after.normalised or not (old.identified and new.identified):
             continue

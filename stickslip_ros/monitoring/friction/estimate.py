@@ -7,7 +7,7 @@ this package fits the paper's law, and takes no joint of another one for a prior
 something else. The force comes from gains and reference, from the effort, or, where neither is known, from
 the reference's mean speed alone: then everything is per inertia, and ω stands for the stiffness, which is all
 that Eq. (43) and the exact condition need. In one direction a constant load cannot be told from Coulomb
-friction, and need not be: neither condition contains it.
+friction: their sum is what is learnt. Neither condition contains it.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import Solution, search
@@ -40,6 +41,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
 IDENTIFIED = 0.05  # relative standard error from which on the data are said to determine a parameter
 DOES_NOT_FIT = "friction model does not fit"
+COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 LEAST_SLIPS = 3
 _LEAST_OF_A_DIRECTION = 3
 
@@ -52,7 +54,6 @@ _INDEX = {
     "rise_time": RISE_TIME,
 }
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
-_BLOCKS, _BLOCK = 4, 16  # of slips in a row, that a fit takes of more
 _UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
 _FEW = 8  # slips more than parameters, before their scatter says something
 _USABLE, _USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
@@ -88,8 +89,9 @@ class FrictionEstimate:
     normalised : whether inertia and forces are per inertia, the gains being unknown; ``stiffness`` then is ω².
     logarithms : of the parameters in the order of the fit, their covariance ``covariance`` with all that is known
         of misfit in it; shapes (6,), (6, 6).
-    coulomb : kinetic friction, in one direction with any load; NaN per inertia.
+    coulomb : kinetic friction; NaN per inertia. In one direction not identified: its value is then that without a load.
     load : constant torque against the controller [N·m], NaN if the motion has but one direction.
+    coulomb_and_load : their sum against the motion [N·m], where this has but one direction; else NaN.
     slips : how many were fitted; aside : how many were left out because nothing explains them.
     mean_square : of the residuals in their errors, about 1. left_over : share of a slip that the model cannot
         explain, part of these errors; 0 if it explains all.
@@ -105,6 +107,7 @@ class FrictionEstimate:
     covariance: FloatArray
     coulomb: ParameterEstimate
     load: ParameterEstimate
+    coulomb_and_load: ParameterEstimate
     slips: int
     aside: int
     mean_square: float
@@ -115,9 +118,9 @@ class FrictionEstimate:
     drive: DriveGains | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
-        """A parameter by its name, one of :data:`NAMES`."""
-        if name == "coulomb":
-            return self.coulomb
+        """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
+        if name in ("coulomb", COULOMB_AND_LOAD):
+            return self.coulomb if name == "coulomb" else self.coulomb_and_load
         index = _INDEX[name]
         if name == "inertia" and self.normalised:
             return ParameterEstimate(value=1.0, std=0.0, identified=False)
@@ -239,7 +242,7 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     InvalidParameterError
         If the prior is of another law than the paper's.
     """
-    chosen = _some_of(best_known(windows))
+    chosen = KeptSlips(best_known(windows)).windows
     if len(chosen) < LEAST_SLIPS:
         return None
     solved = solve(chosen, configured)
@@ -285,14 +288,6 @@ def best_known(windows: list[SlipWindow]) -> list[SlipWindow]:
     return [window for window in windows if window.source is ForceSource.SPEED]
 
 
-def _some_of(windows: list[SlipWindow]) -> list[SlipWindow]:
-    """Blocks of slips from everywhere: a block has Eq. (6) from slip to slip, and the blocks what changes."""
-    if len(windows) <= _BLOCKS * _BLOCK:
-        return windows
-    starts = np.round(np.linspace(0, len(windows) - _BLOCK, _BLOCKS)).astype(int)
-    return [windows[number] for start in starts for number in range(start, start + _BLOCK)]
-
-
 def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tuple[float, float]]:
     """Mean and standard deviation of the parameters' logarithms that a configured joint gives."""
     if joint is None:
@@ -334,6 +329,7 @@ def friction_estimate(problem: SlipProblem, solution: Solution, *, configured: b
         covariance=np.zeros((PARAMETERS, PARAMETERS)),
         coulomb=_UNKNOWN,
         load=_UNKNOWN,
+        coulomb_and_load=_UNKNOWN,
         slips=problem.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
@@ -349,7 +345,7 @@ def estimate_from(
     estimate: FrictionEstimate, parameters: FloatArray, kinetic: FloatArray, covariance: FloatArray
 ) -> FrictionEstimate:
     """The estimate with other values: parameters' logarithms (p,), kinetic (k,), covariance (p + k, p + k)."""
-    coulomb = load = _UNKNOWN
+    coulomb = load = together = _UNKNOWN
     if not estimate.normalised:
         size = len(parameters)
         errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))
@@ -362,13 +358,18 @@ def estimate_from(
             )
             for value, error in zip(kinetic, errors, strict=True)
         ]
-        coulomb, load = [*found, _UNKNOWN][:2]
+        if len(found) > 1:
+            coulomb, load = found[:2]
+        else:
+            together = found[0]
+            coulomb = ParameterEstimate(value=max(together.value, 0.0), std=abs(together.value), identified=False)
     return replace(
         estimate,
         logarithms=parameters[:PARAMETERS],
         covariance=covariance[:PARAMETERS, :PARAMETERS],
         coulomb=coulomb,
         load=load,
+        coulomb_and_load=together,
     )
 
 

@@ -24,13 +24,14 @@ from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, best_known, covariance_of, estimate_from
+from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem, follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study
 
-_KEPT = 48
+_MOST_WAITING = 48  # slips
 _FIRST_STUDY = 4
 _LATER_STUDIES = 2.5  # times as many slips as there were at the last one
 _LAST_STUDY = 1.2  # likewise, where no more slips come
@@ -88,7 +89,7 @@ class FrictionLearner:
         """Know nothing."""
         self.estimate: FrictionEstimate | None = None
         self.change: FrictionChange | None = None
-        self._windows: deque[SlipWindow] = deque(maxlen=_KEPT)
+        self._kept = KeptSlips()
         self._state: Learnt | None = None
         self._strange: list[SlipWindow] = []
         self._before_change: FrictionEstimate | None = None
@@ -128,13 +129,13 @@ class FrictionLearner:
             self._learn(window)
             return
         self._waiting.append(window)
-        if len(self._waiting) > _KEPT:
+        if len(self._waiting) > _MOST_WAITING:
             self._waiting.popleft()
             self.skipped += 1
 
     def _learn(self, window: SlipWindow) -> None:
         self._seen += 1
-        self._windows.append(window)
+        self._kept.add(window)
         if self._state is not None and not self._state.estimate.normalised:
             self._update(window)
         self._ask(_LATER_STUDIES)
@@ -148,7 +149,7 @@ class FrictionLearner:
         """Let a study be due if there are so many times more slips than at the last one."""
         if self._seen < max(_FIRST_STUDY, more * self._studied):
             return
-        chosen = best_known(list(self._windows))
+        chosen = best_known(self._kept.windows)
         if len(chosen) >= _FIRST_STUDY:
             self._due = StudyQuestion(windows=chosen, configured=self.configured, start=self._start(chosen))
             self._studied = self._seen
@@ -294,7 +295,6 @@ class FrictionLearner:
         self._changed_at = self._strange[0].breakaway
         self.change = FrictionChange(time=self._changed_at, learning_anew=True, differences=())
         self._before_change, self.estimate, self._state = self.estimate, None, None
-        self._windows.clear()
-        self._windows.extend(self._strange)
-        self._seen, self._studied, self._strange = len(self._windows), 0, []
+        self._kept = KeptSlips(self._strange)
+        self._seen, self._studied, self._strange = len(self._kept), 0, []
         self._wanted = self._seen

@@ -53,8 +53,10 @@ class SlidingFriction:
     covariance: FloatArray
 
     def identified(self, name: str) -> bool:
-        """Whether the motion determines a parameter to 15 % or so."""
+        """Whether the motion determines a parameter to 15 %; in one direction never Coulomb friction."""
         index = NAMES.index(name)
+        if index == _COULOMB and math.isnan(self.errors[_LOAD]):
+            return False
         return bool(self.errors[index] <= _IDENTIFIED * abs(self.values[index]))
 
     def estimate(self, name: str) -> ParameterEstimate:

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The slips that a study is made of: those that together tell most, whatever their age.
+
+A slip tells of friction at its speed, after its dwell, in its direction, with its gains, where it happened. Slips that
+agree in all of these repeat each other; the one that follows the only long rest of an hour does not. How much some
+slips tell together is the logarithm of a determinant, that of their information, with the covariance of what two slips
+tell falling with the distance between their circumstances (Shewry and Wynn, "Maximum entropy sampling", Journal of
+Applied Statistics 14, 1987).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+
+from stickslip_ros.monitoring.friction.slip_problem import follows_on
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
+from stickslip_ros.monitoring.samples import FloatArray
+
+MOST_SLIPS = 48
+_RUN = 4  # slips in a row that are kept or dropped together: Eq. (6) ties each to the one before
+# Circumstances so far apart tell different things. Of speeds, dwells and gains the logarithms.
+_SPEED, _DWELL, _GAIN = 0.25, 0.25, 0.2
+_OTHER_DIRECTION = 2.0
+_PLACES, _TIMES = 4.0, 1.5  # of the positions and of the times that the slips extend over, so many are told apart
+_OWN = 0.5  # variance of what a slip tells of itself alone, so that a second one like it is of use
+
+
+class KeptSlips:
+    """A bounded number of slips, in order of time."""
+
+    def __init__(self, windows: Iterable[SlipWindow] = ()) -> None:
+        self._runs: list[list[SlipWindow]] = []
+        for window in windows:
+            self.add(window)
+
+    def __len__(self) -> int:
+        return sum(len(run) for run in self._runs)
+
+    @property
+    def windows(self) -> list[SlipWindow]:
+        """The slips, oldest first."""
+        return [window for run in self._runs for window in run]
+
+    def add(self, window: SlipWindow) -> None:
+        """Keep a slip, which is later than all others; the run that tells least beside the others makes room for it."""
+        last = self._runs[-1] if self._runs else []
+        if last and len(last) < _RUN and follows_on(last[-1], window):
+            last.append(window)
+        else:
+            self._runs.append([window])
+        if len(self) > MOST_SLIPS:
+            del self._runs[self._least_telling()]
+
+    def _least_telling(self) -> int:
+        """The run without which the others tell most, by slip; the latest is not asked, for it is not complete."""
+        runs = self._runs
+        count = len(self)
+        inverse = np.linalg.inv(_OWN * np.eye(count) + _likeness(self.windows))
+        edges = np.cumsum([0, *(len(run) for run in runs)])
+        # What a run tells beside the others is the logarithm of the determinant of its block of the inverse.
+        told = [
+            -np.linalg.slogdet(inverse[first:last, first:last])[1] / (last - first) for first, last in pairwise(edges)
+        ]
+        return int(np.argmin(told[:-1]))
+
+
+def _likeness(windows: list[SlipWindow]) -> FloatArray:
+    """How far slips repeat each other, from their circumstances: 1 if wholly, 0 if not at all; shape (n, n)."""
+    gains = [window.gains for window in windows]
+    stiffness = np.array([float(one.stiffness) if one else 0.0 for one in gains])
+    damping = np.array([float(one.damping) if one else 0.0 for one in gains])
+    places = np.array([window.rest_position for window in windows])
+    times = np.array([window.breakaway for window in windows])
+    dwells = np.array([window.breakaway - window.rest_begin for window in windows])
+    ways = np.array([abs(window.slip_distance) for window in windows])
+    periods = np.array([window.arrest - window.rest_begin for window in windows])
+    circumstances = [
+        np.log(np.maximum(ways, _least(ways)) / periods) / _SPEED,
+        np.log(np.maximum(dwells, _least(dwells))) / _DWELL,
+        np.log(np.maximum(stiffness, _least(stiffness))) / _GAIN,
+        np.log(np.maximum(damping, 0.1 * max(float(damping.max()), 1e-300))) / _GAIN,
+        np.array([_OTHER_DIRECTION * float(window.direction) for window in windows]),
+        _PLACES * places / max(float(np.ptp(places)), 1e-300),
+        _TIMES * times / max(float(np.ptp(times)), 1e-300),
+    ]
+    square = sum((one[:, None] - one[None, :]) ** 2 for one in circumstances)
+    return np.asarray(np.exp(-0.5 * square))
+
+
+def _least(values: FloatArray) -> float:
+    """A thousandth of the largest: less is as good as none."""
+    return 1e-3 * max(float(values.max()), math.ulp(0.0) * 1e3)
