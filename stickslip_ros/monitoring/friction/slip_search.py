@@ -179,7 +179,7 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     lower[VISCOUS], upper[VISCOUS] = math.log(1e-5 * mass / duration), math.log(1e3 * mass / duration)
     lower[STRIBECK_VELOCITY] = math.log(1e-4 * problem.usual_speed)
     upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
-    lower[LAG], upper[LAG] = math.log(1e-3 * duration), math.log(duration)
+    lower[LAG], upper[LAG] = math.log(1e-6 * duration), math.log(duration)
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
     return lower, upper
 
