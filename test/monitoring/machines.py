@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Joints that obey the paper's law or none of it, integrated apart from the package's own kernels.
+
+Small fixed steps, the midpoint rule; breakaway and arrest are found within the step by a straight line.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from stickslip_ros.model.friction import Gains
+
+PAPER, EXPONENTIAL, LUGRE = range(3)
+
+TIME, POSITION, LEVEL, ARREST_TIME, ARREST_POSITION = range(5)  # columns of Motion.slips
+
+_CREEP = 0.1  # of the largest commanded speed: a joint on bristles rests below it
+_MOVES = 5.0  # times that speed, from which on it slips
+# Longest step, of the shortest time in which something happens.
+_OF_SWING, _OF_LAG, _OF_BRISTLE, _OF_DECAY, _OF_FALL = 0.003, 0.025, 0.02, 0.01, 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """A joint and what is not ideal in it; all that has a default is off by default.
+
+    Attributes
+    ----------
+    inertia : M [kg·m²]. coulomb : F_k [N·m], the mean of both directions. viscous : F_v [N·m·s/rad].
+    stribeck : F_s∞ [N·m]; stribeck_velocity : x˙_s [rad/s].
+    lag, rise_time : τ_L, γ [s]; LUGRE has neither.
+    law : PAPER has Ψ = 1/(1 + (x˙/x˙_s)²), EXPONENTIAL exp(−(x˙/x˙_s)²); LUGRE the latter on bristles.
+    bristle_stiffness : σ₀ [N·m/rad]; bristle_damping : σ₁ [N·m·s/rad].
+    load : constant torque against the controller [N·m].
+    asymmetry : share by which Coulomb friction is higher in positive direction, and lower in the other.
+    ripple : amplitude of Coulomb friction over position, a share of it; ripples : periods per radian.
+    drift : share by which all friction grows in a second, from the beginning on [1/s].
+    sampled : the controller sees the joint once in a period and holds its effort.
+    control_delay : so much later the effort takes effect [s], at most a period.
+    """
+
+    inertia: float
+    coulomb: float
+    viscous: float
+    stribeck: float
+    stribeck_velocity: float
+    lag: float = 0.0
+    rise_time: float = 0.0
+    law: int = PAPER
+    bristle_stiffness: float = 0.0
+    bristle_damping: float = 0.0
+    load: float = 0.0
+    asymmetry: float = 0.0
+    ripple: float = 0.0
+    ripples: float = 0.0
+    drift: float = 0.0
+    sampled: bool = False
+    control_delay: float = 0.0
+
+    def after(self, time: float) -> Machine:
+        """The machine whose friction stays as it is after a time of drift [s]."""
+        factor = 1.0 + self.drift * time
+        return replace(
+            self,
+            coulomb=factor * self.coulomb,
+            viscous=factor * self.viscous,
+            stribeck=factor * self.stribeck,
+            drift=0.0,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Samples at the start of every period, shape (n,), and the slips.
+
+    Attributes
+    ----------
+    position : [rad]; velocity : [rad/s]; effort : of the controller, in force from the sample on [N·m].
+    slips : that have ended, a row each: time and position of the breakaway, level F_s,b there (NaN for LUGRE), time
+        and position of the arrest.
+    last_rest : the last instant at rest [s].
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    slips: np.ndarray
+    last_rest: float
+
+
+def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities: np.ndarray, period: float) -> Motion:
+    """Motion from rest at position 0 with full static friction.
+
+    ``references[i]`` [rad] is the desired position at the start of period i, and moves on with ``velocities[i]``
+    [rad/s] during it. The gains' integral is not used.
+    """
+    steps = math.ceil(period / _longest_step(machine, gains))
+    plant = np.array([
+        machine.inertia, machine.coulomb, machine.viscous, machine.stribeck, machine.stribeck_velocity, machine.lag,
+        machine.rise_time, machine.bristle_stiffness, machine.bristle_damping, machine.load, machine.asymmetry,
+        machine.ripple, 2.0 * math.pi * machine.ripples, machine.drift,
+    ])  # fmt: skip
+    control = np.array([float(gains.stiffness), float(gains.damping), machine.control_delay])
+    samples = np.empty((len(references), 3))
+    # A joint cannot slip more often than every few samples, but for hops that matter to nobody.
+    slips = np.empty((len(references), 5))
+    count, last_rest = _integrate(
+        machine.law, plant, control, machine.sampled, np.ascontiguousarray(references, dtype=float),
+        np.ascontiguousarray(velocities, dtype=float), period, steps, _CREEP * float(np.abs(velocities).max()),
+        samples, slips,
+    )  # fmt: skip
+    return Motion(
+        position=samples[:, 0],
+        velocity=samples[:, 1],
+        effort=samples[:, 2],
+        slips=slips[: min(count, len(slips))],
+        last_rest=last_rest,
+    )
+
+
+def sticks(machine: Machine, gains: Gains, velocity: float, *, periods: float = 40.0) -> bool:
+    """Whether stick slip that begins at rest goes on at a steady speed [rad/s]: it rests in the last fifth.
+
+    So many natural periods are waited for, each with the time in which the spring draws the Stribeck friction twice.
+    """
+    stiffness = float(gains.stiffness)
+    natural_period = 2.0 * math.pi * math.sqrt(machine.inertia / stiffness)
+    period = natural_period / 200.0
+    duration = periods * (natural_period + 2.0 * machine.stribeck / (stiffness * velocity))
+    count = math.ceil(duration / period)
+    references = drawn(machine, gains) + velocity * period * np.arange(count)
+    motion = simulate(machine, gains, references, np.full(count, velocity), period)
+    return motion.last_rest > 0.8 * count * period
+
+
+def drawn(machine: Machine, gains: Gains) -> float:
+    """A reference [rad] at which the joint at position 0 still rests, but not for long in positive direction."""
+    friction = (1.0 + machine.asymmetry) * machine.coulomb + 0.3 * machine.stribeck
+    return (friction + machine.load) / float(gains.stiffness)
+
+
+def _longest_step(machine: Machine, gains: Gains) -> float:
+    inertia = machine.inertia
+    times = [
+        _OF_SWING * math.sqrt(inertia / float(gains.stiffness)),
+        _OF_FALL * inertia * machine.stribeck_velocity / machine.stribeck,
+        _OF_DECAY * inertia / max(abs(float(gains.damping)) + machine.viscous, 1e-12),
+    ]
+    if machine.law == LUGRE:
+        times.append(_OF_BRISTLE * math.sqrt(inertia / machine.bristle_stiffness))
+    elif machine.lag > 0:
+        times.append(_OF_LAG * machine.lag)
+    return min(times)
+
+
+@njit(cache=True)
+def _share_left(law, ratio):
+    """Ψ of a speed over the Stribeck velocity."""
+    return 1.0 / (1.0 + ratio * ratio) if law == PAPER else math.exp(-ratio * ratio)
+
+
+@njit(cache=True)
+def _at(past, place):
+    """Velocity at a place between two steps of the ring."""
+    before = math.floor(place)
+    share = place - before
+    return (1.0 - share) * past[before % len(past)] + share * past[(before + 1) % len(past)]
+
+
+@njit(cache=True)
+def _integrate(law, plant, control, sampled, references, velocities, period, steps, creep, samples, slips):
+    inertia, coulomb, viscous, stribeck, stribeck_velocity, lag, rise_time = plant[:7]
+    bristle_stiffness, bristle_damping, load, asymmetry, ripple, wave_number, drift = plant[7:]
+    stiffness, damping, delay = control
+    h = period / steps
+    reach = lag / h
+    past = np.zeros(int(reach) + 4)
+    x = v = z = 0.0
+    level, direction, resting = stribeck, 0.0, True
+    breakaway, arrest, last_rest = 0.0, 0.0, 0.0
+    held = before = 0.0
+    begin_time = begin_position = begin_level = math.nan
+    count = 0
+    for i in range(len(references)):
+        reference, speed = references[i], velocities[i]
+        effort = stiffness * (reference - x) + damping * (speed - v)
+        if sampled:
+            before, held = held, effort
+            effort = before if delay > 0.0 else held
+        samples[i, 0], samples[i, 1], samples[i, 2] = x, v, effort
+        for k in range(steps):
+            number = i * steps + k
+            t = number * h
+            past[number % len(past)] = v
+            remaining = h
+            if law == LUGRE:
+                x0, v0, z0 = x, v, z
+                dx, dv, dz = 0.0, 0.0, 0.0
+                for stage in range(2):
+                    # The slope at the beginning leads to the middle, that of the middle to the end.
+                    x, v, z = x0 + 0.5 * h * dx, v0 + 0.5 * h * dv, z0 + 0.5 * h * dz
+                    s = (k + 0.5 * stage) * h
+                    if sampled:
+                        force = held if s >= delay else before
+                    else:
+                        force = stiffness * (reference + speed * s - x) + damping * (speed - v)
+                    factor = 1.0 + drift * (t + 0.5 * h * stage)
+                    side = 1.0 + asymmetry if v >= 0.0 else 1.0 - asymmetry
+                    dry = coulomb * side * (1.0 + ripple * math.sin(wave_number * x))
+                    steady = dry + stribeck * _share_left(law, v / stribeck_velocity)
+                    dx = v
+                    dz = v - bristle_stiffness * abs(v) / steady * z
+                    friction = bristle_stiffness * z + bristle_damping * dz + viscous * v
+                    dv = (force - load - factor * friction) / inertia
+                x, v, z = x0 + h * dx, v0 + h * dv, z0 + h * dz
+                now = t + h
+                if resting:
+                    last_rest = now
+                    if abs(v) > _MOVES * creep:
+                        resting = False
+                        begin_time, begin_position, begin_level = now, x, math.nan
+                elif abs(v) < creep:
+                    resting = True
+                    if count < len(slips):
+                        slips[count] = (begin_time, begin_position, begin_level, now, x)
+                    count += 1
+                continue
+            if direction == 0.0:
+                # Force and level at both ends of the step, and where they meet.
+                last_rest = t
+                excess = 0.0
+                found = -1.0
+                for end in range(2):
+                    s, now = (k + end) * h, t + end * h
+                    if sampled:
+                        force = held if k * h >= delay else before
+                    else:
+                        force = stiffness * (reference + speed * s - x) + damping * speed
+                    force -= load
+                    sign = 1.0 if force >= 0.0 else -1.0
+                    dwell = max(now - arrest, 0.0)
+                    risen = dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0
+                    now_level = level + (stribeck - level) * risen
+                    dry = coulomb * (1.0 + sign * asymmetry) * (1.0 + ripple * math.sin(wave_number * x))
+                    after = abs(force) - (1.0 + drift * now) * (dry + now_level)
+                    if end == 0 and after > 0.0:
+                        found = 0.0
+                        break
+                    if end == 1 and after > 0.0:
+                        found = excess / (excess - after)
+                    excess = after
+                if found < 0.0:
+                    continue
+                breakaway = t + found * h
+                dwell = max(breakaway - arrest, 0.0)
+                level += (stribeck - level) * (dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0)
+                direction = sign
+                begin_time, begin_position, begin_level = breakaway, x, level
+                remaining = (1.0 - found) * h
+            # The midpoint rule over what remains of the step.
+            start = h - remaining
+            x0, v0 = x, v
+            dx, dv = 0.0, 0.0
+            for stage in range(2):
+                x, v = x0 + 0.5 * remaining * dx, v0 + 0.5 * remaining * dv
+                s = start + 0.5 * remaining * stage
+                now = t + s
+                if sampled:
+                    force = held if (k * h + s) >= delay else before
+                else:
+                    force = stiffness * (reference + speed * (k * h + s) - x) + damping * (speed - v)
+                if lag == 0.0:
+                    share = _share_left(law, v / stribeck_velocity)
+                elif now - breakaway <= lag:
+                    share = 1.0
+                else:
+                    share = _share_left(law, _at(past, number + s / h - reach) / stribeck_velocity)
+                dry = coulomb * (1.0 + direction * asymmetry) * (1.0 + ripple * math.sin(wave_number * x))
+                friction = direction * (dry + level * share) + viscous * v
+                dx, dv = v, (force - load - (1.0 + drift * now) * friction) / inertia
+            x, v = x0 + remaining * dx, v0 + remaining * dv
+            if v * direction < 0.0:
+                # It stopped on the way, at a deceleration that is constant as far as can be seen.
+                part = v0 / (v0 - v) * remaining if v0 * direction > 0.0 else 0.0
+                x = x0 + 0.5 * v0 * part
+                v = 0.0
+                arrest = t + start + part
+                if lag > 0.0 and arrest - breakaway > lag:
+                    level *= _share_left(law, _at(past, number + (start + part) / h - reach) / stribeck_velocity)
+                direction = 0.0
+                last_rest = arrest
+                if count < len(slips):
+                    slips[count] = (begin_time, begin_position, begin_level, arrest, x)
+                count += 1
+    return count, last_rest
