@@ -31,7 +31,7 @@ _COUNTS = (20.0, 500.0)  # of the encoder in a slip
 _RESOLUTIONS = (1e-6, 2e-4)  # [rad]
 _LEAST_SLIPS, _LEAST_OF_A_DIRECTION = 10, 4
 _LOST = 0.05
-_CREEP = (0.02, 0.05)  # of a slip, that bristles yield before it
+_CREEP = (0.01, 0.025)  # of a slip, that bristles yield elastically before it, and once more in creep
 _REBOUND = 0.1  # of the longest slip
 _SHORTEST_STOP, _LONGEST_STOP = 0.5, 2.0  # [s]
 

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What is learnt from the recording of a machine off the paper's law, and how it compares with the truth."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import cycle_persists
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
+from machines import LUGRE, sticks
+from random_machines import CONDITIONS, DURATION, MachineRecording, random_recording
+
+ALL_NAMES = (*NAMES, "load")
+
+_EVERY = 4  # draw counts: 32 of 128, in pairs about the estimate
+_SURE = 0.05  # probability of being wrong
+_NEAR = (0.9, 1.1)  # of the damping: what changes between them is too near the boundary to ask
+_LONGEST_LAG = 8.0 * math.pi  # dimensionless
+_INTERVAL = 1.96  # standard errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A verdict at other gains or another speed: whether the machine sticks, and how probable the estimate has it."""
+
+    name: str
+    sticks: bool
+    probability: float  # NaN without an estimate
+    usable: bool
+
+    @property
+    def sure(self) -> bool:
+        """Whether the estimate commits itself."""
+        return self.usable and not _SURE < self.probability < 1.0 - _SURE
+
+    @property
+    def right(self) -> bool:
+        """Whether the likelier verdict is the true one."""
+        return not math.isnan(self.probability) and (self.probability > 0.5) == self.sticks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """One joint's outcome.
+
+    Attributes
+    ----------
+    truth : of the parameters that have one. untrue : names that have none, and must not be called identified.
+    estimate : None if there is none.
+    """
+
+    condition: str
+    seed: int
+    slips: int
+    truth: dict[str, float]
+    untrue: tuple[str, ...]
+    estimate: FrictionEstimate | None
+    points: tuple[Point, ...]
+    seconds: float
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is an estimate to believe."""
+        return self.estimate is not None and self.estimate.usable
+
+    def identified(self, name: str) -> bool:
+        """Whether a parameter is called identified."""
+        return self.estimate is not None and parameter_of(self.estimate, name).identified
+
+    def deviation(self, name: str) -> float:
+        """Error of a parameter with a truth and an estimate in its standard errors, not negative."""
+        assert self.estimate is not None
+        one = parameter_of(self.estimate, name)
+        return abs(one.value - self.truth[name]) / one.std if one.std > 0 else 0.0
+
+    def error(self, name: str) -> float:
+        """Relative error of a parameter with a truth and an estimate, signed."""
+        assert self.estimate is not None
+        return (parameter_of(self.estimate, name).value - self.truth[name]) / abs(self.truth[name])
+
+    def holds(self, name: str) -> bool:
+        """Whether the 95 % interval of an identified parameter holds the truth."""
+        assert self.estimate is not None
+        if name in self.untrue:
+            return False
+        one = parameter_of(self.estimate, name)
+        return bool(abs(one.value - self.truth[name]) < _INTERVAL * one.std)
+
+
+def parameter_of(estimate: FrictionEstimate, name: str) -> ParameterEstimate:
+    """A parameter by its name, or the load."""
+    return estimate.load if name == "load" else estimate[name]
+
+
+def run(condition: str, seed: int) -> Found:
+    """Draw a recording, learn from it, and ask for verdicts."""
+    recording = random_recording(seed, CONDITIONS[condition])
+    begin = time.perf_counter()
+    estimate = learnt(recording)
+    seconds = time.perf_counter() - begin
+    truth, untrue = truth_of(recording, DURATION)
+    return Found(
+        condition=condition,
+        seed=seed,
+        slips=len(recording.slips),
+        truth=truth,
+        untrue=untrue,
+        estimate=estimate,
+        points=points(recording, estimate),
+        seconds=seconds,
+    )
+
+
+def learnt(recording: MachineRecording, share: float = 1.0) -> FrictionEstimate | None:
+    """What a monitor learns from the first part of a recording, as the analysis of bags has it."""
+    monitor = JointMonitor(None, recording.gains, studies_at_once=True, segments_kept=None, at_arrest=True)
+    monitor.process(recording.batch.where(slice(0, round(share * len(recording.batch)))))
+    monitor.finish()
+    return monitor.assessment().estimate
+
+
+def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float], tuple[str, ...]]:
+    """The parameters at the end of a recording [s], and the names of those that it cannot show."""
+    machine = recording.machine.after(end)
+    truth = {name: float(getattr(machine, name)) for name in NAMES}
+    if machine.law == LUGRE:
+        del truth["lag"], truth["rise_time"]
+    untrue: tuple[str, ...] = ()
+    if recording.one_way and machine.load != 0.0:
+        del truth["coulomb"]
+        untrue = ("coulomb",)
+    load = machine.load + machine.asymmetry * machine.coulomb
+    if not recording.one_way and load != 0.0:
+        truth["load"] = load
+    return truth, untrue
+
+
+def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tuple[Point, ...]:
+    """Verdicts around the present gains and the first speed, but for those next to the boundary."""
+    machine = recording.machine.after(DURATION)
+    gains, speed = recording.gains, recording.speeds[0]
+    total = float(gains.damping) + machine.viscous
+
+    def damped(share: float) -> Gains:
+        return replace(gains, damping=share * total - machine.viscous)
+
+    asked = {
+        "speed / 2": (gains, 0.5 * speed),
+        "speed * 2": (gains, 2.0 * speed),
+        "damping / 2": (damped(0.5), speed),
+        "damping * 1.5": (damped(1.5), speed),
+        "stiffness * 2": (replace(gains, stiffness=2.0 * float(gains.stiffness)), speed),
+    }
+    found = []
+    for name, (tried, velocity) in asked.items():
+        its_total = float(tried.damping) + machine.viscous
+        around = [replace(tried, damping=share * its_total - machine.viscous) for share in (1.0, *_NEAR)]
+        verdicts = {sticks(machine, one, velocity) for one in around}
+        if len(verdicts) > 1:
+            continue
+        probability = math.nan
+        if estimate is not None:
+            probability = stick_slip_probability(estimate, recording.gains, tried, velocity)
+        usable = estimate is not None and estimate.usable
+        found.append(Point(name=name, sticks=verdicts.pop(), probability=probability, usable=usable))
+    return tuple(found)
+
+
+def stick_slip_probability(estimate: FrictionEstimate, present: Gains, tried: Gains, velocity: float) -> float:
+    """Share of the joints as likely as the errors allow that stick by the exact condition with gains tried.
+
+    ``present`` are the gains under which the estimate was made; 0.5 where the condition has no answer.
+    """
+    joint, _ = estimate.with_stiffness(float(present.stiffness), float(present.damping)).draws()
+    groups = dimensionless_groups(joint, tried, velocity)
+    names = ("natural_frequency", "damping_ratio", "stribeck", "velocity", "lag", "rise_time")
+    some = {name: np.asarray(getattr(groups, name))[::_EVERY] for name in names}
+    # A draw of little viscous friction under negative gains.
+    some["damping_ratio"] = np.maximum(some["damping_ratio"], 0.0)
+    # Lags of hundreds of natural periods, as open estimates have them, crash the integration.
+    answered = some["lag"] <= _LONGEST_LAG
+    if not answered.any():
+        return 0.5
+    verdicts = np.asarray(cycle_persists(replace(groups, **{name: some[name][answered] for name in names})))
+    known = np.isfinite(verdicts)
+    return float(verdicts[known].mean()) if known.any() else 0.5
