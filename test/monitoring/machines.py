@@ -126,7 +126,8 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
 def sticks(machine: Machine, gains: Gains, velocity: float, *, periods: float = 200.0) -> bool:
     """Whether stick slip that begins at rest goes on at a steady speed [rad/s]: it rests in the last fifth.
 
-    A cycle may take a hundred slips to die. So many natural periods are waited for, each with the time in which the spring draws the Stribeck friction twice.
+    A cycle may take a hundred slips to die. So many natural periods are waited for, each with the time in which the
+    spring draws the Stribeck friction twice.
     """
     stiffness = float(gains.stiffness)
     natural_period = 2.0 * math.pi * math.sqrt(machine.inertia / stiffness)
