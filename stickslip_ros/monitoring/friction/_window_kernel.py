@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled simulation of measured slips from their own starts, by the paper's law; :mod:`.slip_problem` is its face."""
+"""Compiled simulation of measured slips from their own starts; :mod:`.slip_problem` is its face.
+
+A joint that does not turn is a linear system under the Stribeck friction of one lag ago. It is advanced in equal
+steps that begin at breakaway, exactly but for the friction and the controller's force, which are polynomials in a step.
+The velocity one lag ago is that polynomial's, in an earlier step or, where the lag is shorter than a step, in the
+same one. Steps end neither at nodes nor at the lag, so that what comes out is smooth in the parameters; between
+their ends positions follow a polynomial of degree five.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +18,16 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.model import _friction_law
-from stickslip_ros.model import _joint_kernel as kernel
+from stickslip_ros.monitoring.friction._window_step import (
+    COLUMNS,
+    END_POSITION,
+    NODES,
+    POINTS,
+    ROWS,
+    fill_step,
+    fill_weights,
+    first_not_positive,
+)
 
 # Indices of the parameter vector.
 INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
@@ -22,8 +38,12 @@ POSITION, BREAKAWAY, LEVEL = range(3)
 HELD, ARREST, ARREST_POSITION, REMAINS = range(4)
 FOUND_COLUMNS = 4
 
-_NO_RETURN = 100.0  # levels
+_MOST_SLIPS = 64  # in a window: with ever shorter ones, without end, the joint rests as far as can be seen
+_MOST_STEPS = 1e5
+_MOST_SWEEPS = 16
+_SETTLED = 1e-12  # change of the Stribeck friction, of its level at breakaway
 
+_risen_level = inlined()(_friction_law.risen_level)
 _stribeck_friction = inlined()(_friction_law.stribeck_friction)
 
 
@@ -34,78 +54,224 @@ def _at(time, node, times, values):
     return values[node] + (values[node + 1] - values[node]) * share
 
 
+@inlined()
+def _next_breakaway(arrest, held, level, stribeck, rise_time, direction, node, last, times, drives):
+    """When a joint at rest since an arrest breaks away, and the node before; after the last node if it does not.
+
+    ``held`` is what holds it beside the Stribeck friction, in the slip's direction: kinetic friction and spring.
+    """
+    low = arrest
+    if direction * _at(arrest, node, times, drives) - held > level:
+        return arrest, node
+    while node < last:
+        high = times[node + 1]
+        if direction * drives[node + 1] - held > _risen_level(level, stribeck, high - arrest, rise_time):
+            # What is missing is concave in time between nodes, so there is one crossing.
+            for _ in range(50):
+                middle = 0.5 * (low + high)
+                force = direction * _at(middle, node, times, drives) - held
+                if force > _risen_level(level, stribeck, middle - arrest, rise_time):
+                    high = middle
+                else:
+                    low = middle
+            return high, node
+        low = high
+        node += 1
+    return math.inf, node
+
+
+@inlined()
+def _lagged_weights(lag, weights, back):
+    """For each point of a step how many steps back the time one lag ago lies, and the weights of the points there."""
+    whole = int(lag)
+    for j in range(1, POINTS):
+        share = NODES[j] - (lag - whole)
+        back[j] = whole if share >= 0.0 else whole + 1
+        fill_weights(share if share >= 0.0 else share + 1.0, weights, j)
+
+
+@helper()
+def _lagged(history, index, weights, row):
+    """Velocity in a step, by the weights of its points."""
+    total = 0.0
+    if index >= 0:
+        for i in range(POINTS):
+            total += weights[row, i] * history[index, i]
+    return total
+
+
+@helper()
+def _slide(
+    begin, surplus, level, drive, stiffness, law, parameters, step, direction, rest, node, last, times, drives,
+    matrix, weights, back, history, positions, velocities,
+):  # fmt: skip
+    """One slip from ``begin``, from where the force is ``surplus`` beyond what holds; fills the nodes that it passes.
+
+    Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
+    """
+    vector, forces, values = np.zeros(COLUMNS), np.empty(POINTS), np.zeros(POINTS)
+    inertia, velocity_unit = parameters[INERTIA], parameters[STRIBECK_VELOCITY] * step
+    mobility = step * step / inertia
+    spring, damping = stiffness * mobility, parameters[VISCOUS] * step / inertia
+    way, speed, shape = 0.0, 0.0, 1.0
+    acceleration = mobility * surplus
+    vector[2] = acceleration
+    index, cursor = np.int64(0), node
+    while node < last and index < history.shape[0]:
+        start = begin + index * step
+        implicit = back[1] == 0 or back[POINTS - 1] == 0
+        for j in range(1, POINTS):
+            time = start + NODES[j] * step
+            while cursor + 1 < last and times[cursor + 1] < time:
+                cursor += 1
+            forces[j] = surplus + direction * _at(time, cursor, times, drives) - drive
+            if back[j] == 0:
+                share = 0.0
+                for i in range(POINTS):
+                    share += weights[j, i] * NODES[i]
+                lagged = (speed + acceleration * share) / velocity_unit
+            else:
+                lagged = _lagged(history, index - back[j], weights, j)
+            values[j] = _stribeck_friction(law, 1.0, lagged)
+            vector[2 + j] = mobility * (forces[j] + level * (1.0 - values[j]))
+        history[index, 0] = speed / velocity_unit
+        vector[0], vector[1] = way, speed
+        for _ in range(_MOST_SWEEPS):
+            for i in range(POINTS - 1):
+                total = 0.0
+                for j in range(COLUMNS):
+                    total += matrix[i, j] * vector[j]
+                history[index, i + 1] = total / velocity_unit
+            if not implicit:
+                break
+            change = 0.0
+            for j in range(1, POINTS):
+                if back[j] == 0:
+                    shape_now = _stribeck_friction(law, 1.0, _lagged(history, index, weights, j))
+                    change = max(change, abs(shape_now - values[j]))
+                    values[j] = shape_now
+                    vector[2 + j] = mobility * (forces[j] + level * (1.0 - shape_now))
+            if change < _SETTLED:
+                break
+        end = 0.0
+        for j in range(COLUMNS):
+            end += matrix[END_POSITION, j] * vector[j]
+        end_speed = history[index, POINTS - 1] * velocity_unit
+        end_acceleration = vector[COLUMNS - 1] - spring * end - damping * end_speed
+        arrest = math.inf
+        for j in range(1, POINTS):
+            if history[index, j] <= 0.0:
+                arrest = first_not_positive(history[index], j)
+                break
+        # Coefficients of the polynomial of degree five through position, velocity and acceleration at both ends.
+        rise = end - way - speed - 0.5 * acceleration
+        slope = end_speed - speed - acceleration
+        bend = end_acceleration - acceleration
+        third = 10.0 * rise - 4.0 * slope + 0.5 * bend
+        fourth = -15.0 * rise + 7.0 * slope - bend
+        fifth = 6.0 * rise - 3.0 * slope + 0.5 * bend
+        until = start + min(arrest, 1.0) * step
+        while node < last and times[node + 1] <= until:
+            node += 1
+            s = (times[node] - start) / step
+            place = way + s * (speed + s * (0.5 * acceleration + s * (third + s * (fourth + s * fifth))))
+            pace = speed + s * (acceleration + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))
+            positions[node] = rest + direction * place
+            velocities[node] = direction * pace / step
+        if arrest <= 1.0 and node < last:
+            s = arrest
+            place = way + s * (speed + s * (0.5 * acceleration + s * (third + s * (fourth + s * fifth))))
+            ago = index + arrest - parameters[LAG] / step
+            shape = 1.0
+            if ago > 0.0:
+                # Row 0 of the weights is of no other use.
+                whole = int(ago)
+                fill_weights(ago - whole, weights, 0)
+                shape = _stribeck_friction(law, 1.0, _lagged(history, whole, weights, 0))
+            return until, place, shape, node
+        way, speed, acceleration = end, end_speed, end_acceleration
+        vector[2] = vector[COLUMNS - 1]
+        index += 1
+    for i in range(node + 1, last + 1):
+        # Not a number was among what it came from.
+        positions[i] = velocities[i] = math.nan
+    return math.inf, way, shape, last
+
+
 @compiled(nogil=True)
 def simulate_windows(
-    parameters, directions, starts, gains, edges, times, references, forces, step, positions, velocities, found
+    parameters, law, directions, starts, gains, edges, times, drives, steps, positions, velocities, found
 ):
-    """Simulate slip n from its start over the nodes ``edges[n]`` to ``edges[n + 1]``.
+    """Simulate slip n from its start over the nodes ``edges[n]`` to ``edges[n + 1]``, by a law of ``_friction_law``.
 
-    Between nodes the reference and the force beside the controller's are linear. What holds the joint at its
-    breakaway beside the Stribeck friction is its kinetic friction, with any load, during the slip. It may
-    stop and go on within the window, but does not turn.
+    All but ``directions``, ``edges`` and ``times`` have as many rows as there are variants; gains and drives may have
+    one for all. ``drives`` are what the force on a joint at zero would be, without its velocity's part. What holds the
+    joint at its breakaway beside the Stribeck friction is its kinetic friction, with any load, during the
+    slip. It may stop and go on within the window, but does not turn.
     """
-    state = np.zeros(kernel.STATE_SIZE)
-    plant = np.zeros(kernel.PARAMETERS_SIZE)
-    plant[kernel.INERTIA] = parameters[INERTIA]
-    plant[kernel.VISCOUS] = parameters[VISCOUS]
-    plant[kernel.STRIBECK_VELOCITY] = parameters[STRIBECK_VELOCITY]
-    plant[kernel.LAG] = parameters[LAG]
-    plant[kernel.STRIBECK] = parameters[STRIBECK]
-    plant[kernel.RISE_TIME] = parameters[RISE_TIME]
-    plant[kernel.LAW] = _friction_law.HESS_SOOM
-    # Steps end at nodes and are no longer than the lag.
-    room = 2 * int(parameters[LAG] / step) + 64
-    for n in range(directions.shape[0]):
-        room = max(room, 2 * int(parameters[LAG] / step) + 64 + edges[n + 1] - edges[n])
-    history = np.zeros((room, 3))
-    events = np.zeros((4, kernel.EVENT_COLUMNS))
-    out = np.empty(3)
-    before = np.int64(0)
-    for n in range(directions.shape[0]):
-        first, last = edges[n], edges[n + 1] - 1
-        rest, begin, level = starts[n, POSITION], starts[n, BREAKAWAY], starts[n, LEVEL]
-        stiffness, damping = gains[n, 0], gains[n, 1]
-        plant[kernel.STIFFNESS], plant[kernel.DAMPING] = stiffness, damping
-        node = first
-        while node + 2 <= last and times[node + 1] <= begin:
-            node += 1
-        rate = (references[node + 1] - references[node]) / (times[node + 1] - times[node])
-        force = stiffness * (_at(begin, node, times, references) - rest) + damping * rate
-        held = directions[n] * (force + _at(begin, node, times, forces))
-        # So much friction, and a load that takes it back, that the joint cannot turn.
-        kinetic = held - level
-        coulomb = 2.0 * abs(kinetic) + _NO_RETURN * level
-        back = directions[n] * (coulomb - kinetic)
-        plant[kernel.COULOMB] = coulomb
-        for i in range(kernel.STATE_SIZE):
-            state[i] = 0.0
-        state[kernel.TIME] = begin
-        state[kernel.POSITION] = rest
-        state[kernel.DIRECTION] = directions[n]
-        state[kernel.EVENT_TIME] = begin
-        state[kernel.LEVEL] = level
-        state[kernel.HISTORY_COUNT] = 1
-        state[kernel.HISTORY_HEAD] = 1
-        history[0, 0], history[0, 1], history[0, 2] = begin, 0.0, 0.0
-        for i in range(first, node + 1):
-            positions[i], velocities[i] = rest, 0.0
-        found[n, HELD] = held
-        found[n, ARREST] = math.nan
-        while node < last:
-            time = state[kernel.TIME]
-            speed = (references[node + 1] - references[node]) / (times[node + 1] - times[node])
-            reference = references[node] + speed * (time - times[node])
-            plant[kernel.LOAD] = -_at(0.5 * (time + times[node + 1]), node, times, forces) - back
-            count = kernel.advance_period(
-                state, history, plant, step, times[node + 1], reference, speed, out, events, before
-            )
-            for i in range(min(count, events.shape[0])):
-                if events[i, 1] == kernel.ARREST:
-                    found[n, ARREST], found[n, ARREST_POSITION] = events[i, 0], events[i, 3]
-                    found[n, REMAINS] = events[i, 4] / level
-            node += 1
-            positions[node], velocities[node] = state[kernel.POSITION], state[kernel.VELOCITY]
-        if math.isnan(found[n, ARREST]):
-            ratio = velocities[last] / parameters[STRIBECK_VELOCITY]
-            found[n, ARREST_POSITION] = positions[last]
-            found[n, REMAINS] = _stribeck_friction(plant[kernel.LAW], 1.0, ratio)
+    room = 0.0
+    for variant in range(parameters.shape[0]):
+        for n in range(directions.shape[0]):
+            room = max(room, (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / steps[variant])
+    history = np.empty((int(min(room, _MOST_STEPS)) + 2, POINTS))
+    matrix, weights, back = np.empty((ROWS, COLUMNS)), np.zeros((POINTS, POINTS)), np.zeros(POINTS, dtype=np.int64)
+    plant = np.empty(RISE_TIME + 1)
+    for variant in range(parameters.shape[0]):
+        step = steps[variant]
+        for i in range(RISE_TIME + 1):
+            plant[i] = parameters[variant, i]
+        drive_at = drives[variant % drives.shape[0]]
+        positions_at, velocities_at = positions[variant], velocities[variant]
+        _lagged_weights(plant[LAG] / step, weights, back)
+        filled_stiffness = filled_damping = -1.0
+        for n in range(directions.shape[0]):
+            first, last = edges[n], edges[n + 1] - 1
+            direction = directions[n]
+            rest, begin, level = starts[variant, n, POSITION], starts[variant, n, BREAKAWAY], starts[variant, n, LEVEL]
+            stiffness = gains[variant % gains.shape[0], n, 0]
+            damping = gains[variant % gains.shape[0], n, 1]
+            plant[VISCOUS] = parameters[variant, VISCOUS] + damping
+            if stiffness != filled_stiffness or damping != filled_damping:
+                fill_step(stiffness * step * step / plant[INERTIA], plant[VISCOUS] * step / plant[INERTIA], matrix)
+                filled_stiffness, filled_damping = stiffness, damping
+            node = first
+            while node + 2 <= last and times[node + 1] <= begin:
+                node += 1
+            drive = direction * _at(begin, node, times, drive_at)
+            held = drive - direction * stiffness * rest
+            kinetic = held - level
+            found[variant, n, HELD] = held
+            found[variant, n, ARREST] = math.nan
+            for i in range(first, node + 1):
+                positions_at[i], velocities_at[i] = rest, 0.0
+            level_now, surplus = level, 0.0
+            for _ in range(_MOST_SLIPS):
+                arrest, way, shape, node = _slide(
+                    begin, surplus, level_now, drive, stiffness, law, plant, step, direction, rest, node, last, times,
+                    drive_at, matrix, weights, back, history, positions_at, velocities_at,
+                )  # fmt: skip
+                if math.isinf(arrest):
+                    break
+                rest += direction * way
+                level_now *= shape
+                found[variant, n, ARREST], found[variant, n, ARREST_POSITION] = arrest, rest
+                found[variant, n, REMAINS] = level_now / level
+                before = node
+                holding = kinetic + direction * stiffness * rest
+                begin, node = _next_breakaway(
+                    arrest, holding, level_now, plant[STRIBECK], plant[RISE_TIME], direction, node, last, times,
+                    drive_at,
+                )  # fmt: skip
+                for i in range(before + 1, node + 1):
+                    positions_at[i], velocities_at[i] = rest, 0.0
+                if math.isinf(begin):
+                    break
+                level_now = _risen_level(level_now, plant[STRIBECK], begin - arrest, plant[RISE_TIME])
+                drive = direction * _at(begin, node, times, drive_at)
+                surplus = max(drive - holding - level_now, 0.0)
+            for i in range(node + 1, last + 1):
+                positions_at[i], velocities_at[i] = rest, 0.0
+            if math.isnan(found[variant, n, ARREST]):
+                ratio = velocities_at[last] / plant[STRIBECK_VELOCITY]
+                found[variant, n, ARREST_POSITION] = positions_at[last]
+                found[variant, n, REMAINS] = _stribeck_friction(law, 1.0, ratio)

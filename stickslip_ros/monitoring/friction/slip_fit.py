@@ -107,8 +107,7 @@ class _Fit:
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
         problem = self.problem
         positions, velocities, found = problem.simulate(parameters, unknowns)
-        missing = ~np.isfinite(found[:, kernel.ARREST])
-        found[missing, kernel.ARREST] = problem.last_times[missing]
+        self._complete(found)
         observed = (problem.targets - positions[problem.observed]) / problem.errors * problem.weights
         misfit = found[:, kernel.HELD] - np.exp(unknowns[:, LEVEL]) - problem.balance @ kinetic
         balance = misfit * self.balance_weight
@@ -122,6 +121,11 @@ class _Fit:
             parameters, unknowns, kinetic, observed, balance, links, found, velocities,
             cost if math.isfinite(cost) else math.inf,
         )  # fmt: skip
+
+    def _complete(self, found: FloatArray) -> None:
+        """Take the window's end for that of slips which do not end in it."""
+        arrests = found[..., kernel.ARREST]
+        np.copyto(arrests, self.problem.last_times, where=~np.isfinite(arrests))
 
     def _levels(self, parameters: FloatArray, unknowns: FloatArray, found: FloatArray) -> tuple[FloatArray, ...]:
         """Logarithm of the level that Eq. (6) gives at each breakaway, and its slopes.
@@ -171,26 +175,29 @@ class _Fit:
         """
         problem, count = self.problem, self.problem.count
         _, by_stribeck, by_rise_time, by_dwell, by_remains = self._levels(point.parameters, point.unknowns, point.found)
-        by_arrest = by_dwell / self.level_errors  # of a link, by the arrest before it
-
-        def links_by(found: FloatArray, step: float | FloatArray) -> FloatArray:
-            """Slopes of the links by what moved the ends of the slips before them."""
-            arrest = (found[:, kernel.ARREST] - point.found[:, kernel.ARREST]) / step
-            remains = np.log(found[:, kernel.REMAINS] / point.found[:, kernel.REMAINS]) / step
-            slopes = by_arrest[1:] * arrest[:-1] - (by_remains / self.level_errors)[1:] * remains[:-1]
-            return np.append(0.0, np.where(problem.linked[1:], slopes, 0.0))
+        moving = [k for k in active if not SHAPE <= k < PARAMETERS]
+        steps = np.stack([np.full(count, _STEP)] * len(moving) + [1e-4 * problem.durations, np.full(count, 1e-3)])
+        parameters = np.repeat(point.parameters[None], len(steps), axis=0)
+        unknowns = np.repeat(point.unknowns[None], len(steps), axis=0)
+        parameters[np.arange(len(moving)), moving] += _STEP
+        for row, k in ((-2, BREAKAWAY), (-1, LEVEL)):
+            unknowns[row, :, k] += steps[row]
+        positions, _, found = problem.simulate_variants(parameters, unknowns)
+        self._complete(found)
+        scale = problem.weights / problem.errors
+        moved = (problem.targets - positions[:, problem.observed]) * scale - point.observed
+        moved /= steps[:, problem.slip_of]
+        forces = (found[:, :, kernel.HELD] - point.found[:, kernel.HELD]) * self.balance_weight / steps
+        arrests = (found[:, :, kernel.ARREST] - point.found[:, kernel.ARREST]) / steps
+        remains = np.log(found[:, :, kernel.REMAINS] / point.found[:, kernel.REMAINS]) / steps
+        ends = np.zeros((len(steps), count))  # slopes of the links by what moved the ends of the slips before them
+        ends[:, 1:] = (by_dwell / self.level_errors)[1:] * arrests[:, :-1]
+        ends[:, 1:] -= (by_remains / self.level_errors)[1:] * remains[:, :-1]
+        ends *= problem.linked
 
         observed = np.zeros((len(point.observed), self.columns))
         balance, links = np.zeros((count, self.columns)), np.zeros((count, self.columns))
-        for k in active:
-            if SHAPE <= k < PARAMETERS:
-                continue
-            moved = point.parameters.copy()
-            moved[k] += _STEP
-            other = self.evaluate(moved, point.unknowns, point.kinetic)
-            observed[:, k] = (other.observed - point.observed) / _STEP
-            balance[:, k] = (other.balance - point.balance) / _STEP
-            links[:, k] = links_by(other.found, _STEP)
+        observed[:, moving], balance[:, moving], links[:, moving] = moved[:-2].T, forces[:-2].T, ends[:-2].T
         if STRIBECK in active:
             links[:, STRIBECK] = -by_stribeck / self.level_errors
         if RISE_TIME in active:
@@ -199,14 +206,12 @@ class _Fit:
 
         own = np.zeros((len(point.observed), UNKNOWNS))
         own_balance, own_link, next_link = (np.zeros((count, UNKNOWNS)) for _ in range(3))
-        steps = np.stack([0.02 * problem.rest_errors, 1e-4 * problem.durations, np.full(count, 1e-3)], axis=1)
-        for k in range(UNKNOWNS):
-            moved = point.unknowns.copy()
-            moved[:, k] += steps[:, k]
-            other = self.evaluate(point.parameters, moved, point.kinetic)
-            own[:, k] = (other.observed - point.observed) / steps[problem.slip_of, k]
-            own_balance[:, k] = (other.balance - point.balance) / steps[:, k]
-            next_link[:-1, k] = links_by(other.found, steps[:, k])[1:]
+        # A slip that begins elsewhere is the same slip there.
+        own[:, POSITION] = -scale
+        own_balance[:, POSITION] = -problem.directions * problem.stiffness(point.parameters) * self.balance_weight
+        for row, k in ((-2, BREAKAWAY), (-1, LEVEL)):
+            own[:, k], own_balance[:, k], next_link[:-1, k] = moved[row], forces[row], ends[row, 1:]
+        own_balance[:, LEVEL] -= np.exp(point.unknowns[:, LEVEL]) * self.balance_weight
         own_link[:, BREAKAWAY] = -by_dwell / self.level_errors
         own_link[:, LEVEL] = 1.0 / self.level_errors
         next_link[:-1, LEVEL] -= (by_remains / self.level_errors)[1:]

@@ -15,8 +15,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LAG, LEVEL, RISE_TIME, STRIBECK, VISCOUS
+from stickslip_ros.monitoring.friction._window_kernel import (
+    INERTIA,
+    LAG,
+    LEVEL,
+    RISE_TIME,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+)
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -24,8 +33,11 @@ PARAMETERS = RISE_TIME + 1  # beyond them stand the reference's speeds where onl
 SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
 UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 
-_STEPS_PER_RADIAN = 20.0
-_LEAST_LAG = 0.05  # of a step: less is none
+# Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
+# Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
+_OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.35, 0.4
+_SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
+_LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
 _LONG_SLIP = 1.6  # of its neighbours: two slips, the rest between them unseen
 _NEIGHBOURS = 5
 _SAME_REST = 0.02  # of a dwell: how well two cycles agree on the rest between them
@@ -54,12 +66,19 @@ class SlipProblem:
     before : arrest before the first slip [s] and the share of F_s∞ that was left then, if known.
     both_directions : whether the load is told from the Coulomb friction even if these slips are all of one direction,
         because slips of both are known; where the reference's speeds are all that is known it means nothing.
+    law : of the Stribeck friction, by its number in ``model._friction_law``.
     """
 
     def __init__(
-        self, windows: list[SlipWindow], before: tuple[float, float] | None = None, *, both_directions: bool = False
+        self,
+        windows: list[SlipWindow],
+        before: tuple[float, float] | None = None,
+        *,
+        both_directions: bool = False,
+        law: int = HESS_SOOM,
     ) -> None:
         self.windows = windows
+        self.law = law
         # Counted from the first slip: stamps of this century leave no digits for the differences taken here.
         self.origin = origin = windows[0].rest_begin
         self.before = (before[0] - origin, before[1]) if before else None
@@ -70,6 +89,7 @@ class SlipProblem:
         self.breakaways = np.array([window.breakaway - origin for window in windows])
         self.arrests = np.array([window.arrest - origin for window in windows])
         self.durations = self.arrests - self.breakaways
+        self._usual_duration, self._longest_duration = float(np.median(self.durations)), float(self.durations.max())
         self.dwells = self.breakaways - self.rests_begin
         self.distances = np.array([abs(window.slip_distance) for window in windows])
         self.rests = np.array([window.rest_position for window in windows])
@@ -87,6 +107,7 @@ class SlipProblem:
                 for window in windows
             ]
         )
+        self._drives = self._collect_drives()
         self._collect_observations()
         self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
         self.usable = np.ones(count, dtype=bool)
@@ -103,6 +124,12 @@ class SlipProblem:
         self.stray = 0.0
         self.speeds_at_nodes = self._measured_speeds()
         self.weigh(self.speeds_at_nodes)
+
+    def _collect_drives(self) -> FloatArray:
+        """Force at the nodes that would be on a joint at zero, without its velocity's part [N·m]."""
+        rates = np.concatenate([np.gradient(window.references, window.times) for window in self.windows])
+        stiffness, damping = self._gains[self._slip_of_node].T
+        return np.asarray(stiffness * self.references + damping * rates + self.forces)
 
     def _collect_observations(self) -> None:
         windows = self.windows
@@ -202,53 +229,69 @@ class SlipProblem:
                 errors.append(_FEW_CYCLES)
         return groups, np.array(speeds), np.array(errors)
 
-    def shape(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The kernel's parameters, gains and references for given parameters."""
-        plant = np.exp(parameters[:PARAMETERS])
-        if not self.normalised:
-            return plant, self._gains, self.references
-        gains = np.zeros_like(self._gains)
-        gains[:, 0] = plant[INERTIA]
-        plant[INERTIA] = 1.0
-        speeds = self.speeds * np.exp(parameters[PARAMETERS:])
-        references = speeds[self.groups][self._slip_of_node] * (self.times - self.times[0])
-        return plant, gains, references
+    def stiffness(self, parameters: FloatArray) -> FloatArray:
+        """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
+        return np.full(self.count, math.exp(parameters[INERTIA])) if self.normalised else self._gains[:, 0]
 
     def natural_frequency(self, parameters: FloatArray) -> float:
         """ω [1/s] with the largest gain; that of the slips' duration where there is no stiffness."""
-        plant, gains, _ = self.shape(parameters)
-        stiffness = float(gains[:, 0].max())
+        stiffness = float(self.stiffness(parameters).max())
         if stiffness <= 0:
-            return 2.0 * math.pi / float(np.median(self.durations))
-        return math.sqrt(stiffness / float(plant[INERTIA]))
+            return 2.0 * math.pi / self._usual_duration
+        return math.sqrt(stiffness / (1.0 if self.normalised else math.exp(parameters[INERTIA])))
 
     def loading_rate(self, parameters: FloatArray) -> float:
         """How fast the force on the resting joint rises, median of the slips [N·m/s]."""
-        _, gains, references = self.shape(parameters)
-        ends = self.edges[1:] - 1
-        rates = np.abs(references[ends] - references[self.edges[:-1]]) / (self.last_times - self.first_times)
-        return float(np.median(gains[:, 0] * rates))
+        if self.normalised:
+            rates = np.abs(self.speeds * np.exp(parameters[PARAMETERS:]))[self.groups]
+        else:
+            ends = self.edges[1:] - 1
+            rates = np.abs(self.references[ends] - self.references[self.edges[:-1]])
+            rates /= self.last_times - self.first_times
+        return float(np.median(self.stiffness(parameters) * rates))
 
     def simulate(self, parameters: FloatArray, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Positions and velocities at the nodes, and what is found of each slip (columns of the kernel).
 
         ``unknowns`` of shape (slips, 3): rest position [rad], breakaway [s], logarithm of the level [N·m].
         """
-        plant, gains, references = self.shape(parameters)
-        decay = (float(plant[VISCOUS]) + float(gains[:, 1].max())) / float(plant[INERTIA])
-        step = 1.0 / (_STEPS_PER_RADIAN * max(self.natural_frequency(parameters), decay))
-        step = max(step, float(self.durations.max()) / 4000.0)
-        if plant[LAG] < _LEAST_LAG * step:
-            plant[LAG] = 0.0
+        positions, velocities, found = self.simulate_variants(parameters[None], unknowns[None])
+        return positions[0], velocities[0], found[0]
+
+    def simulate_variants(
+        self, parameters: FloatArray, unknowns: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What :meth:`simulate` gives for several parameters and unknowns at once, each with its row."""
+        plants = np.exp(parameters[:, :PARAMETERS])
+        gains, drives = self._gains[None], self._drives[None]
+        if self.normalised:
+            stiffness = plants[:, INERTIA].copy()
+            plants[:, INERTIA] = 1.0
+            gains = np.zeros((len(plants), self.count, 2))
+            gains[:, :, 0] = stiffness[:, None]
+            speeds = stiffness[:, None] * self.speeds * np.exp(parameters[:, PARAMETERS:])
+            drives = speeds[:, self.groups[self._slip_of_node]] * (self.times - self.times[0])
         starts = unknowns.copy()
-        starts[:, LEVEL] = np.exp(unknowns[:, LEVEL])
-        positions, velocities = np.empty(len(self.times)), np.empty(len(self.times))
-        found = np.empty((self.count, kernel.FOUND_COLUMNS))
+        starts[:, :, LEVEL] = np.exp(unknowns[:, :, LEVEL])
+        positions, velocities = np.empty((2, len(plants), len(self.times)))
+        found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
         kernel.simulate_windows(
-            plant, self.directions, starts, gains, self.edges, self.times, references, self.forces, step,
-            positions, velocities, found,
+            plants, self.law, self.directions, starts, gains, self.edges, self.times, drives,
+            self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
         return positions, velocities, found
+
+    def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
+        """Steps of the simulation [s], a smooth function of the parameters."""
+        inertia = plants[:, INERTIA]
+        stiffness, damping = gains.max(axis=1).T
+        frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / self._usual_duration)
+        speeding_up = _SPEEDING_UP * self._usual_duration / self.usual_speed
+        change = plants[:, STRIBECK_VELOCITY] * speeding_up + _OF_LAG * plants[:, LAG]
+        rate = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
+        rate = np.maximum(rate, 1.0 / (_OF_CHANGE * change))
+        rate = np.clip(rate, _LEAST_STEPS / self._usual_duration, _MOST_STEPS / self._longest_duration)
+        return np.asarray(1.0 / rate)
 
     def weigh(self, speeds: FloatArray, tolerance: float = 0.0) -> None:
         """Set what each observation says of the position, and its standard deviation, for speeds at the nodes.
@@ -301,8 +344,8 @@ class SlipProblem:
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        return SlipProblem([window.thinned(most) for window in self.windows])
+        return SlipProblem([window.thinned(most) for window in self.windows], law=self.law)
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
-        return SlipProblem([self.windows[number] for number in which])
+        return SlipProblem([self.windows[number] for number in which], law=self.law)

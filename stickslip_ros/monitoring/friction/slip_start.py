@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from stickslip_ros.model._friction_law import HESS_SOOM, fallen_share
+from stickslip_ros.model._friction_law import fallen_share
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -26,6 +26,7 @@ _BREAKAWAYS = 14
 _STRIBECK_VELOCITIES = np.geomspace(0.006, 2.0, 12)  # of the highest speed
 _LAGS = np.concatenate([[0.002], np.geomspace(0.01, 0.4, 9)])  # of the slip's duration
 _RIDGE = 1e-3
+_LEAST = 1e-12  # added to the diagonal of normal equations
 _END_WEIGHT = 30.0
 
 
@@ -49,42 +50,64 @@ class ShapeGuess:
 
 def shape_guesses(problem: SlipProblem, slip: int) -> list[ShapeGuess]:
     """Guesses from one slip, the best first; empty if the equations have no solution that can be."""
-    # scipy loads slowly, and most uses of this package have no use for it.
-    from scipy.optimize import nnls
-
     duration, distance = float(problem.durations[slip]), float(problem.distances[slip])
     mine = problem.slip_of == slip
     detected = float(problem.breakaways[slip])
     latest = min(float(problem.times[problem.observed[mine]][0]), detected + _AROUND * duration)
+    lags = duration * _LAGS
     guesses = []
     for breakaway in np.linspace(detected - _AROUND * duration, latest, _BREAKAWAYS):
         times, way, speed, misfit = _smooth(problem, slip, float(breakaway))
-        known = _known_force(problem, slip, times, way)
-        braking = _integral(times, way)
-        for stribeck_velocity in speed.max() * _STRIBECK_VELOCITIES:
-            for lag in duration * _LAGS:
-                ratio = np.interp(times - lag, times, speed, left=0.0) / stribeck_velocity
-                falling = np.asarray(fallen_share(HESS_SOOM, ratio))
-                columns = np.stack([known, -braking, _integral(times, _integral(times, falling))], axis=1) / distance
-                scale = np.sqrt((columns * columns).sum(axis=0)) + 1e-300
-                solution, rest = nnls(columns / scale, way / distance)
-                mobility, decay, level = solution / scale
-                if mobility > 0 and level > 0:
-                    # One of known stiffness has its inertia from the mobility; else that is ω² itself.
-                    inertia = mobility if problem.normalised else 1.0 / mobility
-                    unit = 1.0 if problem.normalised else inertia
-                    guesses.append(
-                        ShapeGuess(
-                            misfit=math.hypot(rest / math.sqrt(_POINTS), misfit),
-                            inertia=float(inertia),
-                            viscous=float(decay * unit),
-                            level=float(level * unit),
-                            stribeck_velocity=float(stribeck_velocity),
-                            lag=float(lag),
-                            breakaway=float(breakaway),
-                        )
-                    )
+        lagged = np.stack([np.interp(times - lag, times, speed, left=0.0) for lag in lags])
+        units = speed.max() * _STRIBECK_VELOCITIES
+        falling = np.asarray(fallen_share(problem.law, lagged / units[:, None, None]))
+        columns = np.empty((len(units), len(lags), 3, _POINTS))
+        columns[:, :, 0] = _known_force(problem, slip, times, way)
+        columns[:, :, 1] = -_integral(times, way)
+        columns[:, :, 2] = _integral(times, _integral(times, falling))
+        solutions, rests = _least_squares(columns / distance, way / distance)
+        for place in zip(*np.nonzero(np.isfinite(rests)), strict=True):
+            mobility, decay, level = solutions[place].tolist()
+            # One of known stiffness has its inertia from the mobility; else that is ω² itself.
+            inertia = mobility if problem.normalised else 1.0 / mobility
+            unit = 1.0 if problem.normalised else inertia
+            guesses.append(
+                ShapeGuess(
+                    misfit=math.hypot(float(rests[place]) / math.sqrt(_POINTS), misfit),
+                    inertia=inertia,
+                    viscous=decay * unit,
+                    level=level * unit,
+                    stribeck_velocity=float(units[place[0]]),
+                    lag=float(lags[place[1]]),
+                    breakaway=float(breakaway),
+                )
+            )
     return sorted(guesses, key=lambda guess: guess.misfit)
+
+
+def _least_squares(columns: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Solutions of many problems of shape (..., 3, n) at once, and how far they miss; infinite where there is none.
+
+    Of the three unknowns the first and the last have to be positive, the second not negative.
+    """
+    scale = np.sqrt((columns * columns).sum(axis=-1)) + 1e-300
+    columns = columns / scale[..., None]
+    products, sides = columns @ np.swapaxes(columns, -1, -2), columns @ right
+    solution = _solved(products, sides)
+    # Without the second.
+    outer = np.array([0, 2])
+    without = np.zeros_like(solution)
+    without[..., outer] = _solved(products[..., outer[:, None], outer], sides[..., outer])
+    solution = np.where(solution[..., 1:2] >= 0.0, solution, without)
+    missed = np.linalg.norm((solution[..., None, :] @ columns)[..., 0, :] - right, axis=-1)
+    possible = (solution[..., 0] > 0.0) & (solution[..., 2] > 0.0) & (solution[..., 1] >= 0.0)
+    return solution / scale, np.where(possible, missed, math.inf)
+
+
+def _solved(products: FloatArray, sides: FloatArray) -> FloatArray:
+    """Solutions of normal equations whose matrices have ones on the diagonal; columns all but alike have none."""
+    regular = products + _LEAST * np.eye(products.shape[-1])
+    return np.asarray(np.linalg.solve(regular, sides[..., None])[..., 0])
 
 
 def _smooth(problem: SlipProblem, slip: int, breakaway: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
@@ -141,7 +164,7 @@ def _known_force(problem: SlipProblem, slip: int, times: FloatArray, way: FloatA
 
 def _integral(times: FloatArray, values: FloatArray) -> FloatArray:
     """Integral from the first time, by trapezia on a uniform grid."""
-    total = np.empty_like(values)
-    total[0] = 0.0
-    np.cumsum(0.5 * (values[1:] + values[:-1]) * (times[1] - times[0]), out=total[1:])
+    total = np.zeros_like(values)
+    np.cumsum(values[..., 1:] + values[..., :-1], axis=-1, out=total[..., 1:])
+    total *= 0.5 * (times[1] - times[0])
     return total
