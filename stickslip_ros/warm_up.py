@@ -125,6 +125,7 @@ def _use_simulation() -> None:
         direction=1, rest_begin=0.0, breakaway=0.05, arrest=0.15, rest_position=0.0, rest_error=1e-3,
         source=ForceSource.GAINS, gains=gains, times=time, references=time, forces=0.0 * time, reference_speed=1.0,
         observed=np.arange(6, 15), values=np.linspace(0.0, 1.0, 9), gaps=np.full(9, 0.01), resolution=0.1, noise=0.0,
+        sample_interval=0.01,
     )  # fmt: skip
     problem = SlipProblem([window])
     problem.simulate(np.zeros(PARAMETERS + 1), problem.detected(1.0))

@@ -15,12 +15,11 @@ from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
 from stickslip_ros.monitoring.friction.estimate import (
     FrictionEstimate,
-    covariance_of,
     friction_estimate,
-    honest_covariance,
     may_be_usable,
     solve,
 )
+from stickslip_ros.monitoring.friction.fit_errors import covariance_of, honest_covariance
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray

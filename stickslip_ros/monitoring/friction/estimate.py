@@ -31,8 +31,8 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import Solution, search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -54,10 +54,7 @@ _INDEX = {
     "rise_time": RISE_TIME,
 }
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
-_UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
-_FEW = 8  # slips more than parameters, before their scatter says something
 _USABLE, _USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
-_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much more widens the errors
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
 _ASIDE = 0.34  # share of slips that nothing explains
 _SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
@@ -338,13 +335,20 @@ def friction_estimate(problem: SlipProblem, solution: Solution, *, configured: b
         mismatch=f"{DOES_NOT_FIT}: {'; '.join(reasons)}" if reasons else "",
         configured=configured,
     )
-    return estimate_from(blank, fit.parameters, fit.kinetic, honest_covariance(problem, fit, solution.prior))
+    return estimate_from(problem, blank, fit.parameters, fit.kinetic, honest_covariance(problem, fit, solution.prior))
 
 
 def estimate_from(
-    estimate: FrictionEstimate, parameters: FloatArray, kinetic: FloatArray, covariance: FloatArray
+    problem: SlipProblem,
+    estimate: FrictionEstimate,
+    parameters: FloatArray,
+    kinetic: FloatArray,
+    covariance: FloatArray,
 ) -> FrictionEstimate:
-    """The estimate with other values: parameters' logarithms (p,), kinetic (k,), covariance (p + k, p + k)."""
+    """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
+    covariance (p + k, p + k).
+    """
+    parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
     coulomb = load = together = _UNKNOWN
     if not estimate.normalised:
         size = len(parameters)
@@ -371,29 +375,3 @@ def estimate_from(
         load=load,
         coulomb_and_load=together,
     )
-
-
-def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
-    """Covariance of parameters and kinetic friction, from the data's information and the prior's."""
-    total = information.copy()
-    size = len(prior.mean)
-    total[:size, :size] += prior.information
-    # Scaled, because forces and logarithms differ by orders of magnitude.
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    scales = np.outer(scale, scale)
-    return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
-
-
-def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
-    """The covariance, widened by what the residuals show: their size, slips unexplained, scatter between slips."""
-    covariance = covariance_of(fit.information, prior)
-    mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
-    aside = 1.0 - float(problem.usable.mean())
-    covariance *= (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + _UNEXPLAINED * aside)
-    used = fit.scores[problem.usable]
-    freedom = len(used) - covariance.shape[1]
-    if freedom < _FEW:
-        return covariance
-    seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
-    factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), 1e-300)))
-    return np.asarray(covariance * np.outer(factors, factors))

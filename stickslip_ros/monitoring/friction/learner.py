@@ -23,11 +23,12 @@ from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
-from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, best_known, covariance_of, estimate_from
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, best_known, estimate_from
+from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem, follows_on
-from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study
 
@@ -227,6 +228,7 @@ class FrictionLearner:
             [window],
             (state.last_window.arrest, state.remains) if follows else None,
             both_directions=len(state.kinetic) > 1,
+            delay_shows=window.source is ForceSource.GAINS and len(state.parameters) > PARAMETERS,
         )
         problem.take_up(stray=state.stray, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
@@ -257,7 +259,7 @@ class FrictionLearner:
         # One slip after the other cannot show what slips have in common: no error falls below that of the study.
         factors = np.maximum(state.spread / spread_of(wide), 1.0)
         wide *= np.outer(factors, factors)
-        estimate = estimate_from(state.estimate, parameters, kinetic, wide)
+        estimate = estimate_from(problem, state.estimate, parameters, kinetic, wide)
         if estimate.drive is not None:
             seen = gains_in_slips(problem, state.parameters, said.unknowns)[-1]
             estimate = replace(estimate, drive=estimate.drive.followed_by(seen))

@@ -95,6 +95,25 @@ class NormalEquations:
         )
 
     @staticmethod
+    def pulls(
+        problem: SlipProblem,
+        point: Point,
+        shared: tuple[FloatArray, ...],
+        own: tuple[FloatArray, ...],
+        by_parameters: FloatArray,
+    ) -> FloatArray:
+        """Gradient by the parameters that a discrepancy of a whole slip's distance makes, in each part of all slips.
+
+        The slips' own unknowns follow it; shape (parts, columns).
+        """
+        follow = by_parameters.reshape(problem.count, UNKNOWNS, -1)
+        projected = shared[0] - np.einsum("ma,mac->mc", own[0], follow[problem.slip_of])
+        way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
+        pulls = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
+        np.add.at(pulls, problem.parts_of_slips, projected * (weights_of(point.observed) * way)[:, None])
+        return pulls
+
+    @staticmethod
     def scores(
         problem: SlipProblem,
         point: Point,

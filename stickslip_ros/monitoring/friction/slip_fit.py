@@ -71,6 +71,7 @@ class SlipFit:
     kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
     information : of the data on parameters and kinetic together, shape (p + k, p + k).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
+    pulls : gradient that a discrepancy of a slip's distance in each part of the slips would make, (parts, p + k).
     residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
     link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
     cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the kernel.
@@ -81,6 +82,7 @@ class SlipFit:
     kinetic: FloatArray
     information: FloatArray
     scores: FloatArray
+    pulls: FloatArray
     residuals: FloatArray
     misfits: FloatArray
     link_misfits: FloatArray
@@ -289,6 +291,7 @@ def fit_slips(
         kinetic=point.kinetic,
         information=information,
         scores=NormalEquations.scores(problem, point, *slopes, by_parameters),
+        pulls=NormalEquations.pulls(problem, point, *slopes, by_parameters),
         residuals=point.observed,
         misfits=_misfits(problem, point),
         link_misfits=point.unknowns[:, LEVEL] - fit.levels(point),

@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-PARAMETERS = RISE_TIME + 1  # beyond them stand the reference's speeds where only they are known
+PARAMETERS = RISE_TIME + 1  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
 SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
 UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 
@@ -44,8 +44,13 @@ _SAME_REST = 0.02  # of a dwell: how well two cycles agree on the rest between t
 _OTHER_SPEED = 0.12  # a change of the mean speed of cycles by this factor is a change of the reference's
 _LASTING = 3  # slips: a change of speed lasts
 _SLOWEST = 0.02  # of a slip's mean speed: slower motion says no more about an edge
+_DELAY = 1.5  # sample intervals, that a controller may be late
 _UNIFORM = 1.0 / math.sqrt(12.0)
+_PARTS = 16  # of a slip, in which residuals are compared from slip to slip
+_FINEST = 2e-5  # of a slip: neither stamps nor integration are more exact
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03  # relative errors of a reference's speed
+_LEAST_INERTIA = 0.1  # share that a delay leaves
+_LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
 _LARGEST_STRAY = 0.5  # of a sample interval, by which stamps may stray
 
 
@@ -67,6 +72,11 @@ class SlipProblem:
     both_directions : whether the load is told from the Coulomb friction even if these slips are all of one direction,
         because slips of both are known; where the reference's speeds are all that is known it means nothing.
     law : of the Stribeck friction, by its number in ``model._friction_law``.
+    delay_shows : whether the controller's delay is unknown too; by default where the gains are not the same throughout,
+        for a delay τ is as good as damping of -k_p τ and inertia of -k_v τ.
+
+    ``more_errors`` are prior standard deviations of what stands beyond the parameters: the reference's speeds, where
+    only they are known, relative; the controller's delay, in sample intervals, where it shows.
     """
 
     def __init__(
@@ -76,6 +86,7 @@ class SlipProblem:
         *,
         both_directions: bool = False,
         law: int = HESS_SOOM,
+        delay_shows: bool | None = None,
     ) -> None:
         self.windows = windows
         self.law = law
@@ -107,11 +118,20 @@ class SlipProblem:
                 for window in windows
             ]
         )
-        self._drives = self._collect_drives()
+        if delay_shows is None:
+            delay_shows = windows[0].source is ForceSource.GAINS and len({window.gains for window in windows}) > 1
+        self.delay_shows = delay_shows
+        self.sample_interval = float(np.median([window.sample_interval for window in windows]))
+        self._rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
+        stiffness, damping = self._gains[self._slip_of_node].T
+        # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
+        self._drives = stiffness * self.references + damping * self._rates + self.forces
         self._collect_observations()
         self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
         self.usable = np.ones(count, dtype=bool)
-        self.groups, self.speeds, self.speed_errors = self._reference_speeds()
+        self.groups, self.speeds, self.more_errors = self._reference_speeds()
+        if self.delay_shows:
+            self.more_errors = np.array([_DELAY])
         self.set_aside(self._not_alone())
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
@@ -125,12 +145,6 @@ class SlipProblem:
         self.speeds_at_nodes = self._measured_speeds()
         self.weigh(self.speeds_at_nodes)
 
-    def _collect_drives(self) -> FloatArray:
-        """Force at the nodes that would be on a joint at zero, without its velocity's part [N·m]."""
-        rates = np.concatenate([np.gradient(window.references, window.times) for window in self.windows])
-        stiffness, damping = self._gains[self._slip_of_node].T
-        return np.asarray(stiffness * self.references + damping * rates + self.forces)
-
     def _collect_observations(self) -> None:
         windows = self.windows
         sizes = [len(window.observed) for window in windows]
@@ -140,6 +154,8 @@ class SlipProblem:
         self.values = np.concatenate([window.values for window in windows])
         self.gaps = np.concatenate([window.gaps for window in windows])
         self._at_edge = np.isfinite(self.gaps)
+        since = (self.times[self.observed] - self.breakaways[self.slip_of]) / self.durations[self.slip_of]
+        self.parts_of_slips = np.clip(np.floor(_PARTS * since), 0, _PARTS - 1).astype(np.int64)
         self._resolutions = np.repeat([window.resolution for window in windows], sizes)
         self._noises = np.repeat([window.noise for window in windows], sizes)
 
@@ -273,12 +289,24 @@ class SlipProblem:
             drives = speeds[:, self.groups[self._slip_of_node]] * (self.times - self.times[0])
         starts = unknowns.copy()
         starts[:, :, LEVEL] = np.exp(unknowns[:, :, LEVEL])
+        lighter = np.ones((len(plants), self.count))
+        if self.delay_shows:
+            # The force of a time ago is that of now less its rate; by the inertia left, all that is per inertia grows.
+            delay = parameters[:, PARAMETERS, None] * self.sample_interval
+            stiffness, damping = self._gains.T
+            lighter = np.maximum(1.0 - delay * damping / plants[:, INERTIA, None], _LEAST_INERTIA)
+            viscous = plants[:, VISCOUS, None]
+            gains = np.stack([stiffness / lighter, (damping - delay * stiffness + viscous) / lighter - viscous], axis=2)
+            late = (delay * stiffness)[:, self._slip_of_node] * self._rates
+            drives = (self._drives - late) / lighter[:, self._slip_of_node]
+            starts[:, :, LEVEL] /= lighter
         positions, velocities = np.empty((2, len(plants), len(self.times)))
         found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
         kernel.simulate_windows(
             plants, self.law, self.directions, starts, gains, self.edges, self.times, drives,
             self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
+        found[:, :, kernel.HELD] *= lighter
         return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
@@ -305,7 +333,10 @@ class SlipProblem:
         edge = self.values - 0.5 * self.directions[self.slip_of] * (self._resolutions - way)
         self.targets = np.where(self._at_edge, edge, self.values)
         count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
-        self.errors = np.sqrt((_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.stray) ** 2 + tolerance**2)
+        finest = _FINEST * self.distances[self.slip_of]
+        self.errors = np.sqrt(
+            (_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.stray) ** 2 + tolerance**2 + finest**2
+        )
 
     def know_speeds(self, velocities: FloatArray) -> None:
         """Take a fit's velocities at the nodes for the speeds there, in place of the measured ones."""
@@ -344,8 +375,31 @@ class SlipProblem:
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        return SlipProblem([window.thinned(most) for window in self.windows], law=self.law)
+        return SlipProblem(
+            [window.thinned(most) for window in self.windows], law=self.law, delay_shows=self.delay_shows
+        )
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
-        return SlipProblem([self.windows[number] for number in which], law=self.law)
+        some = [self.windows[number] for number in which]
+        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows)
+
+    def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
+
+        What is taken off goes with the stiffness: k_p τ. Shapes (p,) and (p + k, p + k), as they were.
+        """
+        if not self.delay_shows:
+            return parameters, covariance
+        late = float(self._gains[-1, 0]) * self.sample_interval
+        viscous = math.exp(parameters[VISCOUS])
+        left = viscous - late * float(parameters[PARAMETERS])
+        slopes = np.eye(len(covariance))
+        slopes[VISCOUS, [VISCOUS, PARAMETERS]] = viscous, -late
+        error = math.sqrt(max(float(slopes[VISCOUS] @ covariance @ slopes[VISCOUS]), 0.0))
+        # Friction is not negative; the logarithm needs some.
+        left = max(left, _LEAST_LEFT * error, 1e-6 * viscous)
+        slopes[VISCOUS] /= left
+        changed = parameters.copy()
+        changed[VISCOUS] = math.log(left)
+        return changed, np.asarray(slopes @ covariance @ slopes.T)

@@ -57,6 +57,7 @@ _ITERATIONS = 20
 _ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
 _HELD = 1e-6  # standard deviation of a logarithm that is not to change
 _RISE_TIME_SPREAD = 2.0
+_LONGEST_DELAY = 20.0  # sample intervals
 _WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
 
 
@@ -173,7 +174,7 @@ def _distinct(guesses: list[ShapeGuess]) -> list[ShapeGuess]:
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
     duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
-    size = PARAMETERS + len(problem.speeds)
+    size = PARAMETERS + len(problem.more_errors)
     lower, upper = np.full(size, -math.inf), np.full(size, math.inf)
     mass = 1.0 if problem.normalised else inertia
     lower[VISCOUS], upper[VISCOUS] = math.log(1e-5 * mass / duration), math.log(1e3 * mass / duration)
@@ -181,13 +182,15 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
     lower[LAG], upper[LAG] = math.log(1e-6 * duration), math.log(duration)
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
+    if problem.delay_shows:
+        lower[PARAMETERS], upper[PARAMETERS] = 0.0, _LONGEST_DELAY
     return lower, upper
 
 
 def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
     """Fit slips that are alike, each with its own level."""
     duration = float(np.median(problem.durations))
-    parameters = np.zeros(PARAMETERS + len(problem.speeds))
+    parameters = np.zeros(PARAMETERS + len(problem.more_errors))
     parameters[INERTIA] = math.log(guess.inertia)
     mass = 1.0 if problem.normalised else guess.inertia
     parameters[VISCOUS] = math.log(max(guess.viscous, 0.02 * mass * problem.natural_frequency(parameters)))
@@ -200,7 +203,7 @@ def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
 
 def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> SlipFit:
     """Fit the shape alone: every slip has its own level and kinetic friction."""
-    deviation = np.concatenate([np.full(4, _WIDE), np.full(2, _HELD), problem.speed_errors])
+    deviation = np.concatenate([np.full(4, _WIDE), np.full(2, _HELD), problem.more_errors])
     lower, upper = bounds(problem, math.exp(parameters[INERTIA]))
     lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
     prior = Prior.of(parameters, deviation, lower, upper)
@@ -222,7 +225,7 @@ def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
     for shape in sorted(shapes, key=lambda fit: fit.cost):
         some = problem.only(spread.tolist())
         level = _usual_level(shape)
-        parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(some.speeds))])
+        parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(some.more_errors))])
         parameters[STRIBECK] = math.log(level)
         try:
             fits.append(_free_fit(some, parameters, level))
@@ -255,7 +258,7 @@ def _fit_all(
     lower, upper = bounds(problem, math.exp(shape[INERTIA]))
     fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
-    deviation = np.concatenate([np.full(PARAMETERS, _WIDE), problem.speed_errors])
+    deviation = np.concatenate([np.full(PARAMETERS, _WIDE), problem.more_errors])
     for index, (center, spread) in known.items():
         mean[index], deviation[index] = center, spread
     prior = Prior.of(mean, deviation, lower, upper)
@@ -298,7 +301,7 @@ def _fit_all(
 def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
     """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
     problem.begin_anew()
-    parameters = np.concatenate([shape[:PARAMETERS], np.zeros(len(problem.speeds))])
+    parameters = np.concatenate([shape[:PARAMETERS], np.zeros(len(problem.more_errors))])
     problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
     held = Prior.of(parameters, np.full(len(parameters), _HELD), parameters - 1.0, parameters + 1.0)
     unknowns = problem.detected(level)

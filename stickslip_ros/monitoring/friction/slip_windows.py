@@ -54,7 +54,7 @@ class SlipWindow:
     reference_speed : mean of the reference [rad/s], NaN if unknown.
     observed : indices of the nodes observed; values : position there [rad].
     gaps : time since the sample before [s]; NaN for a sample that is no change of count.
-    resolution, noise : of the position [rad].
+    resolution, noise : of the position [rad]. sample_interval : [s].
     """
 
     direction: int
@@ -74,6 +74,7 @@ class SlipWindow:
     gaps: FloatArray
     resolution: float
     noise: float
+    sample_interval: float
 
     @property
     def slip_distance(self) -> float:
@@ -171,6 +172,7 @@ def slip_window(
         gaps=np.append(gaps if not analog else np.full(len(gaps), np.nan), np.nan),
         resolution=resolution if not analog else 0.0,
         noise=noise if analog else 0.0,
+        sample_interval=float(np.median(np.diff(part.time))),
     )
 
 

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Standard errors of a fit that hold where the model does not: what the residuals show beside the sensor's noise.
+
+Four things widen the errors of least squares. That a controller acts on samples, in steps, as much as its samples are
+apart. Slips that nothing explains, and residuals larger than they should be.
+The scatter of what each slip says about the parameters, which shows errors that differ from slip to slip. And a
+residual that repeats from slip to slip: more slips then say the same wrong thing, and no scatter shows it. Such a
+pattern is taken for what is seen of a discrepancy between model and machine, as large in what the fit could absorb as
+in what it left over (after Kennedy and O'Hagan, "Bayesian calibration of computer models", Journal of the Royal
+Statistical Society B 63, 2001).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource
+from stickslip_ros.monitoring.samples import FloatArray
+
+_UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
+_FEW = 8  # slips more than parameters, before their scatter says something
+_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much more widens the errors
+_ABSORBED = 8  # of the parts of a slip: as many freedoms a fit has in each
+
+
+def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
+    """Covariance of parameters and kinetic friction, from the data's information and the prior's."""
+    total = information.copy()
+    size = len(prior.mean)
+    total[:size, :size] += prior.information
+    # Scaled, because forces and logarithms differ by orders of magnitude.
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
+    scales = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
+
+
+def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
+    """The covariance, widened by what the residuals show; shape (p + k, p + k)."""
+    narrow = covariance_of(fit.information, prior)
+    mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
+    aside = 1.0 - float(problem.usable.mean())
+    covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + _UNEXPLAINED * aside)
+    used = fit.scores[problem.usable]
+    freedom = len(used) - covariance.shape[1]
+    if freedom >= _FEW:
+        seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
+        factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), 1e-300)))
+        covariance = covariance * np.outer(factors, factors)
+    return np.asarray(covariance + _by_discrepancy(problem, fit, narrow) + _by_sampling(problem, fit))
+
+
+def repeating_residual(problem: SlipProblem, fit: SlipFit) -> float:
+    """What the model leaves over in every slip alike, as a standard deviation; share of a slip's distance.
+
+    Of the mean residual of each part of a slip that is counted which the scatter within it does not explain.
+    """
+    parts = problem.parts_of_slips
+    used = problem.weights > 0
+    shares = (fit.residuals * problem.errors * problem.directions[problem.slip_of])[used]
+    shares = shares / problem.distances[problem.slip_of[used]]
+    counts = np.bincount(parts[used])
+    seen = counts > 1
+    if not seen.any():
+        return 0.0
+    means = np.bincount(parts[used], shares) / np.maximum(counts, 1)
+    scatter = np.bincount(parts[used], (shares - means[parts[used]]) ** 2) / np.maximum(counts - 1, 1)
+    excess = means**2 - scatter / np.maximum(counts, 1)
+    return float(np.sqrt(max(float(excess[seen].mean()), 0.0)))
+
+
+def _by_sampling(problem: SlipProblem, fit: SlipFit) -> FloatArray:
+    """Covariance of what a controller's steps make of the parameters, who acts on samples and holds its force.
+
+    The force at breakaway is known to half of what a sample interval adds; what is taken for a continuous force is
+    off by the square of the angle ω Δt that the oscillation goes on in an interval.
+    """
+    size, columns = len(fit.parameters), fit.information.shape[0]
+    variances = np.zeros(columns)
+    if problem.windows[0].source is not ForceSource.SPEED:
+        angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
+        variances[:PARAMETERS] = angle**4
+        variances[size] = (0.5 * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
+    return np.diag(variances)
+
+
+def _by_discrepancy(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> FloatArray:
+    """Covariance of what a discrepancy that repeats from slip to slip makes of the parameters."""
+    count = len(fit.pulls)
+    size = repeating_residual(problem, fit) ** 2 * count / max(count - _ABSORBED, 1)
+    moved = covariance @ fit.pulls.T
+    return np.asarray(size * moved @ moved.T)
