@@ -15,11 +15,12 @@ from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
 from stickslip_ros.monitoring.friction.estimate import (
     FrictionEstimate,
+    covariance_over_laws,
+    fitted_laws,
     friction_estimate,
     may_be_usable,
-    solve,
 )
-from stickslip_ros.monitoring.friction.fit_errors import covariance_of, honest_covariance
+from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -31,6 +32,7 @@ class Learnt:
 
     Attributes
     ----------
+    parameters : logarithms, by the law of the estimate.
     spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
     """
 
@@ -89,14 +91,14 @@ def study(question: StudyQuestion) -> Learnt | None:
 
 def _study(question: StudyQuestion) -> Learnt | None:
     windows, configured = question.windows, question.configured
-    solved = solve(windows, configured, question.start)
-    if solved is None:
+    fits = fitted_laws(windows, configured, question.start)
+    if not fits:
         return None
-    problem, solution = solved
+    problem, solution = fits[0].problem, fits[0].solution
     fit = solution.fit
     narrow = spread_of(covariance_of(fit.information, solution.prior))
-    spread = spread_of(honest_covariance(problem, fit, solution.prior))
-    estimate = friction_estimate(problem, solution, configured=configured is not None)
+    spread = spread_of(covariance_over_laws(fits))
+    estimate = friction_estimate(fits, configured=configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(

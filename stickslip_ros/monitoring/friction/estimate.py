@@ -33,8 +33,9 @@ from stickslip_ros.monitoring.friction._window_kernel import (
 )
 from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
+from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighed_laws
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
-from stickslip_ros.monitoring.friction.slip_search import Solution, search
+from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -77,6 +78,22 @@ _UNKNOWN = ParameterEstimate(value=math.nan, std=math.nan, identified=False)
 
 
 @dataclass(frozen=True, kw_only=True)
+class LawAlternative:
+    """Another friction law that the slips do not exclude, and its parameters.
+
+    Attributes
+    ----------
+    law : its name. weight : its probability, given the slips.
+    logarithms, covariance : as of :class:`FrictionEstimate`.
+    """
+
+    law: str
+    weight: float
+    logarithms: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrictionEstimate:
     """What the slips say of a joint.
 
@@ -95,6 +112,8 @@ class FrictionEstimate:
     scatter : standard deviation of the kinetic friction from slip to slip [N·m].
     mismatch : "" or what the model does not explain; the errors are the wider for it.
     configured : whether the prior was a configured joint.
+    law : friction law of these parameters. alternatives : other laws that the slips do not exclude; what they have
+        otherwise is in the covariance too.
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     """
 
@@ -112,6 +131,8 @@ class FrictionEstimate:
     scatter: float
     mismatch: str
     configured: bool
+    law: str = PAPERS_LAW
+    alternatives: tuple[LawAlternative, ...] = ()
     drive: DriveGains | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
@@ -152,7 +173,7 @@ class FrictionEstimate:
 
     def joint(self) -> Joint:
         """The joint as estimated; of inertia one where the gains are unknown."""
-        return _joint(self.logarithms, self.coulomb.value, normalised=self.normalised)
+        return _joint(self.logarithms, self.coulomb.value, self.law, normalised=self.normalised)
 
     def draws(self) -> tuple[Joint, FloatArray]:
         """Joints as likely as the errors allow, as one of arrays, and the stiffness of each where that is estimated.
@@ -162,8 +183,20 @@ class FrictionEstimate:
         values, vectors = np.linalg.eigh(self.covariance)
         root = vectors * np.sqrt(np.clip(values, 0.0, _SPREAD_LIMIT**2))
         logarithms = self.logarithms[:, None] + root @ _NORMAL
-        joint = _joint(logarithms, max(self.coulomb.value, 0.0), normalised=self.normalised)
+        joint = _joint(logarithms, max(self.coulomb.value, 0.0), self.law, normalised=self.normalised)
         return joint, np.exp(logarithms[INERTIA])
+
+    def by_law(self) -> tuple[tuple[float, FrictionEstimate], ...]:
+        """The estimate under each law that is not excluded, with the law's weight; its own first."""
+        own = 1.0 - sum(other.weight for other in self.alternatives)
+        others = (
+            (
+                other.weight,
+                replace(self, law=other.law, logarithms=other.logarithms, covariance=other.covariance, alternatives=()),
+            )
+            for other in self.alternatives
+        )
+        return ((own, replace(self, alternatives=())), *others)
 
     def with_stiffness(self, stiffness: float, damping: float) -> FrictionEstimate:
         """The estimate in units of torque, from the gains in force; itself if it is in them already.
@@ -172,22 +205,12 @@ class FrictionEstimate:
         """
         if not self.normalised or not stiffness > 0:
             return self
-        slopes = np.eye(PARAMETERS)
-        logarithms = self.logarithms.copy()
-        logarithms[INERTIA] = math.log(stiffness) - self.logarithms[INERTIA]
-        slopes[INERTIA, INERTIA] = -1.0
-        inertia = math.exp(logarithms[INERTIA])
-        for index in (STRIBECK, VISCOUS):
-            logarithms[index] += logarithms[INERTIA]
-            slopes[index, INERTIA] = -1.0
-        total = math.exp(logarithms[VISCOUS])
-        viscous = total - damping
-        error = math.sqrt(max(float(slopes[VISCOUS] @ self.covariance @ slopes[VISCOUS]), 1e-12)) * total
-        # Less than its error is no friction to speak of; the logarithm needs some.
-        viscous = max(viscous, 0.3 * error, 1e-6 * inertia)
-        logarithms[VISCOUS] = math.log(viscous)
-        slopes[VISCOUS] *= min(total / viscous, 1e3)
-        return replace(self, normalised=False, logarithms=logarithms, covariance=slopes @ self.covariance @ slopes.T)
+        logarithms, covariance = _with_stiffness(self.logarithms, self.covariance, stiffness, damping)
+        others = []
+        for other in self.alternatives:
+            its_logarithms, its_covariance = _with_stiffness(other.logarithms, other.covariance, stiffness, damping)
+            others.append(replace(other, logarithms=its_logarithms, covariance=its_covariance))
+        return replace(self, normalised=False, logarithms=logarithms, covariance=covariance, alternatives=tuple(others))
 
     def summary(self) -> str:
         """One sentence on what the estimate rests on."""
@@ -195,9 +218,36 @@ class FrictionEstimate:
         if self.unidentified:
             prior = "the configuration" if self.configured else "a guess"
             text += f"; {', '.join(self.unidentified)} from {prior}"
+        if self.law != PAPERS_LAW:
+            text += f"; by the {self.law} law"
+        if self.alternatives:
+            others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
+            text += f"; the law may be {others} as well"
         if self.mismatch:
             text += f"; {self.mismatch}"
         return text
+
+
+def _with_stiffness(
+    logarithms: FloatArray, covariance: FloatArray, stiffness: float, damping: float
+) -> tuple[FloatArray, FloatArray]:
+    """Logarithms and covariance in units of torque, of those per inertia, with ω² in the inertia's place."""
+    slopes = np.eye(PARAMETERS)
+    logarithms = logarithms.copy()
+    logarithms[INERTIA] = math.log(stiffness) - logarithms[INERTIA]
+    slopes[INERTIA, INERTIA] = -1.0
+    inertia = math.exp(logarithms[INERTIA])
+    for index in (STRIBECK, VISCOUS):
+        logarithms[index] += logarithms[INERTIA]
+        slopes[index, INERTIA] = -1.0
+    total = math.exp(logarithms[VISCOUS])
+    viscous = total - damping
+    error = math.sqrt(max(float(slopes[VISCOUS] @ covariance @ slopes[VISCOUS]), 1e-12)) * total
+    # Less than its error is no friction to speak of; the logarithm needs some.
+    viscous = max(viscous, 0.3 * error, 1e-6 * inertia)
+    logarithms[VISCOUS] = math.log(viscous)
+    slopes[VISCOUS] *= min(total / viscous, 1e3)
+    return logarithms, slopes @ covariance @ slopes.T
 
 
 def _normal_draws() -> FloatArray:
@@ -210,7 +260,7 @@ def _normal_draws() -> FloatArray:
 _NORMAL = _normal_draws()
 
 
-def _joint(logarithms: FloatArray, coulomb: float, *, normalised: bool) -> Joint:
+def _joint(logarithms: FloatArray, coulomb: float, law: str, *, normalised: bool) -> Joint:
     values: list[Real] = list(np.exp(logarithms)) if logarithms.ndim > 1 else np.exp(logarithms).tolist()
     return Joint(
         inertia=1.0 if normalised else values[INERTIA],
@@ -221,7 +271,7 @@ def _joint(logarithms: FloatArray, coulomb: float, *, normalised: bool) -> Joint
             stribeck_velocity=values[STRIBECK_VELOCITY],
             lag=values[LAG],
             rise_time=values[RISE_TIME],
-            law=PAPERS_LAW,
+            law=law,
         ),
     )
 
@@ -242,24 +292,33 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     chosen = KeptSlips(best_known(windows)).windows
     if len(chosen) < LEAST_SLIPS:
         return None
-    solved = solve(chosen, configured)
-    return friction_estimate(*solved, configured=configured is not None) if solved else None
+    fits = fitted_laws(chosen, configured)
+    return friction_estimate(fits, configured=configured is not None) if fits else None
 
 
-def solve(
+def fitted_laws(
     windows: list[SlipWindow], configured: Joint | None, start: FloatArray | None = None
-) -> tuple[SlipProblem, Solution] | None:
-    """The problem that slips pose, and its solution, perhaps next to a start; None if nothing fits."""
+) -> list[FittedLaw]:
+    """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
+
+    Parameters
+    ----------
+    start : logarithms that fitted earlier slips under the paper's law, or None.
+    """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     problem = SlipProblem(windows)
-    solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised), start)
+    known = _prior_knowledge(configured, normalised=problem.normalised)
+    solution = search(problem, known, start)
     if solution is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.usable)
         if len(kept) < len(windows):
             problem = SlipProblem(kept)
-            solution = search(problem, _prior_knowledge(configured, normalised=problem.normalised), start)
-    return (problem, solution) if solution is not None else None
+            solution = search(problem, known, start)
+    if solution is None:
+        return []
+    fits = weighed_laws(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
+    return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 
 def may_be_usable(windows: list[SlipWindow]) -> bool:
@@ -306,8 +365,9 @@ def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tupl
     return {index: (math.log(value), _KNOWN_SPREAD) for index, value in known.items() if value > 0}
 
 
-def friction_estimate(problem: SlipProblem, solution: Solution, *, configured: bool) -> FrictionEstimate:
-    """The estimate that a fit gives, its errors, and what speaks against the model."""
+def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEstimate:
+    """The estimate by the first law, with what the others make of its errors, and what speaks against it."""
+    law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
     aside = int((~problem.usable).sum())
     left_over = solution.tolerance / float(np.median(problem.distances))
@@ -334,8 +394,40 @@ def friction_estimate(problem: SlipProblem, solution: Solution, *, configured: b
         scatter=solution.balance_error,
         mismatch=f"{DOES_NOT_FIT}: {'; '.join(reasons)}" if reasons else "",
         configured=configured,
+        law=law,
+        alternatives=tuple(_alternative(other) for other in fits[1:]),
     )
-    return estimate_from(problem, blank, fit.parameters, fit.kinetic, honest_covariance(problem, fit, solution.prior))
+    return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance_over_laws(fits))
+
+
+def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
+    """Covariance of the first law's parameters and kinetic friction: its own, and how far the others' are off."""
+    first = fits[0]
+    covariance = honest_covariance(first.problem, first.solution.fit, first.solution.prior)
+    for other in fits[1:]:
+        off = np.concatenate([_comparable(other), other.solution.fit.kinetic])
+        off -= np.concatenate([_comparable(first), first.solution.fit.kinetic])
+        covariance = covariance + other.weight * np.outer(off, off)
+    return covariance
+
+
+def _comparable(fit: FittedLaw) -> FloatArray:
+    """Parameters, with the speed at half the Stribeck friction for the Stribeck velocity, which is each law's own."""
+    parameters = fit.solution.fit.parameters.copy()
+    parameters[STRIBECK_VELOCITY] += math.log(HALF_SPEED[fit.law])
+    return np.asarray(parameters)
+
+
+def _alternative(fit: FittedLaw) -> LawAlternative:
+    solution = fit.solution
+    covariance = honest_covariance(fit.problem, solution.fit, solution.prior)
+    parameters, covariance = fit.problem.at_the_latest_gains(solution.fit.parameters, covariance)
+    return LawAlternative(
+        law=fit.law,
+        weight=fit.weight,
+        logarithms=parameters[:PARAMETERS],
+        covariance=covariance[:PARAMETERS, :PARAMETERS],
+    )
 
 
 def estimate_from(

@@ -16,16 +16,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.model._friction_law import risen_level
+from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW, risen_level
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
+from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK, STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, best_known, estimate_from
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
+from stickslip_ros.monitoring.friction.laws import HALF_SPEED
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem, follows_on
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -160,7 +161,11 @@ class FrictionLearner:
         state = self._state
         if state is None or self._studied < _SHAPE_IS_KNOWN or not state.estimate.usable:
             return None
-        return state.parameters[:PARAMETERS] if windows[-1].source is state.last_window.source else None
+        if windows[-1].source is not state.last_window.source:
+            return None
+        start = state.parameters[:PARAMETERS].copy()
+        start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[state.estimate.law] / HALF_SPEED[PAPERS_LAW])
+        return np.asarray(start)
 
     @property
     def study_is_due(self) -> bool:
@@ -228,6 +233,7 @@ class FrictionLearner:
             [window],
             (state.last_window.arrest, state.remains) if follows else None,
             both_directions=len(state.kinetic) > 1,
+            law=LAWS[state.estimate.law],
             delay_shows=window.source is ForceSource.GAINS and len(state.parameters) > PARAMETERS,
         )
         problem.take_up(stray=state.stray, tolerance=state.tolerance)

@@ -379,6 +379,13 @@ class SlipProblem:
             [window.thinned(most) for window in self.windows], law=self.law, delay_shows=self.delay_shows
         )
 
+    def with_law(self, law: int) -> SlipProblem:
+        """The problem of the same slips under another friction law; what was found of the stamps is kept."""
+        other = SlipProblem(self.windows, self.before, law=law, delay_shows=self.delay_shows)
+        other.balance = self.balance
+        other.take_up(stray=self.stray, tolerance=0.0)
+        return other
+
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
         some = [self.windows[number] for number in which]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -112,6 +112,30 @@ def search(
     if best is not None:
         problem.take_up(stray=best.stray, tolerance=best.tolerance, usable=best.usable, speeds=best.fit.velocities)
     return best
+
+
+def fit_near(
+    problem: SlipProblem, start: FloatArray, shape: SlipFit, known: Mapping[int, tuple[float, float]]
+) -> Solution:
+    """The fit next to a start, loosened if it is not as good as a fit should be.
+
+    Parameters
+    ----------
+    start : logarithms, of shape (p,). shape : fit of the same slips, perhaps under another law, which has their levels.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If nothing near the start can be simulated.
+    """
+    known = {RISE_TIME: (math.log(_USUAL_RISE_TIME), _RISE_TIME_SPREAD), **known}
+    solution = _fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
+    if solution.mean_square >= _GOOD:
+        solution = _fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
+    problem.take_up(
+        stray=solution.stray, tolerance=solution.tolerance, usable=solution.usable, speeds=solution.fit.velocities
+    )
+    return solution
 
 
 def _search_anew(problem: SlipProblem, known: Mapping[int, tuple[float, float]]) -> Solution | None:

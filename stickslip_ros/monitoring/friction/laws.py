@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Friction laws fitted side by side to the same slips, and how far the slips speak for each.
+
+The weight of a law is its posterior probability, all being equally likely before and having as many parameters:
+exp(-½ Δ) of the difference of twice the negative logarithms of their likelihoods, with each law's own estimate of what
+it leaves unexplained. Where residuals are not the sensor's noise, neighbours repeat each other: then only each
+run of residuals of one sign counts as an observation of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from stickslip_ros.model._friction_law import LAWS
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
+from stickslip_ros.monitoring.friction.slip_equations import robust
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_search import Solution, fit_near
+from stickslip_ros.monitoring.samples import FloatArray
+
+EXCLUDED = 0.02  # weight of a law that the data exclude
+LEAST_SLIPS = 8  # that tell laws apart
+_WHITE = 2.0  # residuals in a run of one sign, if they are independent
+# Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
+HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedLaw:
+    """One law's fit of some slips.
+
+    Attributes
+    ----------
+    law : its name. weight : from 0 to 1; those of all laws add up to 1.
+    """
+
+    law: str
+    problem: SlipProblem
+    solution: Solution
+    weight: float = 1.0
+
+
+def weighed_laws(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> list[FittedLaw]:
+    """The law fitted first and the others that the slips do not exclude, with their weights; the likeliest first.
+
+    Parameters
+    ----------
+    known : mean and standard deviation of parameters' logarithms, by index.
+    """
+    fits = [first]
+    if int(first.problem.usable.sum()) >= LEAST_SLIPS:
+        fits += [fit for law in LAWS if law != first.law and (fit := _fitted(law, first, known)) is not None]
+    misfits = [_misfit(fit.problem, fit.solution) for fit in fits]
+    best = int(np.argmin(misfits))
+    again = _fitted(first.law, fits[best], known) if best > 0 else None
+    if again is not None and _misfit(again.problem, again.solution) < misfits[0]:
+        # The first one had been caught in a wrong valley, out of which the other law's fit shows the way.
+        fits[0], misfits[0] = again, _misfit(again.problem, again.solution)
+        best = int(np.argmin(misfits))
+    weights = np.exp(-0.5 * (np.array(misfits) - misfits[best]) / _repeated(fits[best].problem, fits[best].solution))
+    weights /= weights.sum()
+    found = [
+        FittedLaw(law=fit.law, problem=fit.problem, solution=fit.solution, weight=float(weight))
+        for fit, weight in zip(fits, weights, strict=True)
+        if weight > EXCLUDED
+    ]
+    return sorted(found, key=lambda fit: -fit.weight)
+
+
+def _fitted(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+    """Another law's fit, next to the one known; None if there is none."""
+    problem = first.problem.with_law(LAWS[law])
+    fit = first.solution.fit
+    start = fit.parameters.copy()
+    start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[first.law] / HALF_SPEED[law])
+    try:
+        solution = fit_near(problem, start, fit, known)
+    except LinAlgError:
+        return None
+    return FittedLaw(law=law, problem=problem, solution=solution)
+
+
+def _misfit(problem: SlipProblem, solution: Solution) -> float:
+    """Twice the negative logarithm of the likelihood, but for a constant."""
+    fit = solution.fit
+    used = problem.weights > 0
+    share = len(used) / max(int(used.sum()), 1)
+    total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.errors[used]).sum()))
+    for values, error in (
+        (fit.misfits[problem.usable], solution.balance_error),
+        (fit.link_misfits[problem.linked], solution.link_error),
+    ):
+        total += robust(values / error) + 2.0 * len(values) * math.log(error)
+    return total
+
+
+def _repeated(problem: SlipProblem, solution: Solution) -> float:
+    """How many residuals say the same, at least one."""
+    residuals: FloatArray = solution.fit.residuals
+    used = problem.weights > 0
+    ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
+    runs = 1 + int(np.count_nonzero(ends[used[1:]]))
+    return max(float(used.sum()) / runs / _WHITE, 1.0)
