@@ -2,11 +2,11 @@
 # Copyright 2026 The stickslip_ros developers
 """Compiled simulation of measured slips from their own starts; :mod:`.slip_problem` is its face.
 
-A joint that does not turn is a linear system under the Stribeck friction of one lag ago. It is advanced in equal
-steps that begin at breakaway, exactly but for the friction and the controller's force, which are polynomials in a step.
-The velocity one lag ago is that polynomial's, in an earlier step or, where the lag is shorter than a step, in the
-same one. Steps end neither at nodes nor at the lag, so that what comes out is smooth in the parameters; between
-their ends positions follow a polynomial of degree five.
+A joint that does not turn is a linear system under the Stribeck friction of one lag ago. It is advanced in steps,
+exactly but for the friction and the controller's force, which are polynomials in a step. The velocity one lag ago is
+a polynomial too, of an earlier step or, where the lag is shorter than a step, of the same one. Steps are equal but
+for the first one: one ends a lag after breakaway, where the friction begins to fall and may fall at once. At nodes
+none ends, so that what comes out is smooth in the parameters; positions there follow a polynomial of degree five.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ FOUND_COLUMNS = 4
 
 _MOST_SLIPS = 64  # in a window: with ever shorter ones, without end, the joint rests as far as can be seen
 _MOST_STEPS = 1e5
+_ABSURD = 1e50  # [rad]
 _MOST_SWEEPS = 16
+_NO_STEP = 1e-9  # of a step: a first one so short is none
 _SETTLED = 1e-12  # change of the Stribeck friction, of its level at breakaway
 
 _risen_level = inlined()(_friction_law.risen_level)
@@ -81,121 +83,132 @@ def _next_breakaway(arrest, held, level, stribeck, rise_time, direction, node, l
 
 
 @inlined()
-def _lagged_weights(lag, weights, back):
-    """For each point of a step how many steps back the time one lag ago lies, and the weights of the points there."""
+def _lagged_weights(lag, weights, first_weights, back):
+    """For each point of a step how many steps back the time one lag ago lies, and the weights of the points there.
+
+    ``lag`` is in steps, and the first step is what it is longer than whole ones; in that one the weights are others.
+    """
     whole = int(lag)
+    first = lag - whole
     for j in range(1, POINTS):
-        share = NODES[j] - (lag - whole)
+        share = NODES[j] - first
         back[j] = whole if share >= 0.0 else whole + 1
         fill_weights(share if share >= 0.0 else share + 1.0, weights, j)
+        if share < 0.0:
+            fill_weights(NODES[j] / first, first_weights, j)
+    return whole, first
 
 
 @helper()
-def _lagged(history, index, weights, row):
+def _weighted(history, index, weights, row):
     """Velocity in a step, by the weights of its points."""
     total = 0.0
-    if index >= 0:
-        for i in range(POINTS):
-            total += weights[row, i] * history[index, i]
+    for i in range(POINTS):
+        total += weights[row, i] * history[index, i]
     return total
 
 
 @helper()
 def _slide(
-    begin, surplus, level, drive, stiffness, law, parameters, step, direction, rest, node, last, times, drives,
-    matrix, weights, back, history, positions, velocities,
+    begin, surplus, level, drive, stiffness, law, plant, step, whole, first, direction, rest, node, last, times,
+    drives, matrices, weights, back, history, positions, velocities,
 ):  # fmt: skip
     """One slip from ``begin``, from where the force is ``surplus`` beyond what holds; fills the nodes that it passes.
 
     Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
     """
-    vector, forces, values = np.zeros(COLUMNS), np.empty(POINTS), np.zeros(POINTS)
-    inertia, velocity_unit = parameters[INERTIA], parameters[STRIBECK_VELOCITY] * step
-    mobility = step * step / inertia
-    spring, damping = stiffness * mobility, parameters[VISCOUS] * step / inertia
-    way, speed, shape = 0.0, 0.0, 1.0
-    acceleration = mobility * surplus
-    vector[2] = acceleration
-    index, cursor = np.int64(0), node
-    while node < last and index < history.shape[0]:
-        start = begin + index * step
-        implicit = back[1] == 0 or back[POINTS - 1] == 0
+    vector, forces, shapes = np.zeros(COLUMNS), np.empty(POINTS), np.ones(POINTS)
+    unit = plant[STRIBECK_VELOCITY]
+    way, speed, acceleration = 0.0, 0.0, surplus / plant[INERTIA]
+    cursor = node
+    index = np.int64(0) if first > _NO_STEP else np.int64(1)
+    while node < last and index < history.shape[0] and abs(way) < _ABSURD:
+        size = step if index > 0 else first * step
+        start = begin if index == 0 else begin + (first + (index - 1)) * step
+        matrix = matrices[min(index, 1)]
+        mobility = size * size / plant[INERTIA]
         for j in range(1, POINTS):
-            time = start + NODES[j] * step
+            time = start + NODES[j] * size
             while cursor + 1 < last and times[cursor + 1] < time:
                 cursor += 1
             forces[j] = surplus + direction * _at(time, cursor, times, drives) - drive
-            if back[j] == 0:
-                share = 0.0
-                for i in range(POINTS):
-                    share += weights[j, i] * NODES[i]
-                lagged = (speed + acceleration * share) / velocity_unit
+            lagged, before = 0.0, index - back[j]
+            if index == 0 or before < 0 or (before == 0 and back[j] == whole):
+                lagged = 0.0  # it had not begun
+            elif before == 0:
+                lagged = _weighted(history, 0, weights[1], j)
+            elif back[j] == 0:
+                lagged = max(speed + acceleration * (NODES[j] - first) * step, 0.0) / unit
             else:
-                lagged = _lagged(history, index - back[j], weights, j)
-            values[j] = _stribeck_friction(law, 1.0, lagged)
-            vector[2 + j] = mobility * (forces[j] + level * (1.0 - values[j]))
-        history[index, 0] = speed / velocity_unit
-        vector[0], vector[1] = way, speed
+                lagged = _weighted(history, before, weights[0], j)
+            shapes[j] = _stribeck_friction(law, 1.0, lagged)
+            vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]))
+        history[index, 0] = speed / unit
+        vector[0], vector[1], vector[2] = way, speed * size, acceleration * size * size
+        vector[2] += (stiffness * way + plant[VISCOUS] * speed) * mobility
         for _ in range(_MOST_SWEEPS):
             for i in range(POINTS - 1):
                 total = 0.0
                 for j in range(COLUMNS):
                     total += matrix[i, j] * vector[j]
-                history[index, i + 1] = total / velocity_unit
-            if not implicit:
-                break
+                history[index, i + 1] = total / (size * unit)
             change = 0.0
-            for j in range(1, POINTS):
-                if back[j] == 0:
-                    shape_now = _stribeck_friction(law, 1.0, _lagged(history, index, weights, j))
-                    change = max(change, abs(shape_now - values[j]))
-                    values[j] = shape_now
-                    vector[2 + j] = mobility * (forces[j] + level * (1.0 - shape_now))
+            if index > 0:
+                for j in range(1, POINTS):
+                    if back[j] == 0:
+                        shape = _stribeck_friction(law, 1.0, _weighted(history, index, weights[0], j))
+                        change = max(change, abs(shape - shapes[j]))
+                        shapes[j] = shape
+                        vector[2 + j] = mobility * (forces[j] + level * (1.0 - shape))
             if change < _SETTLED:
                 break
         end = 0.0
         for j in range(COLUMNS):
             end += matrix[END_POSITION, j] * vector[j]
-        end_speed = history[index, POINTS - 1] * velocity_unit
-        end_acceleration = vector[COLUMNS - 1] - spring * end - damping * end_speed
+        end_speed = history[index, POINTS - 1] * unit
+        force = forces[POINTS - 1] + level * (1.0 - shapes[POINTS - 1])
+        end_acceleration = (force - stiffness * end - plant[VISCOUS] * end_speed) / plant[INERTIA]
         arrest = math.inf
         for j in range(1, POINTS):
             if history[index, j] <= 0.0:
                 arrest = first_not_positive(history[index], j)
                 break
         # Coefficients of the polynomial of degree five through position, velocity and acceleration at both ends.
-        rise = end - way - speed - 0.5 * acceleration
-        slope = end_speed - speed - acceleration
-        bend = end_acceleration - acceleration
-        third = 10.0 * rise - 4.0 * slope + 0.5 * bend
-        fourth = -15.0 * rise + 7.0 * slope - bend
-        fifth = 6.0 * rise - 3.0 * slope + 0.5 * bend
-        until = start + min(arrest, 1.0) * step
+        one, two = speed * size, 0.5 * acceleration * size * size
+        rise = end - way - one - two
+        slope = end_speed * size - one - 2.0 * two
+        bend = end_acceleration * size * size - 2.0 * two
+        three = 10.0 * rise - 4.0 * slope + 0.5 * bend
+        four = -15.0 * rise + 7.0 * slope - bend
+        five = 6.0 * rise - 3.0 * slope + 0.5 * bend
+        until = start + min(arrest, 1.0) * size
         while node < last and times[node + 1] <= until:
             node += 1
-            s = (times[node] - start) / step
-            place = way + s * (speed + s * (0.5 * acceleration + s * (third + s * (fourth + s * fifth))))
-            pace = speed + s * (acceleration + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))
-            positions[node] = rest + direction * place
-            velocities[node] = direction * pace / step
+            s = (times[node] - start) / size
+            positions[node] = rest + direction * (way + s * (one + s * (two + s * (three + s * (four + s * five)))))
+            pace = one + s * (2.0 * two + s * (3.0 * three + s * (4.0 * four + s * 5.0 * five)))
+            velocities[node] = direction * pace / size
         if arrest <= 1.0 and node < last:
             s = arrest
-            place = way + s * (speed + s * (0.5 * acceleration + s * (third + s * (fourth + s * fifth))))
-            ago = index + arrest - parameters[LAG] / step
-            shape = 1.0
-            if ago > 0.0:
-                # Row 0 of the weights is of no other use.
-                whole = int(ago)
-                fill_weights(ago - whole, weights, 0)
-                shape = _stribeck_friction(law, 1.0, _lagged(history, whole, weights, 0))
-            return until, place, shape, node
+            way += s * (one + s * (two + s * (three + s * (four + s * five))))
+            return until, way, _shape_at((until - begin) / step - first - whole, first, law, history, weights), node
         way, speed, acceleration = end, end_speed, end_acceleration
-        vector[2] = vector[COLUMNS - 1]
         index += 1
     for i in range(node + 1, last + 1):
-        # Not a number was among what it came from.
+        # Nothing that moves so: what it came from was absurd, or not a number.
         positions[i] = velocities[i] = math.nan
-    return math.inf, way, shape, last
+    return math.inf, way, 1.0, last
+
+
+@helper()
+def _shape_at(time, first, law, history, weights):
+    """Ψ by the velocity so many steps after breakaway."""
+    if time <= 0.0:
+        return 1.0
+    index = 0 if time < first else 1 + int(time - first)
+    # Row 0 of the weights is of no other use.
+    fill_weights(time / first if index == 0 else time - first - (index - 1), weights[0], 0)
+    return _stribeck_friction(law, 1.0, _weighted(history, index, weights[0], 0))
 
 
 @compiled(nogil=True)
@@ -213,8 +226,10 @@ def simulate_windows(
     for variant in range(parameters.shape[0]):
         for n in range(directions.shape[0]):
             room = max(room, (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / steps[variant])
-    history = np.empty((int(min(room, _MOST_STEPS)) + 2, POINTS))
-    matrix, weights, back = np.empty((ROWS, COLUMNS)), np.zeros((POINTS, POINTS)), np.zeros(POINTS, dtype=np.int64)
+    history = np.empty((int(min(room, _MOST_STEPS)) + 3, POINTS))
+    # Of the first step and of the others; weights of the others, and of the first.
+    matrices, weights = np.empty((2, ROWS, COLUMNS)), np.zeros((2, POINTS, POINTS))
+    back = np.zeros(POINTS, dtype=np.int64)
     plant = np.empty(RISE_TIME + 1)
     for variant in range(parameters.shape[0]):
         step = steps[variant]
@@ -222,7 +237,7 @@ def simulate_windows(
             plant[i] = parameters[variant, i]
         drive_at = drives[variant % drives.shape[0]]
         positions_at, velocities_at = positions[variant], velocities[variant]
-        _lagged_weights(plant[LAG] / step, weights, back)
+        whole, first_share = _lagged_weights(plant[LAG] / step, weights[0], weights[1], back)
         filled_stiffness = filled_damping = -1.0
         for n in range(directions.shape[0]):
             first, last = edges[n], edges[n + 1] - 1
@@ -232,7 +247,10 @@ def simulate_windows(
             damping = gains[variant % gains.shape[0], n, 1]
             plant[VISCOUS] = parameters[variant, VISCOUS] + damping
             if stiffness != filled_stiffness or damping != filled_damping:
-                fill_step(stiffness * step * step / plant[INERTIA], plant[VISCOUS] * step / plant[INERTIA], matrix)
+                for which in range(2):
+                    size = step if which == 1 else first_share * step
+                    spring, decay = stiffness * size * size / plant[INERTIA], plant[VISCOUS] * size / plant[INERTIA]
+                    fill_step(spring, decay, matrices[which])
                 filled_stiffness, filled_damping = stiffness, damping
             node = first
             while node + 2 <= last and times[node + 1] <= begin:
@@ -247,8 +265,8 @@ def simulate_windows(
             level_now, surplus = level, 0.0
             for _ in range(_MOST_SLIPS):
                 arrest, way, shape, node = _slide(
-                    begin, surplus, level_now, drive, stiffness, law, plant, step, direction, rest, node, last, times,
-                    drive_at, matrix, weights, back, history, positions_at, velocities_at,
+                    begin, surplus, level_now, drive, stiffness, law, plant, step, whole, first_share, direction, rest,
+                    node, last, times, drive_at, matrices, weights, back, history, positions_at, velocities_at,
                 )  # fmt: skip
                 if math.isinf(arrest):
                     break

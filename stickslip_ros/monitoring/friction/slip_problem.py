@@ -35,7 +35,7 @@ UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 
 # Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
-_OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.35, 0.4
+_OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
 _LONG_SLIP = 1.6  # of its neighbours: two slips, the rest between them unseen
