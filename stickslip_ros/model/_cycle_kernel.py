@@ -13,6 +13,7 @@ from stickslip_ros.compilation import helper, inlined, kernel
 from stickslip_ros.model._slip_kernel import (
     ARRESTED,
     TOO_ROUGH,
+    keeps_lag,
     prepare,
     shorten,
     slip,
@@ -60,9 +61,10 @@ def _cycle(level, point, prepared, tolerance, record):
 
 
 @helper()
-def _feasible(damping_ratio, stribeck, velocity):
-    """Whether a slip takes a bearable number of steps."""
-    return max(np.sqrt(velocity), stribeck) < _SHARPEST and damping_ratio <= LARGEST_DAMPING_RATIO
+def _feasible(damping_ratio, stribeck, velocity, lag):
+    """Whether a slip takes a bearable number of steps, and its lag's are not too many to be kept."""
+    few = max(np.sqrt(velocity), stribeck) < _SHARPEST and damping_ratio <= LARGEST_DAMPING_RATIO
+    return few and keeps_lag(damping_ratio, stribeck, velocity, lag)
 
 
 @kernel(nogil=True)
@@ -83,7 +85,7 @@ def cycles(
                 summaries[i, n, column] = np.nan
         slips = 0
         point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
-        if recorded == 0 and not _feasible(point[0], point[1], point[2]):
+        if recorded == 0 and not _feasible(point[0], point[1], point[2], point[3]):
             continue
         prepared = prepare(point[0], point[1], point[2], point[3], refinement)
         level = levels[i]
@@ -123,7 +125,7 @@ def _persists(damping_ratio, stribeck, velocity, lag, rise_time, law):
     do, a fixed point is about to be born or has just gone, and the map's closest approach to the diagonal is
     searched below the present level. If it is passed, the levels go on at the far side.
     """
-    if not _feasible(damping_ratio, stribeck, velocity):
+    if not _feasible(damping_ratio, stribeck, velocity, lag):
         return UNKNOWN
     prepared = prepare(damping_ratio, stribeck, velocity, lag, 1.0)
     point = (damping_ratio, stribeck, velocity, lag, rise_time, law)

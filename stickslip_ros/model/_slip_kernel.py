@@ -59,6 +59,17 @@ _risen_level = inlined()(_friction_law.risen_level)
 _stribeck_friction = inlined()(_friction_law.stribeck_friction)
 
 
+@inlined()
+def _longest_step(damping_ratio, stribeck, velocity, refinement):
+    return 0.4 / (max(1.0, np.sqrt(velocity), 0.5 * stribeck, 2.0 * damping_ratio) * refinement)
+
+
+@helper()
+def keeps_lag(damping_ratio, stribeck, velocity, lag):
+    """Whether the velocities of one lag are no more than can be kept."""
+    return lag <= _MOST_LAG_STEPS * _longest_step(damping_ratio, stribeck, velocity, 1.0)
+
+
 @helper()
 def prepare(damping_ratio, stribeck, velocity, lag, refinement):
     """Workspace of one parameter point, whose steps :func:`slip` may shorten.
@@ -66,8 +77,7 @@ def prepare(damping_ratio, stribeck, velocity, lag, refinement):
     Longest step and the number of steps in a lag (0: steps longer than the lag), matrices and lagged rows of each
     halving of the step with a flag whether they are filled, Ψ one lag ago, and the latest steps as they were.
     """
-    sharpness = max(1.0, np.sqrt(velocity), 0.5 * stribeck, 2.0 * damping_ratio)
-    longest = 0.4 / (sharpness * refinement)
+    longest = _longest_step(damping_ratio, stribeck, velocity, refinement)
     steps = np.array([longest, 0.0])
     if lag > longest / _LAG_INSIDE:
         steps[1] = np.ceil(lag / longest)
@@ -106,6 +116,9 @@ def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
     """
     steps, matrices, lagged_rows, filled, ring, latest = prepared
     longest, lag_steps = steps[0], int(steps[1])
+    if lag_steps > ring.shape[0]:
+        # The velocities of so long a lag are more than are kept.
+        return UNDECIDED, 0.0, 0.0, 0.0, 0.0, np.int64(0)
     vector = np.empty(COLUMNS)
     result = np.empty(ROWS)
     responses = np.empty(POINTS + 2)

@@ -138,6 +138,16 @@ def test_limits_of_the_boundaries(puma: Joint) -> None:
     assert exact_critical_damping_ratio(random_groups(1, seed=7)) != 0.0
 
 
+def test_a_lag_too_long_to_keep_has_no_answer() -> None:
+    """Issue 18: lags of thousands of radians, as open estimates have them, ended the process."""
+    groups = DimensionlessGroups(
+        natural_frequency=75.6, damping_ratio=3.06, stribeck=33.3, velocity=0.064, lag=1400.0, rise_time=6074.0
+    )
+    assert np.isnan(cycle_persists(groups))
+    assert np.isnan(exact_critical_damping_ratio(groups))
+    assert np.isnan(simulate_cycles(groups, 2).slip_duration).all()
+
+
 def test_what_is_too_sharp_has_no_answer() -> None:
     """Issue 3: a point whose integration would not end in time is answered NaN, at once."""
     groups = with_ratio(random_groups(3, seed=8), [0.1, 1e6, 0.1])
