@@ -81,6 +81,7 @@ class Annotation:
             gains=state.margin_gains,
             conditions=joint.settings.options.conditions,
             speed=abs(state.velocity),
+            uncertainty=state.uncertainty,
         )
         known = self._verdicts.get(name)
         if known is None or not known[0].answers(question):

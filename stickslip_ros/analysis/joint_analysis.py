@@ -22,10 +22,11 @@ from stickslip_ros.analysis.judgement import (
 from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, Status
+from stickslip_ros.monitoring.exact_question import ExactQuestion
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
@@ -175,7 +176,13 @@ class FollowedJoint:
         exact = ExactVerdict(smooth=None, reason=assessment.margin_reason)
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
             conditions = self.settings.options.conditions
-            exact = exact_verdict(assessment.joint, assessment.margin_gains, velocity, conditions)
+            exact = ExactQuestion(
+                joint=assessment.joint,
+                gains=assessment.margin_gains,
+                conditions=conditions,
+                speed=abs(velocity),
+                uncertainty=assessment.uncertainty,
+            ).verdict()
         problems = tuple(
             data_problems(
                 assessment.dropped, assessment.restarts, self._samples, reference_follows=assessment.reference_follows

@@ -39,6 +39,8 @@ class ExactVerdict:
         action or sampled control); NaN if none.
     lowest_smooth_velocity : [rad/s]; 0 if every speed is smooth, infinite if none is; NaN beyond the paper's case.
     least_smooth_stiffness : [N·m/rad], at the present damping; likewise.
+    stick_slip_probability : that it does not die out, given the errors of what is known of the friction; NaN where that
+        is given, not learnt.
     """
 
     smooth: bool | None
@@ -46,6 +48,7 @@ class ExactVerdict:
     critical_damping_ratio: float = math.nan
     lowest_smooth_velocity: float = math.nan
     least_smooth_stiffness: float = math.nan
+    stick_slip_probability: float = math.nan
 
 
 def exact_verdict(

@@ -19,6 +19,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +76,7 @@ class Assessment:
         configured, not learnt.
     stick_slip_probability : that Eq. (43) predicts stick slip, given these errors; NaN likewise.
     rests_on : where the friction comes from that the margin uses.
+    uncertainty : of inertia and friction; None if these are configured.
     joint : inertia and friction that the margin uses; margin_gains : its gains, as the motion or the effort shows
         them where the controller's are unknown; per_inertia : whether both are, the effort being unknown too.
     position : of the last sample [rad]; mean_velocity : over the last tenths of a second [rad/s].
@@ -101,6 +103,7 @@ class Assessment:
     margin_std: float
     stick_slip_probability: float
     rests_on: str
+    uncertainty: Uncertainty | None
     joint: Joint | None
     margin_gains: Gains | None
     per_inertia: bool

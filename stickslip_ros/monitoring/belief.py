@@ -11,12 +11,13 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.advice.requirement import Uncertainty
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction.estimate import DRAWS, FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 _SAME = 0.01
+_DOUBT = 0.1  # probability of being wrong, at least, of what rests on a model that does not fit
 _LEAST_VISCOUS = 0.01  # of what was estimated, that a late effort leaves
 # Always the same ones, other than those of the friction, so that what is computed from them is smooth.
 _NORMAL = np.random.default_rng(44).standard_normal((2, DRAWS))
@@ -113,16 +114,24 @@ def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
     known = gains if not estimate.normalised else estimate.gains
     if known is None:
         return None
-    joint, stiffness = estimate.draws()
-    ratios = stiffness / float(known.stiffness) if estimate.normalised else np.ones_like(stiffness)
     return Belief(
         joint=estimate.joint(),
         gains=known,
-        uncertainty=Uncertainty(joint=joint, stiffness=ratios),
+        uncertainty=_uncertainty(estimate, known),
         gains_known=not estimate.normalised,
         rests_on=estimate.summary(),
         per_inertia=estimate.normalised,
     )
+
+
+def _uncertainty(estimate: FrictionEstimate, known: Gains) -> Uncertainty:
+    """The joint as it may be, by each law."""
+    laws = []
+    for weight, one in estimate.by_law():
+        joint, stiffness = one.draws()
+        ratios = stiffness / float(known.stiffness) if one.normalised else np.ones_like(stiffness)
+        laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=_DOUBT if one.mismatch else 0.0))
+    return replace(laws[0], others=tuple(laws[1:]))
 
 
 def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> Belief:

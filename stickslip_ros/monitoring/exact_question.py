@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
 
 UNKNOWN = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02
@@ -17,16 +18,24 @@ _SAME_GAINS = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ExactQuestion:
-    """Whether a joint sticks and slips at a speed [rad/s], which is not negative."""
+    """Whether a joint sticks and slips at a speed [rad/s], which is not negative, and how sure that is.
+
+    ``uncertainty`` is that of the joint, None if it is given; it changes with the joint alone.
+    """
 
     joint: Joint
     gains: Gains
     conditions: OperatingConditions
     speed: float
+    uncertainty: Uncertainty | None = field(default=None, compare=False)
 
     def verdict(self) -> ExactVerdict:
         """The answer, worked out."""
-        return exact_verdict(self.joint, self.gains, self.speed, self.conditions)
+        verdict = exact_verdict(self.joint, self.gains, self.speed, self.conditions)
+        if self.uncertainty is None or verdict.smooth is None or self.conditions.controller_period > 0:
+            return verdict
+        probability = stick_slip_probability(self.uncertainty, self.gains, self.speed)
+        return replace(verdict, stick_slip_probability=probability)
 
     def of_the_same_controller(self, other: ExactQuestion) -> bool:
         """Whether conditions and gains are the same, the latter but for what learning makes of them per inertia."""

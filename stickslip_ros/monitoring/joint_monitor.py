@@ -402,6 +402,7 @@ class JointMonitor:
             margin_std=std,
             stick_slip_probability=probability,
             rests_on=belief.rests_on if belief else "",
+            uncertainty=belief.uncertainty if belief else None,
             joint=belief.joint if belief else None,
             margin_gains=belief.gains if belief else None,
             per_inertia=belief is not None and belief.per_inertia,

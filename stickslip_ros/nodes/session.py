@@ -20,7 +20,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.exact_question import UNKNOWN
+from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.gains.apply_service import ApplyService, NotYetError, RefusedError
@@ -294,8 +294,14 @@ class Session:
         believed: Joint | None = assessment.joint
         if believed is None or gains is None or not assessment.velocity_source:
             return UNKNOWN
-        conditions = joint.settings.options.conditions
-        return self._exact.verdict(name, believed, gains, conditions, assessment.velocity, now)
+        question = ExactQuestion(
+            joint=believed,
+            gains=gains,
+            conditions=joint.settings.options.conditions,
+            speed=abs(assessment.velocity),
+            uncertainty=assessment.uncertainty,
+        )
+        return self._exact.verdict(name, question, now)
 
     def _set_advice(self, advised: dict[str, Gains | None]) -> None:
         """Let the parameters `recommended.<joint>.p` and `.d` hold the advice."""

@@ -189,6 +189,9 @@ EXACT = Section(
         _row(value=lambda exact: exact.least_smooth_stiffness, unit=_STIFFNESS,
              diagnostics="exact least_smooth_stiffness", json="least_smooth_stiffness",
              margins=_field(16, "exact_least_smooth_stiffness")),
+        _row(value=lambda exact: exact.stick_slip_probability, unit="1",
+             diagnostics="exact stick_slip_probability", json="stick_slip_probability",
+             fleet="exact_stick_slip_probability"),
     ),
 )  # fmt: skip
 GAINS = Section(

@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.advice.limits import (
     largest_bandwidth,
 )
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
-from stickslip_ros.monitoring.advice.requirement import Uncertainty
+from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 STICKING = Gains(stiffness=630.0)
 SPEED = 0.0058

@@ -12,8 +12,8 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend
-from stickslip_ros.monitoring.advice.requirement import Uncertainty
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
+from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 _SAME_SPEED = 0.01
 _SAME_RATE = 0.05

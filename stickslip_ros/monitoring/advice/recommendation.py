@@ -23,8 +23,9 @@ from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, 
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
-from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding, Uncertainty
+from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Obstruction
+from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 _MORE_DAMPING = 1.25  # asked for besides, where the integration refutes what a search has found
 _MOST_DAMPING = 10.0

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 _LEAST_RATIO = 1e-6  # without any damping no oscillation dies
 _ROUNDING = 1e-9
@@ -29,33 +30,23 @@ _STEADY = 1.05  # times the damping at which a disturbance neither grows nor dec
 _LARGEST_LAG = 2.0 * math.pi
 
 
-@dataclass(frozen=True, kw_only=True)
-class Uncertainty:
-    """A joint as it may be: draws from what is known of it.
-
-    Attributes
-    ----------
-    joint : of arrays, one value a draw.
-    stiffness : of the controller in each draw over the nominal one; 1 where the gains are known.
-    """
-
-    joint: Joint
-    stiffness: FloatArray
-
-
 class Requirement:
     """Least damping with the wanted margin.
 
     Parameters
     ----------
     joint : of scalars. velocity : commanded [rad/s], used unless the limits name a slowest one.
-    uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws; None for a joint known
-        exactly.
+    uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws, under each of its laws; None
+        for a joint known exactly.
     """
 
     def __init__(
         self, joint: Joint, velocity: float, limits: AdviceLimits, uncertainty: Uncertainty | None = None
     ) -> None:
+        # Under a law that the data do not exclude it must hold too; Eq. (43) is of the paper's law alone.
+        exactly = replace(limits, condition=Criterion.EXACT)
+        others = uncertainty.others if uncertainty is not None else ()
+        self._others = [Requirement(joint, velocity, exactly, other) for other in others]
         self.exact = limits.condition is Criterion.EXACT
         if uncertainty is not None and self.exact:
             uncertainty = _thinned(uncertainty)
@@ -76,7 +67,8 @@ class Requirement:
             ratio = np.maximum(self._factor * critical, _LEAST_RATIO)
             needed = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         needed = np.where(np.isnan(needed), math.inf, needed)
-        return np.asarray(np.quantile(needed, self._share, axis=1, method="higher"))
+        damping = np.quantile(needed, self._share, axis=1, method="higher")
+        return np.asarray(np.max([damping, *(other.damping(stiffness) for other in self._others)], axis=0))
 
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains k_p [N·m/rad] and k_v [N·m·s/rad] of shape (n,) have the wanted margin.
@@ -86,6 +78,7 @@ class Requirement:
         if not self.exact:
             # What is just enough counts.
             return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
+        reached = np.all([other.reached(stiffness, damping) for other in self._others], axis=0)
         draws = _with_axis(self._joint)
         viscous = np.asarray(draws.friction.viscous)
         with np.errstate(all="ignore"):
@@ -93,7 +86,7 @@ class Requirement:
             less = np.maximum(damping[:, None, None] + viscous, 0.0) / self._wanted - viscous
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses, damping=less), self.speeds)
             dies = np.all(np.asarray(cycle_persists(groups)) == 0.0, axis=2)
-        return np.asarray(np.mean(dies, axis=1) >= self._share)
+        return np.asarray((np.mean(dies, axis=1) >= self._share) & reached)
 
     def _critical(self, groups: DimensionlessGroups) -> FloatArray:
         if self.exact:

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stickslip_ros.model.controlled import OperatingConditions
-from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes.worker.background import Background
@@ -32,16 +30,13 @@ class ExactWorker:
     def __init__(self, work: SlowWork) -> None:
         self._background: Background[_Asked, ExactVerdict] = Background(work, "exact verdict", _answer)
 
-    def verdict(
-        self, name: str, joint: Joint, gains: Gains, conditions: OperatingConditions, velocity: float, now: float
-    ) -> ExactVerdict:
+    def verdict(self, name: str, question: ExactQuestion, now: float) -> ExactVerdict:
         """The verdict on a joint as it is now, or :data:`UNKNOWN` until it is there.
 
         Parameters
         ----------
-        name : under which the joint asks. velocity : [rad/s]. now : a steady time [s].
+        name : under which the joint asks. now : a steady time [s].
         """
-        question = ExactQuestion(joint=joint, gains=gains, conditions=conditions, speed=abs(velocity))
         known = self._background.latest(name)
         if known is None or not known[0].question.of_the_same_controller(question):
             self._background.ask(name, _Asked(question, now))
@@ -49,7 +44,7 @@ class ExactWorker:
         asked, verdict = known
         same_speed = asked.question.at_the_same_speed(question)
         if not asked.question.answers(question) and (
-            asked.question.joint != joint or now - asked.at >= _SAME_GAINS_INTERVAL
+            asked.question.joint != question.joint or now - asked.at >= _SAME_GAINS_INTERVAL
         ):
             self._background.ask(name, _Asked(question, now))
         # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
