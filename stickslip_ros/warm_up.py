@@ -115,6 +115,7 @@ def _use_verdict() -> None:
 
 def _use_simulation() -> None:
     from stickslip_ros.model.joint_simulation import simulate
+    from stickslip_ros.monitoring.friction.slip_fit import Tolerances, evidence
     from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
     from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 
@@ -128,7 +129,10 @@ def _use_simulation() -> None:
         sample_interval=0.01,
     )  # fmt: skip
     problem = SlipProblem([window])
-    problem.simulate(np.zeros(PARAMETERS + 1), problem.detected(1.0))
+    evidence(
+        problem, Tolerances(), parameters=np.zeros(PARAMETERS), kinetic=np.zeros(1), unknowns=problem.detected(1.0),
+        iterations=1,
+    )  # fmt: skip
 
 
 def _example() -> tuple[Joint, Gains]:
@@ -141,7 +145,7 @@ def _example() -> tuple[Joint, Gains]:
 PARTS = {
     "verdict": Part(use=_use_verdict, functions=35, seconds=10.0, node=False),
     "detection": Part(use=_use_detection, functions=31, seconds=8.0, node=True),
-    "simulation": Part(use=_use_simulation, functions=28, seconds=5.5, node=True),
+    "simulation": Part(use=_use_simulation, functions=36, seconds=10.0, node=True),
     "messages": Part(use=_use_messages, functions=9, seconds=2.0, node=True),
 }
 

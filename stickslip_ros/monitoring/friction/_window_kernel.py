@@ -88,9 +88,10 @@ def _lagged_weights(lag, weights, first_weights, back):
 
     ``lag`` is in steps, and the first step is what it is longer than whole ones; in that one the weights are others.
     """
+    points = weights.shape[0]
     whole = int(lag)
     first = lag - whole
-    for j in range(1, POINTS):
+    for j in range(1, points):
         share = NODES[j] - first
         back[j] = whole if share >= 0.0 else whole + 1
         fill_weights(share if share >= 0.0 else share + 1.0, weights, j)
@@ -102,8 +103,9 @@ def _lagged_weights(lag, weights, first_weights, back):
 @helper()
 def _weighted(history, index, weights, row):
     """Velocity in a step, by the weights of its points."""
+    points = weights.shape[1]
     total = 0.0
-    for i in range(POINTS):
+    for i in range(points):
         total += weights[row, i] * history[index, i]
     return total
 
@@ -117,7 +119,8 @@ def _slide(
 
     Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
     """
-    vector, forces, shapes = np.zeros(COLUMNS), np.empty(POINTS), np.ones(POINTS)
+    points, columns = history.shape[1], matrices.shape[2]
+    vector, forces, shapes = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS)
     unit = plant[STRIBECK_VELOCITY]
     way, speed, acceleration = 0.0, 0.0, surplus / plant[INERTIA]
     cursor = node
@@ -125,9 +128,9 @@ def _slide(
     while node < last and index < history.shape[0] and abs(way) < _ABSURD:
         size = step if index > 0 else first * step
         start = begin if index == 0 else begin + (first + (index - 1)) * step
-        matrix = matrices[min(index, 1)]
+        matrix = matrices[1 if index > 0 else 0]
         mobility = size * size / plant[INERTIA]
-        for j in range(1, POINTS):
+        for j in range(1, points):
             time = start + NODES[j] * size
             while cursor + 1 < last and times[cursor + 1] < time:
                 cursor += 1
@@ -138,7 +141,7 @@ def _slide(
             elif before == 0:
                 lagged = _weighted(history, 0, weights[1], j)
             elif back[j] == 0:
-                lagged = max(speed + acceleration * (NODES[j] - first) * step, 0.0) / unit
+                lagged = (speed + acceleration * (NODES[j] - first) * step) / unit
             else:
                 lagged = _weighted(history, before, weights[0], j)
             shapes[j] = _stribeck_friction(law, 1.0, lagged)
@@ -147,29 +150,30 @@ def _slide(
         vector[0], vector[1], vector[2] = way, speed * size, acceleration * size * size
         vector[2] += (stiffness * way + plant[VISCOUS] * speed) * mobility
         for _ in range(_MOST_SWEEPS):
-            for i in range(POINTS - 1):
+            for i in range(points - 1):
                 total = 0.0
-                for j in range(COLUMNS):
+                for j in range(columns):
                     total += matrix[i, j] * vector[j]
                 history[index, i + 1] = total / (size * unit)
             change = 0.0
             if index > 0:
-                for j in range(1, POINTS):
+                for j in range(1, points):
                     if back[j] == 0:
                         shape = _stribeck_friction(law, 1.0, _weighted(history, index, weights[0], j))
-                        change = max(change, abs(shape - shapes[j]))
+                        if abs(shape - shapes[j]) > change:
+                            change = abs(shape - shapes[j])
                         shapes[j] = shape
                         vector[2 + j] = mobility * (forces[j] + level * (1.0 - shape))
             if change < _SETTLED:
                 break
         end = 0.0
-        for j in range(COLUMNS):
+        for j in range(columns):
             end += matrix[END_POSITION, j] * vector[j]
         end_speed = history[index, POINTS - 1] * unit
         force = forces[POINTS - 1] + level * (1.0 - shapes[POINTS - 1])
         end_acceleration = (force - stiffness * end - plant[VISCOUS] * end_speed) / plant[INERTIA]
         arrest = math.inf
-        for j in range(1, POINTS):
+        for j in range(1, points):
             if history[index, j] <= 0.0:
                 arrest = first_not_positive(history[index], j)
                 break
@@ -181,7 +185,7 @@ def _slide(
         three = 10.0 * rise - 4.0 * slope + 0.5 * bend
         four = -15.0 * rise + 7.0 * slope - bend
         five = 6.0 * rise - 3.0 * slope + 0.5 * bend
-        until = start + min(arrest, 1.0) * size
+        until = start + (arrest if arrest < 1.0 else 1.0) * size
         while node < last and times[node + 1] <= until:
             node += 1
             s = (times[node] - start) / size
@@ -200,7 +204,7 @@ def _slide(
     return math.inf, way, 1.0, last
 
 
-@helper()
+@inlined()
 def _shape_at(time, first, law, history, weights):
     """Ψ by the velocity so many steps after breakaway."""
     if time <= 0.0:
@@ -225,11 +229,13 @@ def simulate_windows(
     room = 0.0
     for variant in range(parameters.shape[0]):
         for n in range(directions.shape[0]):
-            room = max(room, (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / steps[variant])
-    history = np.empty((int(min(room, _MOST_STEPS)) + 3, POINTS))
+            needed = (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / steps[variant]
+            if room < needed < _MOST_STEPS:
+                room = needed
+    history = np.empty((int(room) + 3, POINTS))
     # Of the first step and of the others; weights of the others, and of the first.
-    matrices, weights = np.empty((2, ROWS, COLUMNS)), np.zeros((2, POINTS, POINTS))
-    back = np.zeros(POINTS, dtype=np.int64)
+    matrices, weights = np.empty((2, ROWS, COLUMNS)), np.empty((2, POINTS, POINTS))
+    back = np.empty(POINTS, dtype=np.int64)
     plant = np.empty(RISE_TIME + 1)
     for variant in range(parameters.shape[0]):
         step = steps[variant]
@@ -286,7 +292,7 @@ def simulate_windows(
                     break
                 level_now = _risen_level(level_now, plant[STRIBECK], begin - arrest, plant[RISE_TIME])
                 drive = direction * _at(begin, node, times, drive_at)
-                surplus = max(drive - holding - level_now, 0.0)
+                surplus = drive - holding - level_now
             for i in range(node + 1, last + 1):
                 positions_at[i], velocities_at[i] = rest, 0.0
             if math.isnan(found[variant, n, ARREST]):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip_ros.compilation import helper
+from stickslip_ros.compilation import helper, inlined
 
 POINTS = 6  # Lobatto points of a step, both ends included
 _SERIES_TERMS = 16
@@ -26,14 +26,16 @@ ROWS, COLUMNS = POINTS, POINTS + 2
 END_POSITION = POINTS - 1
 
 
-@helper()
+@inlined()
 def fill_step(stiffness, damping, matrix):
     """The matrix of one step, for κ and δ of at most about one."""
+    # Loops go by shapes: by numbers known ahead they would be unrolled, which takes seconds to compile.
     # G_m(s) = Σ_n a_n s^(n+m)/(n+m)!, with a_n the Taylor coefficients of the velocity after an impulse: G_1 and G_0
     # are position and velocity after an impulse, G_(k+2) and G_(k+1) those under the force s^k/k!.
-    responses = np.empty(POINTS + 2)
-    top = POINTS + 1
-    for i in range(1, POINTS):
+    points = matrix.shape[0]
+    responses = np.empty(points + 2)
+    top = points + 1
+    for i in range(1, points):
         time = NODES[i]
         term = 1.0
         for m in range(1, top):
@@ -61,9 +63,10 @@ def fill_step(stiffness, damping, matrix):
 @helper()
 def _force_columns(responses, order, matrix, row):
     """Columns of a row for the force at the points: velocity by order 1, position by order 2."""
-    for j in range(POINTS):
+    points = matrix.shape[0]
+    for j in range(points):
         factorial, total = 1.0, 0.0
-        for k in range(POINTS):
+        for k in range(points):
             total += factorial * LAGRANGE[k, j] * responses[k + order]
             factorial *= k + 1
         matrix[row, 2 + j] = total
@@ -72,23 +75,25 @@ def _force_columns(responses, order, matrix, row):
 @helper()
 def fill_weights(share, weights, row):
     """Weights of the values at a step's points in the polynomial through them, at a share of the step."""
-    for j in range(POINTS):
+    points = weights.shape[1]
+    for j in range(points):
         total = 0.0
-        for k in range(POINTS - 1, -1, -1):
+        for k in range(points - 1, -1, -1):
             total = total * share + LAGRANGE[k, j]
         weights[row, j] = total
 
 
-@helper()
+@inlined()
 def first_not_positive(values, point):
     """Share of a step at which the polynomial through the points falls to zero, seen first not to be above it at one.
 
     ``values`` are those at the points.
     """
-    coefficients = np.empty(POINTS)
-    for k in range(POINTS):
+    points = values.shape[0]
+    coefficients = np.empty(points)
+    for k in range(points):
         total = 0.0
-        for j in range(POINTS):
+        for j in range(points):
             total += LAGRANGE[k, j] * values[j]
         coefficients[k] = total
     low, high = NODES[point - 1], NODES[point]
@@ -97,7 +102,7 @@ def first_not_positive(values, point):
     share = 0.5 * (low + high)
     for _ in range(60):
         value, slope = 0.0, 0.0
-        for k in range(POINTS - 1, -1, -1):
+        for k in range(points - 1, -1, -1):
             slope = slope * share + value
             value = value * share + coefficients[k]
         if value > 0.0:

@@ -8,7 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
+from stickslip_ros.monitoring.friction import _equations_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, POSITION
 from stickslip_ros.monitoring.friction.slip_problem import UNKNOWNS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
@@ -60,11 +62,9 @@ class NormalEquations:
         def next_one(values: FloatArray) -> FloatArray:
             return np.concatenate([values[1:], np.zeros_like(values[:1])])
 
-        weighted = own_observed * weights[:, None]
-        begins = np.searchsorted(problem.slip_of, np.arange(count))
-        mixed = np.add.reduceat(weighted[:, :, None] * observed[:, None, :], begins, axis=0)
-        diagonal = np.add.reduceat(weighted[:, :, None] * own_observed[:, None, :], begins, axis=0)
-        slope = -np.add.reduceat(weighted * point.observed[:, None], begins, axis=0)
+        mixed, diagonal = np.zeros((count, UNKNOWNS, columns)), np.zeros((count, UNKNOWNS, UNKNOWNS))
+        slope = np.zeros((count, UNKNOWNS))
+        kernel.collect_own(problem.slip_of, weights, point.observed, own_observed, observed, mixed, diagonal, slope)
         for mine, weight, columns_of, residual in (
             (own_balance, balance_weights, balance, point.balance),
             (own_link, link_weights, links, point.links),
@@ -153,24 +153,16 @@ class NormalEquations:
 
 
 def _solve_band(band: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution of positive definite equations, of whose matrix the lower diagonals are given.
+    """Solution, in place of both, of positive definite equations, of whose matrix the lower diagonals are given.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         If the matrix is not positive definite.
     """
-    size = band.shape[1]
-    if size == UNKNOWNS:
-        # One slip, which is all that the running monitor solves for: scipy takes half a second to load, and 16 MB.
-        lower = np.zeros((size, size))
-        for row in range(size):
-            lower[row, : row + 1] = band[row - np.arange(row + 1), np.arange(row + 1)]
-        root = np.linalg.cholesky(lower)
-        return np.asarray(np.linalg.solve(root.T, np.linalg.solve(root, right)))
-    from scipy.linalg import solveh_banded
-
-    return np.asarray(solveh_banded(band, right, lower=True, check_finite=False))
+    if not kernel.solve_band(band, right):
+        raise LinAlgError("the equations of the slips are not positive definite")
+    return right
 
 
 def robust(residuals: FloatArray) -> float:

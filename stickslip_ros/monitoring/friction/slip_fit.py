@@ -22,6 +22,7 @@ _STEP = 1e-4  # of a logarithm, for differences
 _LONGEST_STEP = 0.7  # of a logarithm
 _ATTEMPTS = 8
 _ENOUGH_OF_OWN = 0.02  # relative gain of an iteration on the slips' own unknowns alone
+_LEAST = 1e-12  # of the trace of normal equations, added to their diagonal
 _FIXED = 1e-5  # a prior this narrow holds a parameter
 _LEAST_DWELL = 1e-3  # of the detected one
 
@@ -165,9 +166,14 @@ class _Fit:
         weights = problem.usable.astype(float)
         kinetic = np.zeros(problem.balance.shape[1])
         for _ in range(10):
-            kinetic = np.linalg.lstsq(problem.balance * weights[:, None], target * weights, rcond=None)[0]
+            weighted = problem.balance * weights[:, None]
+            products = weighted.T @ problem.balance
+            # Of a speed at which no slip is usable nothing is known.
+            products += _LEAST * np.trace(products) * np.eye(len(products))
+            kinetic = np.linalg.solve(products, weighted.T @ target)
             misfit = np.abs(target - problem.balance @ kinetic)
-            weights = np.sqrt(problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + 1e-300))
+            weights = problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + 1e-300)
+            weights /= weights.max()
         return kinetic
 
     def slopes(self, point: Point, active: Collection[int]) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
