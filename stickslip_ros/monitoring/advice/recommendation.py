@@ -132,8 +132,8 @@ def recommend(
     ----------
     joint, gains : scalars. velocity : commanded speed [rad/s].
     limits : defaults to AdviceLimits().
-    uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws; None for a joint known
-        exactly.
+    uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws, by the exact condition under
+        laws other than the paper's; None for a joint known exactly.
     loop : defaults to none that matter.
     gains_known : False if the gains are per inertia: the advice then is in factors, and limits in units of gains or
         effort do not bind it.
@@ -174,15 +174,18 @@ class _Case:
         self._loop, self._uncertainty = loop, uncertainty
         self._gains_known = gains_known
         self._exact = limits.condition is Criterion.EXACT
-        self._sure: Requirement | None = None
+        self._sure: list[Requirement] = []
         self._beyond = self._exact and (bool(gains.integral != 0) or loop.conditions.controller_period > 0)
 
     def recommendation(self, velocity: float) -> Recommendation:
         joint, limits = self._joint, self._limits
-        # Exact draws take too long for a search: it is made for the joint itself, and the draws are asked afterwards.
+        # Exact draws take too long for a search: it is made for the joint itself, and the draws are asked afterwards,
+        # by every law that the data do not exclude; Eq. (43) is of the paper's law alone.
         requirement = Requirement(joint, velocity, limits, None if self._exact else self._uncertainty)
-        if self._exact and self._uncertainty is not None:
-            self._sure = Requirement(joint, velocity, limits, self._uncertainty)
+        if self._uncertainty is not None:
+            asked = [self._uncertainty] if self._exact else []
+            exactly = replace(limits, condition=Criterion.EXACT)
+            self._sure = [Requirement(joint, velocity, exactly, law) for law in (*asked, *self._uncertainty.others)]
         steady = [SteadySliding(joint, requirement.speeds)] if limits.steady_sliding else []
         search = AdviceSearch(
             joint,
@@ -262,8 +265,9 @@ class _Case:
 
     def _missing(self, gains: Gains) -> float:
         """The factor by which the total damping falls short of what draws and integration ask for; 1 if it does not."""
-        if self._sure is not None:
-            needed = float(self._sure.damping(np.array([float(gains.stiffness)]))[0])
+        if self._sure:
+            stiffness = np.array([float(gains.stiffness)])
+            needed = max(float(requirement.damping(stiffness)[0]) for requirement in self._sure)
             if not needed <= float(gains.damping) * (1.0 + 1e-9):
                 viscous = float(self._joint.friction.viscous)
                 factor = (needed + viscous) / max(float(gains.damping) + viscous, 1e-300)

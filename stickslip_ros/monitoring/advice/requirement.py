@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,17 +35,13 @@ class Requirement:
     Parameters
     ----------
     joint : of scalars. velocity : commanded [rad/s], used unless the limits name a slowest one.
-    uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws, under each of its laws; None
-        for a joint known exactly.
+    uncertainty : the margin is to hold in the share ``limits.confidence`` of its draws, by its own law; None for a
+        joint known exactly.
     """
 
     def __init__(
         self, joint: Joint, velocity: float, limits: AdviceLimits, uncertainty: Uncertainty | None = None
     ) -> None:
-        # Under a law that the data do not exclude it must hold too; Eq. (43) is of the paper's law alone.
-        exactly = replace(limits, condition=Criterion.EXACT)
-        others = uncertainty.others if uncertainty is not None else ()
-        self._others = [Requirement(joint, velocity, exactly, other) for other in others]
         self.exact = limits.condition is Criterion.EXACT
         if uncertainty is not None and self.exact:
             uncertainty = _thinned(uncertainty)
@@ -67,8 +62,7 @@ class Requirement:
             ratio = np.maximum(self._factor * critical, _LEAST_RATIO)
             needed = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         needed = np.where(np.isnan(needed), math.inf, needed)
-        damping = np.quantile(needed, self._share, axis=1, method="higher")
-        return np.asarray(np.max([damping, *(other.damping(stiffness) for other in self._others)], axis=0))
+        return np.asarray(np.quantile(needed, self._share, axis=1, method="higher"))
 
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains k_p [N·m/rad] and k_v [N·m·s/rad] of shape (n,) have the wanted margin.
@@ -78,7 +72,6 @@ class Requirement:
         if not self.exact:
             # What is just enough counts.
             return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
-        reached = np.all([other.reached(stiffness, damping) for other in self._others], axis=0)
         draws = _with_axis(self._joint)
         viscous = np.asarray(draws.friction.viscous)
         with np.errstate(all="ignore"):
@@ -86,7 +79,7 @@ class Requirement:
             less = np.maximum(damping[:, None, None] + viscous, 0.0) / self._wanted - viscous
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses, damping=less), self.speeds)
             dies = np.all(np.asarray(cycle_persists(groups)) == 0.0, axis=2)
-        return np.asarray((np.mean(dies, axis=1) >= self._share) & reached)
+        return np.asarray(np.mean(dies, axis=1) >= self._share)
 
     def _critical(self, groups: DimensionlessGroups) -> FloatArray:
         if self.exact:

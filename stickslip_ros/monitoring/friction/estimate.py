@@ -56,6 +56,7 @@ _INDEX = {
 }
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
 _USABLE, _USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
+_STRAYS = 0.001  # of a slip: less is left over by real joints that the model explains
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
 _ASIDE = 0.34  # share of slips that nothing explains
 _SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
@@ -110,7 +111,7 @@ class FrictionEstimate:
     mean_square : of the residuals in their errors, about 1. left_over : share of a slip that the model cannot
         explain, part of these errors; 0 if it explains all.
     scatter : standard deviation of the kinetic friction from slip to slip [N·m].
-    mismatch : "" or what the model does not explain; the errors are the wider for it.
+    mismatch : "" or what the model does not explain; the errors are the wider for it, and no parameter is identified.
     configured : whether the prior was a configured joint.
     law : friction law of these parameters. alternatives : other laws that the slips do not exclude; what they have
         otherwise is in the covariance too.
@@ -144,7 +145,8 @@ class FrictionEstimate:
             return ParameterEstimate(value=1.0, std=0.0, identified=False)
         value = math.exp(self.logarithms[index])
         error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
-        return ParameterEstimate(value=value, std=value * min(error, _SPREAD_LIMIT), identified=error <= IDENTIFIED)
+        identified = error <= IDENTIFIED and not self.mismatch
+        return ParameterEstimate(value=value, std=value * min(error, _SPREAD_LIMIT), identified=identified)
 
     @property
     def usable(self) -> bool:
@@ -158,7 +160,7 @@ class FrictionEstimate:
             return _UNKNOWN
         value = math.exp(0.5 * self.logarithms[INERTIA])
         error = 0.5 * math.sqrt(max(float(self.covariance[INERTIA, INERTIA]), 0.0))
-        return ParameterEstimate(value=value, std=value * error, identified=error <= IDENTIFIED)
+        return ParameterEstimate(value=value, std=value * error, identified=error <= IDENTIFIED and not self.mismatch)
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -215,7 +217,7 @@ class FrictionEstimate:
     def summary(self) -> str:
         """One sentence on what the estimate rests on."""
         text = f"learnt from {self.slips} slips by {self.source.value}"
-        if self.unidentified:
+        if self.unidentified and not self.mismatch:
             prior = "the configuration" if self.configured else "a guess"
             text += f"; {', '.join(self.unidentified)} from {prior}"
         if self.law != PAPERS_LAW:
@@ -224,7 +226,7 @@ class FrictionEstimate:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
             text += f"; the law may be {others} as well"
         if self.mismatch:
-            text += f"; {self.mismatch}"
+            text += f"; {self.mismatch}, so that no parameter is certain"
         return text
 
 
@@ -373,7 +375,7 @@ def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEst
     left_over = solution.tolerance / float(np.median(problem.distances))
     scatter = solution.balance_error / math.exp(fit.parameters[STRIBECK])
     reasons = []
-    if solution.tolerance > 0:
+    if left_over > _STRAYS:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
@@ -450,7 +452,7 @@ def estimate_from(
             ParameterEstimate(
                 value=float(value),
                 std=float(error),
-                identified=float(error) <= IDENTIFIED * scale,
+                identified=float(error) <= IDENTIFIED * scale and not estimate.mismatch,
             )
             for value, error in zip(kinetic, errors, strict=True)
         ]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import Solution, fit_near
@@ -26,6 +26,8 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law that the data exclude
 LEAST_SLIPS = 8  # that tell laws apart
+# No model is better than so of kinetic friction, as a share of the Stribeck friction, and of levels.
+_LEAST_BALANCE, _LEAST_LINK = 2e-3, 1e-3
 _WHITE = 2.0  # residuals in a run of one sign, if they are independent
 # Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
 HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
@@ -92,9 +94,10 @@ def _misfit(problem: SlipProblem, solution: Solution) -> float:
     used = problem.weights > 0
     share = len(used) / max(int(used.sum()), 1)
     total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.errors[used]).sum()))
+    least = _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK])
     for values, error in (
-        (fit.misfits[problem.usable], solution.balance_error),
-        (fit.link_misfits[problem.linked], solution.link_error),
+        (fit.misfits[problem.usable], max(solution.balance_error, least)),
+        (fit.link_misfits[problem.linked], max(solution.link_error, _LEAST_LINK)),
     ):
         total += robust(values / error) + 2.0 * len(values) * math.log(error)
     return total

@@ -24,6 +24,7 @@ _ATTEMPTS = 8
 _ENOUGH_OF_OWN = 0.02  # relative gain of an iteration on the slips' own unknowns alone
 _LEAST = 1e-12  # of the trace of normal equations, added to their diagonal
 _FIXED = 1e-5  # a prior this narrow holds a parameter
+_NOTHING_LEFT = 1e-12  # of the level
 _LEAST_DWELL = 1e-3  # of the detected one
 
 
@@ -197,7 +198,9 @@ class _Fit:
         moved /= steps[:, problem.slip_of]
         forces = (found[:, :, kernel.HELD] - point.found[:, kernel.HELD]) * self.balance_weight / steps
         arrests = (found[:, :, kernel.ARREST] - point.found[:, kernel.ARREST]) / steps
-        remains = np.log(found[:, :, kernel.REMAINS] / point.found[:, kernel.REMAINS]) / steps
+        # Where the joint stops without a trace of Stribeck friction nothing is left to the next slip.
+        left = np.maximum([point.found[None, :, kernel.REMAINS], *found[:, None, :, kernel.REMAINS]], _NOTHING_LEFT)
+        remains = np.log(left[1:, 0] / left[0]) / steps
         ends = np.zeros((len(steps), count))  # slopes of the links by what moved the ends of the slips before them
         ends[:, 1:] = (by_dwell / self.level_errors)[1:] * arrests[:, :-1]
         ends[:, 1:] -= (by_remains / self.level_errors)[1:] * remains[:, :-1]

@@ -40,6 +40,7 @@ _SPREAD, _GENERALISED = 12, 4  # slips from everywhere; shapes tried on them
 _APART = 0.8  # of a logarithm: guesses closer than this are one
 _SHAPE_TOLERANCES = (0.01, 0.002)  # of the slip distance
 _GOOD = 1.3  # mean square of residuals, with which the search ends
+_NEARLY_GOOD = 2.0  # likewise, from which a fit may come to be good
 _OUTLIER, _OUTLIER_SHARE = 9.0, 25.0  # mean square of a slip's residuals; over the median of the slips
 _USUAL_RISE_TIME = 0.3  # [s], from which the scan departs only for a reason
 # Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
@@ -52,8 +53,9 @@ _FINAL = 3
 _SHAPES_TRIED = 2
 _LOOSE_ROUNDS = 5
 _LOOSE_TRIED = 3
-_LEAST_LINK = 1e-3
+_LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3
 _ITERATIONS = 20
+_LAST_ITERATIONS = 100  # where all ties are tight, valleys are long, flat and bent
 _ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
 _HELD = 1e-6  # standard deviation of a logarithm that is not to change
 _RISE_TIME_SPREAD = 2.0
@@ -85,7 +87,11 @@ class Solution:
     @property
     def mean_square(self) -> float:
         """Of the residuals; about 1 if the errors are what they are taken for."""
-        return float(np.mean(self.fit.residuals[self.fit.residuals != 0.0] ** 2))
+        return _mean_square(self.fit)
+
+
+def _mean_square(fit: SlipFit) -> float:
+    return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
 
 
 def search(
@@ -306,19 +312,21 @@ def _fit_all(
         problem.measure_stray(fit.residuals, fit.velocities)
         problem.weigh(fit.velocities)
         balance = balance_error(problem, fit)
-        tolerances = Tolerances(balance=balance, level=TIGHT_LEVEL)
+        # Friction that varies from slip to slip does so at rest as well.
+        link = max(TIGHT_LEVEL, min(balance / math.exp(fit.parameters[STRIBECK]), _LARGEST_LINK))
+        tolerances = Tolerances(balance=balance, level=link)
         fit = fit_slips(
             problem,
             prior,
             tolerances,
             parameters=fit.parameters,
             unknowns=fit.unknowns,
-            iterations=_ITERATIONS,
+            iterations=_LAST_ITERATIONS if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS,
             enough=_NEARLY,
         )
         _set_outliers_aside(problem, fit)
     return Solution(
-        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=TIGHT_LEVEL, stray=problem.stray
+        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=link, stray=problem.stray
     )
 
 
@@ -370,7 +378,7 @@ def _fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution
             used = problem.weights > 0
             tolerance = float(np.sqrt(np.mean((fit.residuals * problem.errors)[used] ** 2)))
             balance = min(balance_error(problem, fit), level)
-            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), _LEAST_LINK, 0.3))
+            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), _LEAST_LINK, _LARGEST_LINK))
     except LinAlgError:
         return None
     return Solution(
