@@ -10,13 +10,11 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from stickslip_ros.model.dimensionless import dimensionless_groups
-from stickslip_ros.model.exact import cycle_persists
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
 from machines import LUGRE, sticks
@@ -24,10 +22,8 @@ from random_machines import CONDITIONS, DURATION, MachineRecording, random_recor
 
 ALL_NAMES = (*NAMES, "load")
 
-_EVERY = 4  # draw counts: 32 of 128, in pairs about the estimate
 _SURE = 0.05  # probability of being wrong
 _NEAR = (0.9, 1.1)  # of the damping: what changes between them is too near the boundary to ask
-_LONGEST_LAG = 8.0 * math.pi  # dimensionless
 _INTERVAL = 1.96  # standard errors
 
 
@@ -171,28 +167,9 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
         if len(verdicts) > 1:
             continue
         probability = math.nan
-        if estimate is not None:
-            probability = stick_slip_probability(estimate, recording.gains, tried, velocity)
+        belief, _ = believed(estimate, None, recording.gains)
+        if belief is not None and belief.uncertainty is not None:
+            probability = stick_slip_probability(belief.uncertainty, tried, velocity)
         usable = estimate is not None and estimate.usable
         found.append(Point(name=name, sticks=verdicts.pop(), probability=probability, usable=usable))
     return tuple(found)
-
-
-def stick_slip_probability(estimate: FrictionEstimate, present: Gains, tried: Gains, velocity: float) -> float:
-    """Share of the joints as likely as the errors allow that stick by the exact condition with gains tried.
-
-    ``present`` are the gains under which the estimate was made; 0.5 where the condition has no answer.
-    """
-    joint, _ = estimate.with_stiffness(float(present.stiffness), float(present.damping)).draws()
-    groups = dimensionless_groups(joint, tried, velocity)
-    names = ("natural_frequency", "damping_ratio", "stribeck", "velocity", "lag", "rise_time")
-    some = {name: np.asarray(getattr(groups, name))[::_EVERY] for name in names}
-    # A draw of little viscous friction under negative gains.
-    some["damping_ratio"] = np.maximum(some["damping_ratio"], 0.0)
-    # Lags of hundreds of natural periods, as open estimates have them, crash the integration.
-    answered = some["lag"] <= _LONGEST_LAG
-    if not answered.any():
-        return 0.5
-    verdicts = np.asarray(cycle_persists(replace(groups, **{name: some[name][answered] for name in names})))
-    known = np.isfinite(verdicts)
-    return float(verdicts[known].mean()) if known.any() else 0.5
