@@ -68,7 +68,7 @@ def slip_problem(times: FloatArray, speed: float, damping: float, law: int, dist
         rest_error=1e-6, source=ForceSource.GAINS, gains=Gains(stiffness=STIFFNESS, damping=damping), times=times,
         references=speed * times, forces=0.0 * times, reference_speed=speed, observed=observed,
         values=np.linspace(0.0, distance, len(observed)), gaps=np.full(len(observed), times[1]), resolution=1e-5,
-        noise=0.0,
+        noise=0.0, sample_interval=float(times[1]),
     )  # fmt: skip
     return SlipProblem([window], law=law)
 
