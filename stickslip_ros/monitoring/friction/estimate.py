@@ -31,6 +31,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.dry_friction import DryFriction, dry_friction_of
 from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighed_laws
@@ -116,6 +117,7 @@ class FrictionEstimate:
     law : friction law of these parameters. alternatives : other laws that the slips do not exclude; what they have
         otherwise is in the covariance too.
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
+    dry : what the kinetic friction depends on beside the speed; None per inertia.
     """
 
     source: ForceSource
@@ -135,6 +137,7 @@ class FrictionEstimate:
     law: str = PAPERS_LAW
     alternatives: tuple[LawAlternative, ...] = ()
     drive: DriveGains | None = None
+    dry: DryFriction | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -398,6 +401,7 @@ def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEst
         configured=configured,
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
+        dry=None if problem.normalised else dry_friction_of(problem, fit),
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance_over_laws(fits))
 

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the dry friction of a joint depends on: direction, time, position and load, as its slips show it.
+
+The kinetic friction of slip n, in its direction d, at the position x and the time t, is taken for
+
+    F_n = F_k + d F_l + D (t − t₀) + A sin(2π (x − x₀)/P + φ) + e_n
+
+of which drift and ripple are claimed only if chance alone would hardly show as much. Of several they enter one after
+the other, the surest first, and each has to hold beside the other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.monitoring.friction.regression import Regression, regression, student_tail
+from stickslip_ros.monitoring.friction.ripple import Ripple, find_ripple
+from stickslip_ros.monitoring.friction.slip_fit import SlipFit
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.samples import FloatArray
+
+SIGNIFICANT = 0.01  # probability of chance, below which a term is claimed
+LEAST_SLIPS = 12  # from which on more than the direction is asked for
+_LEAST_OF_A_DIRECTION = 3
+_MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4
+_PARTS, _LEAST_OF_A_PART = 3, 0.1  # of the time: each has that share of the slips, or they do not span it
+_TOGETHER = 0.95  # correlation of time and position, from which on they are not told apart
+_LOADS, _APART = 3, 4.0  # loads that differ by so many standard errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A value with its standard error, and the probability that it is zero and chance alone shows as much."""
+
+    value: float
+    std: float
+    significance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Slips in one direction that began near one position.
+
+    Attributes
+    ----------
+    direction : ±1. position : mean [rad]. mean : of their kinetic friction [N·m], and its standard error ``std``, NaN
+        if it is not known. slips : how many.
+    """
+
+    direction: int
+    position: float
+    mean: float
+    std: float
+    slips: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class DryFriction:
+    """What the kinetic friction depends on; None for what is not significant, or cannot be known.
+
+    Attributes
+    ----------
+    coulomb : F_k, the mean of both directions [N·m], in the middle of the slips' time; in one direction with any load.
+    load : F_l, half of what friction is higher by in positive direction [N·m]; None in one direction.
+    drift : D [N·m/s]. told_apart : whether time and position are; else the drift may be a slope over position.
+    ripple : over position.
+    load_dependence : slope of the Coulomb friction over the size of a load that varies with position [1].
+    scatter : standard deviation of what is left, from slip to slip [N·m].
+    places : friction over position, in order of direction and position.
+    direction, position, time, kinetic : of the slips, shape (n,): ±1, [rad], [s], [N·m].
+    """
+
+    coulomb: Term
+    load: Term | None
+    drift: Term | None
+    told_apart: bool
+    ripple: Ripple | None
+    load_dependence: Term | None
+    scatter: float
+    places: tuple[Place, ...]
+    direction: FloatArray
+    position: FloatArray
+    time: FloatArray
+    kinetic: FloatArray
+
+    @property
+    def middle(self) -> float:
+        """Time at which the Coulomb friction is the one found [s]."""
+        return float(self.time.mean())
+
+
+def dry_friction(
+    kinetic: FloatArray,
+    direction: FloatArray,
+    position: FloatArray,
+    time: FloatArray,
+    *,
+    standard_error: float = 0.0,
+) -> DryFriction | None:
+    """What the kinetic friction of slips depends on; None if there are too few for a scatter.
+
+    Parameters
+    ----------
+    kinetic : F_n, in the direction of each slip, shape (n,) [N·m]. direction : ±1. position : of the rest that the slip
+        began from [rad]. time : of its breakaway, ascending [s].
+    standard_error : that the kinetic friction of a slip has at least [N·m].
+    """
+    count = len(kinetic)
+    if count < _LEAST_OF_A_DIRECTION:
+        return None
+    fewest = min(int((direction > 0).sum()), int((direction < 0).sum()))
+    ones = np.ones((count, 1))
+    base = np.column_stack([ones, direction]) if fewest >= _LEAST_OF_A_DIRECTION else ones
+    since = (time - time.mean())[:, None]
+    drifts, ripple = False, None
+    if count >= LEAST_SLIPS:
+        drifts, ripple = _chosen(base, since if _spans(time) else None, kinetic, position, standard_error)
+    columns = np.column_stack([base, since]) if drifts else base
+    all_columns = np.column_stack([columns, ripple.columns(position)]) if ripple else columns
+    fit = regression(all_columns, kinetic, standard_error)
+    drift = _term(fit, base.shape[1]) if drifts else None
+    steady = kinetic - (ripple.at(position) if ripple else 0.0) - (drift.value * since[:, 0] if drift else 0.0)
+    numbers = _numbers_of_places(position)
+    # What is left of each slip scatters alike everywhere: the scatter within a place of few would say little.
+    steady_places = _places(steady, direction, position, numbers, fit.scatter)
+    return DryFriction(
+        coulomb=_term(fit, 0),
+        load=_term(fit, 1) if base.shape[1] > 1 else None,
+        drift=drift,
+        told_apart=_told_apart(base, since[:, 0], position),
+        ripple=ripple,
+        load_dependence=_load_dependence(steady_places) if count >= LEAST_SLIPS else None,
+        scatter=fit.scatter,
+        places=tuple(_places(kinetic, direction, position, numbers, standard_error).values()),
+        direction=direction,
+        position=position,
+        time=time,
+        kinetic=kinetic,
+    )
+
+
+def dry_friction_of(problem: SlipProblem, fit: SlipFit) -> DryFriction | None:
+    """What the kinetic friction of fitted slips depends on; those set aside do not count."""
+    used = problem.usable
+    # No force is known better than the position that the spring rested at.
+    errors = problem.stiffness(fit.parameters) * problem.rest_errors
+    return dry_friction(
+        (fit.misfits + problem.balance @ fit.kinetic)[used],
+        problem.directions[used],
+        problem.rests[used],
+        (problem.breakaways + problem.origin)[used],
+        standard_error=float(np.median(errors[used])) if used.any() else 0.0,
+    )
+
+
+def _chosen(
+    base: FloatArray, since: FloatArray | None, kinetic: FloatArray, position: FloatArray, standard_error: float
+) -> tuple[bool, Ripple | None]:
+    """Whether there is a drift, and the ripple: forward selection, then each beside the other."""
+
+    def chance_of_drift(beside: FloatArray) -> float:
+        if since is None:
+            return 1.0
+        fit = regression(np.column_stack([beside, since]), kinetic, standard_error)
+        return fit.significance(beside.shape[1])
+
+    def ripple_beside(known: FloatArray) -> Ripple | None:
+        found = find_ripple(known, kinetic, position, standard_error)
+        return found if found is not None and found.significance < SIGNIFICANT else None
+
+    ripple, drift = ripple_beside(base), chance_of_drift(base)
+    if ripple is not None and ripple.significance <= drift:
+        drift = chance_of_drift(np.column_stack([base, ripple.columns(position)]))
+    if drift >= SIGNIFICANT or since is None:
+        return False, ripple
+    ripple = ripple_beside(np.column_stack([base, since]))
+    if ripple is not None:
+        drift = chance_of_drift(np.column_stack([base, ripple.columns(position)]))
+    return drift < SIGNIFICANT, ripple
+
+
+def _term(fit: Regression, index: int) -> Term:
+    return Term(value=float(fit.coefficients[index]), std=fit.std(index), significance=fit.significance(index))
+
+
+def _spans(time: FloatArray) -> bool:
+    """Whether slips are in every part of the time from the first to the last, not in two heaps at its ends."""
+    counts = np.histogram(time, bins=_PARTS)[0]
+    return bool(float(np.ptp(time)) > 0 and counts.min() >= _LEAST_OF_A_PART * len(time))
+
+
+def _told_apart(base: FloatArray, since: FloatArray, position: FloatArray) -> bool:
+    """Whether time and position do not go together, beside what the direction explains."""
+    basis = np.linalg.qr(base)[0]
+    own = [values - basis @ (basis.T @ values) for values in (since, position - position.mean())]
+    sizes = float(np.linalg.norm(own[0]) * np.linalg.norm(own[1]))
+    return sizes > 0 and abs(float(own[0] @ own[1])) < _TOGETHER * sizes
+
+
+def _numbers_of_places(position: FloatArray) -> NDArray[np.int64]:
+    """In which place each slip began: of as many places of one width as leave some slips to each."""
+    number = min(max(len(position) // _SLIPS_IN_A_PLACE, 1), _MOST_PLACES)
+    shares = (position - position.min()) / max(float(np.ptp(position)), 1e-300)
+    return np.asarray(np.minimum(number * shares, number - 1).astype(np.int64))
+
+
+def _places(
+    kinetic: FloatArray, direction: FloatArray, position: FloatArray, numbers: NDArray[np.int64], standard_error: float
+) -> dict[tuple[int, int], Place]:
+    """Means over the slips of each place, by direction and the place's number; places without slips are left out."""
+    found = {}
+    for way in (1, -1):
+        for number in range(_MOST_PLACES):
+            here = (numbers == number) & (direction == way)
+            count = int(here.sum())
+            if not count:
+                continue
+            scatter = max(float(kinetic[here].std(ddof=1)) if count > 1 else 0.0, standard_error)
+            found[way, number] = Place(
+                direction=way,
+                position=float(position[here].mean()),
+                mean=float(kinetic[here].mean()),
+                std=scatter / math.sqrt(count) if scatter > 0 else math.nan,
+                slips=count,
+            )
+    return found
+
+
+def _load_dependence(places: dict[tuple[int, int], Place]) -> Term | None:
+    """Slope of the mean of both directions over the size of half their difference, place by place.
+
+    None if less than three loads are clearly different, or friction does not follow them.
+    """
+    pairs = [(places[1, number], places[-1, number]) for way, number in places if way == 1 and (-1, number) in places]
+    if len(pairs) < _LOADS:
+        return None
+    means = np.array([0.5 * (forward.mean + back.mean) for forward, back in pairs])
+    loads = np.abs([0.5 * (forward.mean - back.mean) for forward, back in pairs])
+    errors = np.array([0.5 * math.hypot(forward.std, back.std) for forward, back in pairs])
+    if not (errors > 0).all() or _different(loads, errors) < _LOADS:
+        return None
+    columns = np.column_stack([np.ones(len(pairs)), loads]) / errors[:, None]
+    inverse = np.linalg.inv(columns.T @ columns)
+    slope = float((inverse @ columns.T @ (means / errors))[1])
+    freedom = len(pairs) - 2
+    left = means / errors - columns @ (inverse @ columns.T @ (means / errors))
+    std = math.sqrt(float(inverse[1, 1]) * max(float(left @ left) / freedom, 1.0))
+    significance = student_tail(abs(slope) / std, freedom)
+    return Term(value=slope, std=std, significance=significance) if significance < SIGNIFICANT else None
+
+
+def _different(loads: FloatArray, errors: FloatArray) -> int:
+    """How many loads there are, those counted as one that their errors do not tell apart."""
+    order = np.argsort(loads)
+    count, last = 1, order[0]
+    for one in order[1:]:
+        if loads[one] - loads[last] > _APART * math.hypot(errors[one], errors[last]):
+            count, last = count + 1, one
+    return count
