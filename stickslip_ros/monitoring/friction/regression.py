@@ -4,7 +4,7 @@
 
 The covariance is that of MacKinnon and White, "Some heteroskedasticity-consistent covariance matrix estimators with
 improved finite sample properties", Journal of Econometrics 29, 1985 (their third, HC3). Where a residual is like the
-one before it, fewer count as observations of their own.
+one before it, only what is new in each counts (Prais and Winsten 1954).
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ class Regression:
     ----------
     coefficients : b, shape (p,). covariance : of these, shape (p, p). residuals : e, shape (n,).
     scatter : standard deviation of the residuals, at least the error that was given.
-    observations : how many of them count, neighbours that repeat each other being fewer.
+    alike : correlation of each residual with the one before it, from 0 to 0.9.
     """
 
     coefficients: FloatArray
     covariance: FloatArray
     residuals: FloatArray
     scatter: float
-    observations: float
+    alike: float
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom of the residuals, at least one."""
-        return max(int(self.observations) - len(self.coefficients), 1)
+        return max(len(self.residuals) - len(self.coefficients), 1)
 
     def std(self, index: int) -> float:
         """Standard error of a coefficient."""
@@ -61,34 +61,43 @@ def regression(columns: FloatArray, values: FloatArray, standard_error: float = 
     columns : X, shape (n, p) with n > p. values : y, shape (n,).
     standard_error : that each value has at least, in units of y.
     """
-    count, size = columns.shape
-    left, sizes, right = np.linalg.svd(columns, full_matrices=False)
-    kept = sizes > _SINGULAR * sizes[0]
-    inverse = (right[kept].T / sizes[kept]) @ left[:, kept].T
-    coefficients = inverse @ values
+    alike = _alike(values - columns @ (_solved(columns)[0] @ values))
+    new, new_values = news(columns, alike), news(values, alike)
+    inverse, leverage = _solved(new)
+    coefficients = inverse @ new_values
+    left = new_values - new @ coefficients
     residuals = values - columns @ coefficients
-    leverage = np.minimum((left[:, kept] ** 2).sum(axis=1), 1.0 - _LEAST_FREE)
-    covariance = (inverse * (residuals / (1.0 - leverage)) ** 2) @ inverse.T
-    variance = float(residuals @ residuals) / max(count - size, 1)
-    if variance < standard_error**2:
-        covariance, variance = standard_error**2 * inverse @ inverse.T, standard_error**2
-    share = _own_share(residuals)
+    free = max(len(values) - columns.shape[1], 1)
+    covariance = (inverse * (left / (1.0 - np.minimum(leverage, 1.0 - _LEAST_FREE))) ** 2) @ inverse.T
+    if float(left @ left) < free * standard_error**2:
+        covariance = standard_error**2 * inverse @ inverse.T
     return Regression(
         coefficients=coefficients,
-        covariance=np.asarray(covariance / share),
+        covariance=np.asarray(covariance),
         residuals=residuals,
-        scatter=math.sqrt(variance),
-        observations=count * share,
+        scatter=max(math.sqrt(float(residuals @ residuals) / free), standard_error),
+        alike=alike,
     )
 
 
-def _own_share(residuals: FloatArray) -> float:
-    """Share of the residuals that count for the mean, by how alike neighbours are: (1 − r)/(1 + r)."""
+def news(values: FloatArray, alike: float) -> FloatArray:
+    """What is new in each row beside the one before it, by the correlation of neighbours; of the same shape."""
+    first = math.sqrt(1.0 - alike**2) * values[:1]
+    return np.concatenate([first, values[1:] - alike * values[:-1]])
+
+
+def _solved(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Generalised inverse, shape (p, n), and the leverage of each row, shape (n,)."""
+    left, sizes, right = np.linalg.svd(columns, full_matrices=False)
+    kept = sizes > _SINGULAR * sizes[0]
+    return np.asarray((right[kept].T / sizes[kept]) @ left[:, kept].T), np.asarray((left[:, kept] ** 2).sum(axis=1))
+
+
+def _alike(residuals: FloatArray) -> float:
+    """Correlation of neighbours; what a fit to few leaves of it is (1 + 3 r)/n too small (Kendall 1954)."""
     total = float(residuals @ residuals)
-    if len(residuals) < 3 or total <= 0:
-        return 1.0
-    alike = min(max(float(residuals[1:] @ residuals[:-1]) / total, 0.0), _MOST_ALIKE)
-    return (1.0 - alike) / (1.0 + alike)
+    seen = float(residuals[1:] @ residuals[:-1]) / total if total > 0 else 0.0
+    return min(seen + (1.0 + 3.0 * seen) / len(residuals), _MOST_ALIKE) if seen > 0 else 0.0
 
 
 def student_tail(ratio: float, freedom: int) -> float:

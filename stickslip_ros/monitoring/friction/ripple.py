@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction.regression import Regression, regression
+from stickslip_ros.monitoring.friction.regression import Regression, news, regression
 from stickslip_ros.monitoring.samples import FloatArray
 
 _PER_PEAK = 10  # frequencies tried within the width of a peak
@@ -26,7 +26,7 @@ _MOST_ALIASES = 4
 _LEAST_SEEN, _LEAST_ROUND = 0.2, 0.05  # of a sine and cosine: beside what is known otherwise, and beside each other
 _BLOCK = 2000  # frequencies at once
 _NARROWED = 4  # times, by a tenth each
-_PERIODS_SEEN = 1.25  # in the range of positions: less than this is no period but a bend
+_PERIODS_SEEN = 1.5  # in the range of positions: less than this is no period but a bend
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,17 +84,20 @@ def find_ripple(
     highest = min(highest, lowest + _MOST_TRIED * step)
     tried = np.arange(lowest, highest + step, step)
     powers = search.power(tried)
-    if not powers.max() > 0.0:
+    if np.argmax(powers) == 0 or not powers.max() > 0.0:
+        # None, or less than a period: how long it is cannot be said.
         return None
-    frequency, power = search.narrowed(float(tried[np.argmax(powers)]), step)
+    frequency, _ = search.narrowed(float(tried[np.argmax(powers)]), step)
     fit, ripple = _fitted(known, values, position, about, frequency, standard_error)
-    # The sine is worth no more than it is beside the errors that the values have anyway.
-    power /= power + max(1.0 - power, count * standard_error**2 / search.total)
+    # Few residuals seem less alike than they are: the sine has to stand out of them as they are too.
+    power = min(
+        _power_of_news(known, values, position - about, frequency, alike, standard_error) for alike in (0.0, fit.alike)
+    )
     return Ripple(
         **ripple,
         about=about,
-        significance=false_alarm(power, highest, position, fit.observations - size),
-        aliases=search.aliases(frequency, highest, step, fit.observations),
+        significance=false_alarm(power, highest, position, count - size),
+        aliases=search.aliases(frequency, highest, step, count * (1.0 - fit.alike) / (1.0 + fit.alike)),
     )
 
 
@@ -131,6 +134,22 @@ def _waves(position: FloatArray, frequencies: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)])
 
 
+def _power_of_news(
+    known: FloatArray, values: FloatArray, position: FloatArray, frequency: float, alike: float, standard_error: float
+) -> float:
+    """Share of the squares that a sine explains of what is new from value to value."""
+    waves = _waves(position, np.array([frequency]))[:, :, 0].T
+    squares = []
+    for columns in (known, np.column_stack([known, waves])):
+        basis = np.linalg.qr(news(columns, alike))[0]
+        left = news(values, alike)
+        left = left - basis @ (basis.T @ left)
+        squares.append(float(left @ left))
+    # The sine is worth no more than it is beside the errors that the values have anyway.
+    explained, rest = squares[0] - squares[1], max(squares[1], len(values) * standard_error**2)
+    return explained / max(explained + rest, 1e-300)
+
+
 class _Search:
     """The squares that sines explain beside what is known otherwise."""
 
@@ -142,10 +161,8 @@ class _Search:
 
     def power(self, frequencies: FloatArray) -> FloatArray:
         """Share of the squares that a sine explains, 0 where the positions do not show one of that frequency."""
-        found = [
-            self._power(frequencies[first : first + _BLOCK]) for first in range(0, max(len(frequencies), 1), _BLOCK)
-        ]
-        return np.concatenate(found)
+        blocks = range(0, len(frequencies), _BLOCK)
+        return np.concatenate([self._power(frequencies[first : first + _BLOCK]) for first in blocks])
 
     def _power(self, frequencies: FloatArray) -> FloatArray:
         cosine, sine = _waves(self._position, frequencies)
@@ -161,7 +178,8 @@ class _Search:
     def narrowed(self, frequency: float, step: float) -> tuple[float, float]:
         """The peak next to a frequency tried, and its power."""
         for _ in range(_NARROWED):
-            near = np.maximum(frequency + step * np.linspace(-1.0, 1.0, 21), 0.5 * frequency)
+            near: FloatArray = np.linspace(-1.0, 1.0, 21, dtype=np.float64)
+            near = np.asarray(frequency + step * near, dtype=np.float64)
             powers = self.power(near)
             frequency, power = float(near[np.argmax(powers)]), float(powers.max())
             step *= 0.1
