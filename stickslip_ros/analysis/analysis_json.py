@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import published as told
-from stickslip_ros.output.as_json import margin_json, recommendation_json
+from stickslip_ros.output.as_json import dry_friction_json, margin_json, recommendation_json
 from stickslip_ros.output.published import number
 
 CYCLE_COLUMNS = {
@@ -117,6 +117,7 @@ def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:
         "slips": estimate.slips,
         "summary": estimate.summary(),
         "mismatch": estimate.mismatch,
+        "dry": None if estimate.dry is None else dry_friction_json(estimate.dry),
     }
     return found
 

@@ -13,6 +13,7 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.output.wording import dry_friction_text
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
@@ -132,6 +133,12 @@ def topics_read(robot: str, topics: Topics) -> list[str]:
     read += [f"references from {channel.topic}" for channel in topics.references]
     read += [f"gains from {channel.topic}" for channel in topics.gains]
     return [f"{robot}: {', '.join(read)}"] if robot else read
+
+
+def depends_on(joint: JointAnalysis) -> str:
+    """What the dry friction that was learnt depends on, in one sentence; "" if nothing is known to matter."""
+    estimate = joint.assessment.estimate
+    return dry_friction_text(estimate.dry) if estimate is not None and estimate.usable else ""
 
 
 def rests_on(joint: JointAnalysis) -> str:

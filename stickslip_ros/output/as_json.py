@@ -14,8 +14,10 @@ from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
+from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
+from stickslip_ros.output.wording import dry_friction_text
 
 
 def margin_json(
@@ -60,6 +62,50 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
             one.parameter: {"elasticity": number(one.elasticity), "factor": number(one.factor)} for one in found
         },
     }
+
+
+def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
+    """What the kinetic friction depends on; null for what is not significant, or cannot be known."""
+    ripple = dry.ripple
+    return {
+        "slips": len(dry.kinetic),
+        "coulomb": _term_json(dry.coulomb),
+        "load": _term_json(dry.load),
+        "drift": _term_json(dry.drift),
+        "time_and_position_told_apart": dry.told_apart,
+        "ripple": None
+        if ripple is None
+        else {
+            "amplitude": number(ripple.amplitude),
+            "amplitude_std": number(ripple.amplitude_std),
+            "period": number(ripple.period),
+            "period_std": number(ripple.period_std),
+            "phase": number(ripple.phase),
+            "phase_std": number(ripple.phase_std),
+            "about": number(ripple.about),
+            "significance": number(ripple.significance),
+            "aliases": [number(period) for period in ripple.aliases],
+        },
+        "load_dependence": _term_json(dry.load_dependence),
+        "scatter": number(dry.scatter),
+        "places": [
+            {
+                "direction": place.direction,
+                "position": number(place.position),
+                "mean": number(place.mean),
+                "std": number(place.std),
+                "slips": place.slips,
+            }
+            for place in dry.places
+        ],
+        "summary": dry_friction_text(dry),
+    }
+
+
+def _term_json(term: Term | None) -> dict[str, Any] | None:
+    if term is None:
+        return None
+    return {"value": number(term.value), "std": number(term.std), "significance": number(term.significance)}
 
 
 def _variant_json(variant: Variant) -> dict[str, Any]:

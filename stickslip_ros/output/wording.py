@@ -19,6 +19,9 @@ from stickslip_ros.monitoring.detection.status import (
     TooShort,
 )
 from stickslip_ros.monitoring.friction.change import FrictionChange
+from stickslip_ros.monitoring.friction.dry_friction import DryFriction
+
+_MINUTE = 60.0  # [s]
 
 
 def friction_change_text(change: FrictionChange | None) -> str:
@@ -30,6 +33,33 @@ def friction_change_text(change: FrictionChange | None) -> str:
         return f"{text}; learning anew"
     what = ", ".join(f"{one.name.replace('_', ' ')} {one.old:.3g} to {one.new:.3g}" for one in change.differences)
     return f"{text}: {what or 'in ways that the slips since do not name'}"
+
+
+def dry_friction_text(dry: DryFriction | None) -> str:
+    """What the dry friction depends on, in one sentence; "" if nothing is known to matter."""
+    if dry is None:
+        return ""
+    said = []
+    coulomb = abs(dry.coulomb.value)
+    if dry.ripple is not None:
+        ripple = dry.ripple
+        said.append(f"varies by ±{ripple.amplitude:.2g} N·m with position, {1.0 / ripple.period:.3g} times a radian")
+        if ripple.aliases:
+            others = " or ".join(f"{1.0 / period:.3g}" for period in ripple.aliases)
+            said[-1] += f" (or {others} times: the slips lie too evenly to tell)"
+    if dry.drift is not None:
+        a_minute = _MINUTE * abs(dry.drift.value)
+        size = f"{100.0 * a_minute / coulomb:.2g} %" if coulomb > 0 else f"{a_minute:.2g} N·m"
+        said.append(f"{'rises' if dry.drift.value > 0 else 'falls'} by {size} a minute")
+        if not dry.told_apart:
+            said[-1] += " (or over position, which went with time)"
+    if dry.load_dependence is not None:
+        slope = dry.load_dependence.value
+        said.append(f"{'grows' if slope > 0 else 'falls'} by {100.0 * abs(slope):.2g} % of the load")
+    if not said:
+        return ""
+    name = "Coulomb friction" if dry.load is not None else "Coulomb friction with any load"
+    return f"{name} {', '.join(said[:-1])}{' and ' if len(said) > 1 else ''}{said[-1]}."
 
 
 def reason_text(finding: Finding) -> str:

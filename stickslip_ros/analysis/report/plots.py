@@ -46,7 +46,7 @@ def new_figure(x: str, y: str, *, height: int = 320, log: bool = False, **more: 
     return plot
 
 
-def _finish(plot: Any) -> None:
+def finish(plot: Any) -> None:
     """Put the legend below, where it hides nothing."""
     if plot.legend:
         plot.legend.click_policy = "hide"
@@ -104,7 +104,7 @@ def position_plot(joint: JointAnalysis) -> Plot | None:
         )  # fmt: skip
         tips = [("breakaway", "@time{0.000} s"), ("slip", "@slip{0.0000} rad"), ("dwell", "@dwell{0.000} s")]
         plot.add_tools(HoverTool(renderers=[marks], tooltips=tips))
-    _finish(plot)
+    finish(plot)
     sticking = joint.time_in(Status.STICK_SLIP)
     return Plot(
         plot,
@@ -126,7 +126,7 @@ def close_up_plot(joint: JointAnalysis) -> Plot | None:
     if np.isfinite(samples.reference_position).any():
         plot.line(time, _small(samples.reference_position), color=ORANGE, line_width=1.5, legend_label="reference")
     plot.line(time, _small(samples.position), color=BLUE, line_width=2, legend_label="position")
-    _finish(plot)
+    finish(plot)
     return Plot(
         plot,
         "A usual cycle, as recorded",
@@ -168,7 +168,7 @@ def phase_plot(joint: JointAnalysis) -> Plot | None:
         [frequency * (begin - 0.5 * (begin + end)), frequency * (end - 0.5 * (begin + end))], [0.0, 0.0],
         size=8, color=RED, legend_label="breakaway, arrest",
     )  # fmt: skip
-    _finish(plot)
+    finish(plot)
     return Plot(
         plot,
         "One cycle in the phase plane",
@@ -236,7 +236,7 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
         plot.add_layout(
             Span(location=joint.velocity, dimension="height", line_color=RED, line_dash="dotted", line_width=1.5)
         )
-    _finish(plot)
+    finish(plot)
     return Plot(
         plot,
         "Friction against speed",
@@ -305,7 +305,7 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
         plot.scatter([speed], [target], size=12, color=GREEN, marker="star", legend_label="advised")
         words.append(f"the star is where the advice puts it, at {target:.4g}")
     plot.scatter([speed], [stiffness], size=11, color=RED, marker="circle", legend_label="now")
-    _finish(plot)
+    finish(plot)
     return Plot(
         plot,
         "Where it sticks",

@@ -44,6 +44,7 @@ class _Section:
     finding: str
     advice: str
     rests_on: str
+    depends_on: str
     plots: list[Plot]
     parameters: list[_Row]
 
@@ -95,6 +96,7 @@ def _goodness(joint: JointAnalysis) -> tuple[float, int, int]:
 
 
 def _section(joint: JointAnalysis) -> _Section:
+    from stickslip_ros.analysis.report.dry_friction_plots import DRY_FRICTION_PLOTS
     from stickslip_ros.analysis.report.plots import PLOTS
 
     return _Section(
@@ -102,7 +104,8 @@ def _section(joint: JointAnalysis) -> _Section:
         finding=words.finding(joint),
         advice=words.advice(joint),
         rests_on=words.rests_on(joint),
-        plots=[plot for make in PLOTS if (plot := make(joint)) is not None],
+        depends_on=words.depends_on(joint),
+        plots=[plot for make in (*PLOTS, *DRY_FRICTION_PLOTS) if (plot := make(joint)) is not None],
         parameters=_parameters(joint),
     )
 

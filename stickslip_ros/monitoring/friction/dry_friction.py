@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-SIGNIFICANT = 0.01  # probability of chance, below which a term is claimed
+SIGNIFICANT = 0.005  # probability of chance, below which a term is claimed
 LEAST_SLIPS = 12  # from which on more than the direction is asked for
 _LEAST_OF_A_DIRECTION = 3
 _MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4

@@ -178,8 +178,7 @@ class _Search:
     def narrowed(self, frequency: float, step: float) -> tuple[float, float]:
         """The peak next to a frequency tried, and its power."""
         for _ in range(_NARROWED):
-            near: FloatArray = np.linspace(-1.0, 1.0, 21, dtype=np.float64)
-            near = np.asarray(frequency + step * near, dtype=np.float64)
+            near = frequency + step * np.linspace(-1.0, 1.0, 21)
             powers = self.power(near)
             frequency, power = float(near[np.argmax(powers)]), float(powers.max())
             step *= 0.1
@@ -187,7 +186,8 @@ class _Search:
 
     def aliases(self, frequency: float, highest: float, step: float, observations: float) -> tuple[float, ...]:
         """Periods of other peaks that explain as much, the best first."""
-        tried = np.arange(1, min(int(_SHORTER * highest / step), _MOST_TRIED)) * step
+        number = min(int(_SHORTER * highest / step), _MOST_TRIED)
+        tried: FloatArray = np.asarray(step * np.arange(1, number), dtype=np.float64)
         powers = self.power(tried)
         best = self.narrowed(frequency, step)[1]
         inner = powers[1:-1]
