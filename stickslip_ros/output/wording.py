@@ -56,10 +56,8 @@ def dry_friction_text(dry: DryFriction | None) -> str:
     if dry.load_dependence is not None:
         slope = dry.load_dependence.value
         said.append(f"{'grows' if slope > 0 else 'falls'} by {100.0 * abs(slope):.2g} % of the load")
-    if not said:
-        return ""
     name = "Coulomb friction" if dry.load is not None else "Coulomb friction with any load"
-    return f"{name} {', '.join(said[:-1])}{' and ' if len(said) > 1 else ''}{said[-1]}."
+    return f"{name} {'; it '.join(said)}." if said else ""
 
 
 def reason_text(finding: Finding) -> str:

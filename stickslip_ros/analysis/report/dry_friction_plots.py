@@ -63,7 +63,9 @@ def position_dependence_plot(joint: JointAnalysis) -> Plot | None:
             "position", "mean", source=source, size=8, color=colour, marker="square", legend_label=f"{name}, mean"
         )
     finish(plot)
-    said = "it varies by more than chance" if dry.ripple is not None else "no period stands out of the scatter"
+    said = "no period stands out of the scatter"
+    if dry.ripple is not None:
+        said = f"the curve is a ripple of ±{dry.ripple.amplitude:.2g} N·m, {1.0 / dry.ripple.period:.3g} times a radian"
     return Plot(
         plot,
         "Friction over position",

@@ -6,8 +6,8 @@ The kinetic friction of slip n, in its direction d, at the position x and the ti
 
     F_n = F_k + d F_l + D (t − t₀) + A sin(2π (x − x₀)/P + φ) + e_n
 
-of which drift and ripple are claimed only if chance alone would hardly show as much. Of several they enter one after
-the other, the surest first, and each has to hold beside the other.
+with F_l a parabola over position where it varies, as an arm's weight does. Drift and ripple are claimed only if chance
+would hardly show as much; of both the surer enters first, and each has to hold beside the other.
 """
 
 from __future__ import annotations
@@ -66,8 +66,10 @@ class DryFriction:
     Attributes
     ----------
     coulomb : F_k, the mean of both directions [N·m], in the middle of the slips' time; in one direction with any load.
-    load : F_l, half of what friction is higher by in positive direction [N·m]; None in one direction.
-    drift : D [N·m/s]. told_apart : whether time and position are; else the drift may be a slope over position.
+    load : F_l, half of what friction is higher by in positive direction [N·m], the mean over the slips' positions; None
+        in one direction.
+    drift : D [N·m/s]. told_apart : whether time and position are; else the drift may be a slope over position, of
+        friction or of load.
     ripple : over position.
     load_dependence : slope of the Coulomb friction over the size of a load that varies with position [1].
     scatter : standard deviation of what is left, from slip to slip [N·m].
@@ -117,16 +119,23 @@ def dry_friction(
     ones = np.ones((count, 1))
     base = np.column_stack([ones, direction]) if fewest >= _LEAST_OF_A_DIRECTION else ones
     since = (time - time.mean())[:, None]
+    varying = np.zeros((count, 0))
     drifts, ripple = False, None
     if count >= LEAST_SLIPS:
-        drifts, ripple = _chosen(base, since if _spans(time) else None, kinetic, position, standard_error)
-    columns = np.column_stack([base, since]) if drifts else base
+        if base.shape[1] > 1:
+            varying = _varying_load(base, since, kinetic, position, standard_error)
+        spanned = since if _spans(time) else None
+        drifts, ripple = _chosen(np.column_stack([base, varying]), spanned, kinetic, position, standard_error)
+    known, size = np.column_stack([base, varying]), base.shape[1] + varying.shape[1]
+    columns = np.column_stack([known, since]) if drifts else known
     all_columns = np.column_stack([columns, ripple.columns(position)]) if ripple else columns
     fit = regression(all_columns, kinetic, standard_error)
-    drift = _term(fit, base.shape[1]) if drifts else None
+    drift = _term(fit, size) if drifts else None
     steady = kinetic - (ripple.at(position) if ripple else 0.0) - (drift.value * since[:, 0] if drift else 0.0)
     numbers = _numbers_of_places(position)
-    # What is left of each slip scatters alike everywhere: the scatter within a place of few would say little.
+    # What the load varies by within a place must not pass for friction.
+    load = varying @ fit.coefficients[base.shape[1] : size]
+    steady = steady - load + direction * _means(direction * load, numbers)
     steady_places = _places(steady, direction, position, numbers, fit.scatter)
     return DryFriction(
         coulomb=_term(fit, 0),
@@ -194,12 +203,42 @@ def _spans(time: FloatArray) -> bool:
     return bool(float(np.ptp(time)) > 0 and counts.min() >= _LEAST_OF_A_PART * len(time))
 
 
+def _loads(direction: FloatArray, position: FloatArray) -> FloatArray:
+    """Columns of a load that is a parabola over position, shape (n, 2)."""
+    place = (position - position.mean()) / max(float(np.ptp(position)), 1e-300)
+    return np.column_stack([direction * place, direction * (place**2 - float((place**2).mean()))])
+
+
+def _varying_load(
+    base: FloatArray, since: FloatArray, kinetic: FloatArray, position: FloatArray, standard_error: float
+) -> FloatArray:
+    """Columns of a load over position where it varies, as an arm's weight does; none where a drift explains more.
+
+    There and back once, a load that varies and a drift are much alike.
+    """
+    columns = _loads(base[:, 1], position)
+    varies = regression(np.column_stack([base, columns]), kinetic, standard_error)
+    drifts = regression(np.column_stack([base, since]), kinetic, standard_error)
+    # Two columns are tried; BIC.
+    surely = min(varies.significance(2), varies.significance(3)) < 0.5 * SIGNIFICANT
+    worse = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(drifts.scatter, 1e-300))
+    return columns if surely and worse + math.log(len(kinetic)) < 0.0 else columns[:, :0]
+
+
 def _told_apart(base: FloatArray, since: FloatArray, position: FloatArray) -> bool:
-    """Whether time and position do not go together, beside what the direction explains."""
-    basis = np.linalg.qr(base)[0]
-    own = [values - basis @ (basis.T @ values) for values in (since, position - position.mean())]
-    sizes = float(np.linalg.norm(own[0]) * np.linalg.norm(own[1]))
-    return sizes > 0 and abs(float(own[0] @ own[1])) < _TOGETHER * sizes
+    """Whether time is told apart from position, and from a load over it."""
+    place = (position - position.mean())[:, None]
+    basis = np.linalg.svd(base, full_matrices=False)[0]
+    others = np.column_stack([place, _loads(base[:, 1], position)]) if base.shape[1] > 1 else place
+    others, own = others - basis @ (basis.T @ others), since - basis @ (basis.T @ since)
+    explained = others @ np.linalg.lstsq(others, own, rcond=None)[0]
+    return float(own @ own) > 0 and float(explained @ explained) < _TOGETHER**2 * float(own @ own)
+
+
+def _means(values: FloatArray, numbers: NDArray[np.int64]) -> FloatArray:
+    """Of each value the mean over its place."""
+    counts = np.maximum(np.bincount(numbers), 1)
+    return np.asarray((np.bincount(numbers, values) / counts)[numbers])
 
 
 def _numbers_of_places(position: FloatArray) -> NDArray[np.int64]:
