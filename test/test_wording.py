@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from stickslip_ros.monitoring.detection.status import (
@@ -23,7 +25,9 @@ from stickslip_ros.monitoring.detection.status import (
     TooFewSamples,
     TooShort,
 )
-from stickslip_ros.output.wording import friction_change_text, reason_text
+from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
+from stickslip_ros.monitoring.friction.ripple import Ripple
+from stickslip_ros.output.wording import dry_friction_text, friction_change_text, reason_text
 
 SENTENCES: list[tuple[Reason | None, str]] = [
     (None, ""),
@@ -59,3 +63,40 @@ def test_no_reason_is_left_out() -> None:
 def test_no_change_is_no_sentence() -> None:
     """Nothing is said where nothing changed."""
     assert friction_change_text(None) == ""
+
+
+DRY = DryFriction(
+    coulomb=Term(value=8.0, std=0.01, significance=0.0),
+    load=Term(value=1.0, std=0.01, significance=0.0),
+    drift=Term(value=-8.0 * 0.05 / 60.0, std=1e-4, significance=1e-6),
+    told_apart=True,
+    ripple=Ripple(
+        amplitude=0.123, amplitude_std=0.01, period=0.05, period_std=1e-4, phase=0.0, phase_std=0.1, about=0.0,
+        significance=1e-6, aliases=(),
+    ),
+    load_dependence=Term(value=0.1, std=0.01, significance=1e-4),
+    scatter=0.05,
+    places=(),
+    direction=np.ones(1),
+    position=np.zeros(1),
+    time=np.zeros(1),
+    kinetic=np.full(1, 8.0),
+)  # fmt: skip
+
+
+def test_what_dry_friction_depends_on() -> None:
+    """One sentence of what is significant; what cannot be told apart is said."""
+    assert dry_friction_text(DRY) == (
+        "Coulomb friction varies by ±0.12 N·m with position, 20 times a radian; it falls by 5 % a minute; "
+        "it grows by 10 % of the load."
+    )
+    assert DRY.ripple is not None
+    unsure = replace(
+        DRY, load=None, told_apart=False, load_dependence=None, ripple=replace(DRY.ripple, aliases=(0.01,))
+    )
+    assert dry_friction_text(unsure) == (
+        "Coulomb friction with any load varies by ±0.12 N·m with position, 20 times a radian (or 100 times: the slips "
+        "lie too evenly to tell); it falls by 5 % a minute (or over position, which went with time)."
+    )
+    assert dry_friction_text(replace(DRY, ripple=None, drift=None, load_dependence=None)) == ""
+    assert dry_friction_text(None) == ""
