@@ -261,6 +261,7 @@ class JointMonitor:
         self.cycle_count += len(cycles)
         self._last_cycle = cycles[-1] if cycles else self._last_cycle
         self._motion.note(self._cycles.evidence(self._recent))
+        self._motion.await_rest(awaited=self._cycles.may_foresee)
         self._note_needed_motion()
 
     def _learn_from(self, cycle: Cycle) -> None:

@@ -67,6 +67,7 @@ MOTION = np.dtype(
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
         # When to look whether the joint has come to rest.
+        ("awaits_rest", np.bool_),  # whether anybody asks
         ("looked", np.int64),  # crossings there were at the last look, -1 before the first
         ("look_after", float),  # for how long it must then have stood
     ]
@@ -468,7 +469,7 @@ def _may_rest(motion, detector):
     if not flat >= motion.look_after - equal or not detector.position.band < kernel.SLOW * detector.peak * flat:
         return False
     motion.look_after = _LOOK_AGAIN * flat
-    return True
+    return motion.awaits_rest
 
 
 @compiled()

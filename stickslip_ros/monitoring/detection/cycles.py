@@ -83,7 +83,6 @@ class CycleDetector:
     def __init__(self) -> None:
         self.last_rest: Rest | None = None
         self._rest_before: Rest | None = None
-        self._evidence = -math.inf
         self._foreseen: Cycle | None = None
         self._closed: Rest | None = None
         self._way = 0.0
@@ -101,35 +100,35 @@ class CycleDetector:
             return Evidence(last_breakaway=last_breakaway, stop_before=stop_before)
         last = recent[-1]
         in_last_rest = rest is not None and before is not None and last.breakaway == before.breakaway
-        # What was evidence remains it, though another rest may have begun since.
-        self._evidence = max(self._evidence, last_breakaway if in_last_rest else last.arrest)
         return Evidence(
             cycles=len(recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
             period=median(cycle.period for cycle in recent),
             slip=max(cycle.slip_duration for cycle in recent),
             dwell=max(cycle.dwell for cycle in recent),
-            evidence=self._evidence,
+            evidence=last_breakaway if in_last_rest else last.arrest,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
         )
+
+    @property
+    def may_foresee(self) -> bool:
+        """Whether :meth:`foresee` may say anything before the next rest is complete."""
+        return self._foreseen is None and self._closed is None and bool(self._slips)
 
     def foresee(self, rest: Rest) -> Cycle | None:
         """The cycle that ends in a rest which has only begun, if that is certain already, once.
 
         It is settled thereby: :meth:`take` or :meth:`finish` returns it again, with what the whole rest tells of it.
         """
-        if self._foreseen is None:
-            self._foreseen = self._certain_already(rest)
-            return self._foreseen
-        return None
-
-    def _certain_already(self, rest: Rest) -> Cycle | None:
-        before = self.last_rest
-        if before is None or self._closed is not None or rest.arrest < before.breakaway:
+        if self.last_rest is None or not self.may_foresee:
             return None
+        self._foreseen = self._certain_already(self.last_rest, rest)
+        return self._foreseen
+
+    def _certain_already(self, before: Rest, rest: Rest) -> Cycle | None:
         cycle = self._cycle(before, rest)
-        if cycle is None or not self._slips or self._way * cycle.slip_distance <= 0:
+        if cycle is None or self._way * cycle.slip_distance <= 0:
             return None
         # Less than usual may be the first part of a slip that goes on in a moment.
         if abs(cycle.slip_distance) < _WHOLE_SLIP * median(self._slips):

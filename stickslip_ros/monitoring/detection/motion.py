@@ -24,7 +24,7 @@ class Evidence:
     ----------
     cycles : how many; period : their median.
     slip, dwell : the longest among them.
-    evidence : when the last cycle ended, or the rest in which it ended.
+    evidence : when the last cycle ended, or the rest in which it ended; the latest that was noted counts.
     last_breakaway : of the last rest; stop_before : of the rest before that, if the joint moved before.
     """
 
@@ -51,7 +51,7 @@ class MotionRecord:
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
-            "before",
+            "before", "evidence",
         ):  # fmt: skip
             self._motion[name] = np.nan
         self._motion["looked"] = -1
@@ -67,6 +67,8 @@ class MotionRecord:
 
     def follow(self, samples: Batch) -> Iterator[bool]:
         """Take samples; stops at every stretch of slow motion that is complete (True), and where a rest may have begun.
+
+        The latter only if it is awaited, see :meth:`await_rest`.
 
         What is asked in between is answered as of then.
         """
@@ -100,8 +102,15 @@ class MotionRecord:
 
     def note(self, evidence: Evidence) -> None:
         """Let the judgement know the recent cycles and rests."""
+        # What was evidence remains it, though another rest may have begun since.
+        latest = np.fmax(self._motion["evidence"], evidence.evidence)
         for name in evidence.__dataclass_fields__:
             self._motion[name] = getattr(evidence, name)
+        self._motion["evidence"] = latest
+
+    def await_rest(self, *, awaited: bool) -> None:
+        """Whether :meth:`follow` is to stop where a rest may have begun, from the next sample on; at first not."""
+        self._motion["awaits_rest"] = awaited
 
     def did_not_rest(self) -> None:
         """Let the judgement know that the joint only slowed down where it seemed to rest."""

@@ -98,9 +98,10 @@ class RestDetector:
         self._left = (math.nan, math.nan, math.nan)
 
     def feed(self, samples: Batch) -> Iterator[Rest]:
-        """Take samples and yield each rest when it is complete, and before that when it has certainly begun.
+        """Take samples and yield each rest when it is complete, and if awaited also when it has certainly begun.
 
         What is known by then may be changed in between. A rest that has only begun is not :attr:`Rest.complete`.
+        Whether one is awaited is told to ``motion``.
 
         Parameters
         ----------
@@ -117,15 +118,24 @@ class RestDetector:
     def _begun_rest(self) -> Rest | None:
         """The rest that lasts at the last sample, if the joint has stood for longer than it takes to turn round."""
         # Fitted to the braking alone, the place within a count dates the arrest to 5 ms instead of 8.
-        rest = self.unfinished_rest(_FRACTIONS)
-        if rest is None or rest.breakaway != self.motion.last_detected:
+        motion = self._motion_before(_FRACTIONS)
+        if motion is None:
             return None
-        newest = self.motion.crossing_count - 1
-        last = float(self.motion.crossings(newest, newest)[0, kernel.TIME])
-        return rest if rest.arrest < rest.breakaway - _TURN * (rest.arrest - last) else None
+        crossings, _, arrest = motion
+        last, now = crossings[-1, [kernel.TIME, kernel.FLAT_END]].tolist()
+        if now != self.motion.last_detected or not arrest < now - _TURN * (arrest - last):
+            return None
+        return self._begun(*motion)
 
-    def unfinished_rest(self, fractions: NDArray[np.float64] = _MIDDLE) -> Rest | None:
-        """The rest that lasts at the last sample, as if it ended there; None if the joint moves.
+    def unfinished_rest(self) -> Rest | None:
+        """The rest that lasts at the last sample, as if it ended there; None if the joint moves."""
+        motion = self._motion_before(_MIDDLE)
+        return self._begun(*motion) if motion is not None else None
+
+    def _motion_before(self, fractions: NDArray[np.float64]) -> tuple[FloatArray, int, float] | None:
+        """The crossings before the rest that lasts at the last sample, their direction, and when it began [s].
+
+        None if the joint moves.
 
         Parameters
         ----------
@@ -142,16 +152,22 @@ class RestDetector:
         last = longest if longest > oldest and duration > stands else head - 1
         before = motion.crossings(oldest, last)
         core = before[-1]
-        if abs(float(core[kernel.POSITION] - before[0, kernel.POSITION])) < _LEAST_SLIP_BANDS * self.motion.band:
+        way = float(core[kernel.POSITION] - before[0, kernel.POSITION])
+        if abs(way) < _LEAST_SLIP_BANDS * motion.band:
             return None
         speed = fastest(before[1:])
-        direction = 1 if float(core[kernel.POSITION] - before[0, kernel.POSITION]) > 0 else -1
-        if not self.motion.band < kernel.SLOW * speed * (core[kernel.FLAT_END] - core[kernel.TIME]):
+        direction = 1 if way > 0 else -1
+        begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
+        if not motion.band < kernel.SLOW * speed * (end - begin):
             return None
         left = braking_crossings(before[::-1], speed)
-        begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
-        places = float(core[kernel.POSITION]) + direction * self.motion.band * np.repeat(fractions[:, None], 2, axis=1)
+        places = float(core[kernel.POSITION]) + direction * motion.band * np.repeat(fractions[:, None], 2, axis=1)
         arrest, _, _ = rest_ends(left, before[:0], places, begin, end, direction, 0)
+        return before, direction, arrest
+
+    def _begun(self, before: FloatArray, direction: int, arrest: float) -> Rest:
+        """The rest after these crossings, as if it ended with the last one's stand."""
+        core = before[-1]
         return self._rest(
             before, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
         )
