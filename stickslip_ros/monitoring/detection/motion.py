@@ -46,7 +46,9 @@ class MotionRecord:
     """
 
     def __init__(self, window: float = 1.0) -> None:
-        self._motion = _record(kernel.MOTION)
+        # A record, and the array that it lies in.
+        self._motions: Any = np.zeros(1, kernel.MOTION)
+        self._motion = self._motions[0]
         for name in ("now", "turned", "rested_at", "last_end"):
             self._motion[name] = -np.inf
         for name in (
@@ -57,7 +59,8 @@ class MotionRecord:
         self._motion["looked"] = -1
         self.note(Evidence())
         self._motion["window"] = window
-        self._detector = _record(crossing_kernel.DETECTOR)
+        self._detectors: Any = np.zeros(1, crossing_kernel.DETECTOR)
+        self._detector = self._detectors[0]
         self._detector["peak"] = np.inf
         for signal in (self._detector["position"], self._detector["velocity"]):
             signal["smallest"] = np.inf
@@ -78,7 +81,7 @@ class MotionRecord:
         while index < len(samples):
             index, why = kernel.follow(
                 index, samples.time, samples.position, samples.velocity, samples.effort,
-                samples.reference_position, samples.reference_velocity, self._slices, self._motion, self._detector,
+                samples.reference_position, samples.reference_velocity, self._slices, self._motions, self._detectors,
             )  # fmt: skip
             if why == kernel.STANDS:
                 yield False
@@ -234,12 +237,9 @@ class MotionRecord:
 
     def _make_room(self, count: int) -> None:
         """Let so many slices be closed before they are taken."""
+        if self._motion["closed"] + count <= len(self._slices):
+            return
         waiting = self.closed()
         self._slices = np.zeros((len(waiting) + count, kernel.SLICE_COLUMNS))
         self._slices[: len(waiting)] = waiting
         self._motion["closed"] = len(waiting)
-
-
-def _record(layout: np.dtype[Any]) -> Any:
-    """A record of zeros, as compiled code takes it."""
-    return np.zeros(1, layout)[0]
