@@ -488,8 +488,8 @@ def replay(detector):
 def follow(start, times, positions, velocities, efforts, references, reference_speeds, slices, motions, detectors):
     """Take samples from ``start`` until a spell is complete, the joint may have come to rest, or the samples end.
 
-    Returns the index of the next sample, and which of these it is. The records come in arrays of one each: to unpack two
-    records takes numba microseconds, more than a sample does, and their arrays less than a tenth of that.
+    Returns the index of the next sample, and which of these it is. The records come in arrays of one each: unpacking
+    two records takes numba microseconds, and their arrays less than a tenth of that.
     """
     motion, detector = motions[0], detectors[0]
     early = detector.early

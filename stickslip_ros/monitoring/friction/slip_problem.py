@@ -55,8 +55,15 @@ _LARGEST_STRAY = 0.5  # of a sample interval, by which stamps may stray
 
 
 def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
-    """Whether a slip begins from the rest that the one before ended in."""
-    return abs(before.arrest - window.rest_begin) < _SAME_REST * (window.breakaway - window.rest_begin) + 1e-9
+    """Whether a slip goes on from the rest that the one before ended in.
+
+    Where the motion turns round, what the rest began with is not known well: a slip that ends as the reference turns
+    may be followed by a hop that nobody sees.
+    """
+    return (
+        before.direction == window.direction
+        and abs(before.arrest - window.rest_begin) < _SAME_REST * (window.breakaway - window.rest_begin) + 1e-9
+    )
 
 
 class SlipProblem:
