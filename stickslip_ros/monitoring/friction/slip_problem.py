@@ -334,8 +334,9 @@ class SlipProblem:
         Where a count changed the joint was at the edge between two counts some time in the sample's gap.
         ``tolerance`` [rad] is added to every error: it widens the valley while the parameters are far off.
         """
-        speed = np.abs(speeds[self.observed])
         gaps = np.where(self._at_edge, self.gaps, 0.0)
+        # In the middle of the gap: while the joint gets faster its way is shorter than its speed at the end has it.
+        speed = np.interp(self.times[self.observed] - 0.5 * gaps, self.times, np.abs(speeds))
         way = np.minimum(np.maximum(speed, _SLOWEST * self.usual_speed) * gaps, self._resolutions)
         edge = self.values - 0.5 * self.directions[self.slip_of] * (self._resolutions - way)
         self.targets = np.where(self._at_edge, edge, self.values)
