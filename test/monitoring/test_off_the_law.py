@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Friction learnt from machines that do not obey the paper's law: what is told, and what is withheld."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_machines import CONDITIONS, MachineRecording, random_recording
+
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import exact_critical_damping_ratio
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.monitoring.belief import believed
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.uncertainty import stick_slip_probability
+
+pytestmark = pytest.mark.slow
+
+RATE = 500.0
+
+
+@functools.cache
+def learnt(condition: str, seed: int, share: float = 1.0) -> tuple[MachineRecording, FrictionEstimate]:
+    """A random machine off the law in one way, and what the first part of its recording teaches."""
+    recording = random_recording(seed, CONDITIONS[condition])
+    monitor = JointMonitor(None, recording.gains, studies_at_once=True)
+    monitor.process(recording.batch.where(slice(0, round(share * len(recording.batch)))))
+    monitor.finish()
+    assert monitor.learner.estimate is not None
+    return recording, monitor.learner.estimate
+
+
+def outside(recording: MachineRecording, estimate: FrictionEstimate) -> list[str]:
+    """Parameters that are called identified and lie outside of three standard errors."""
+    machine = recording.machine.after(float(recording.batch.time[-1]))
+    return [
+        name
+        for name in NAMES
+        if estimate[name].identified
+        and abs(estimate[name].value - float(getattr(machine, name))) > 3.0 * estimate[name].std
+    ]
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_an_exponential_curve_is_told_from_the_papers(seed: int) -> None:
+    """Issue 18, found wrong 4: 6 of 16 verdicts were wrong; the law is learnt with the parameters now."""
+    recording, estimate = learnt("exponential", seed)
+    assert estimate.law == "exponential"
+    assert "by the exponential law" in estimate.summary()
+    assert not outside(recording, estimate)
+    assert {"inertia", "stribeck_velocity"} <= {name for name in NAMES if estimate[name].identified}
+    _, papers = learnt("base", seed)
+    assert papers.law == "hess_soom"
+    assert not papers.alternatives
+
+
+def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
+    """Issue 18: the verdict is averaged over the laws by their weights, and what they differ in widens the errors."""
+    recording, estimate = learnt("exponential", 4)
+    laws = estimate.by_law()
+    assert sorted(one.law for _, one in laws) == ["exponential", "hess_soom"]
+    assert sum(weight for weight, _ in laws) == pytest.approx(1.0)
+    assert "the law may be" in estimate.summary()
+    belief, _ = believed(estimate, None, recording.gains)
+    assert belief is not None
+    assert belief.uncertainty is not None
+    speed = recording.speeds[0]
+    together = stick_slip_probability(belief.uncertainty, recording.gains, speed)
+    apart = [
+        stick_slip_probability(replace(one, weight=1.0, others=()), recording.gains, speed)
+        for one in (belief.uncertainty, *belief.uncertainty.others)
+    ]
+    weights = [weight for weight, _ in laws]
+    assert together == pytest.approx(sum(w * p for w, p in zip(weights, apart, strict=True)))
+
+
+@pytest.mark.parametrize(("condition", "seed"), [("ripple_20", 0), ("ripple_200", 1), ("lugre", 0)])
+def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: int) -> None:
+    """Issue 18, found wrong 3 and 4: misfit was said and believed all the same."""
+    recording, estimate = learnt(condition, seed)
+    assert estimate.mismatch
+    assert not any(estimate[name].identified for name in (*NAMES, COULOMB_AND_LOAD))
+    belief, _ = believed(estimate, None, recording.gains)
+    assert belief is not None
+    assert belief.uncertainty is not None
+    for factor in (0.5, 2.0):
+        gains = replace(recording.gains, stiffness=factor * float(recording.gains.stiffness))
+        assert 0.05 < stick_slip_probability(belief.uncertainty, gains, recording.speeds[0]) < 0.95
+
+
+@pytest.mark.parametrize(("condition", "seed"), [("drift", 0), ("triangle", 2), ("load_both_ways", 3), ("base", 3)])
+def test_intervals_hold_off_the_law(condition: str, seed: int) -> None:
+    """Issue 18: an interval that is printed holds, whatever the machine."""
+    recording, estimate = learnt(condition, seed)
+    assert not outside(recording, estimate)
+
+
+@pytest.mark.parametrize(("condition", "seed"), [("base", 0), ("trapezoid", 4), ("load_one_way", 2)])
+def test_more_data_make_no_answer_worse(condition: str, seed: int) -> None:
+    """Issue 18: after the whole no error is more than 1.2 times that after a prefix, plus its own standard error."""
+    recording, whole = learnt(condition, seed)
+    for share in (0.4, 0.7):
+        _, before = learnt(condition, seed, share)
+        for name in NAMES:
+            if not (whole[name].identified and before[name].identified):
+                continue
+            truth = float(getattr(recording.machine, name))
+            error = abs(whole[name].value - truth)
+            assert error <= 1.2 * abs(before[name].value - truth) + whole[name].std, (name, share)
+
+
+def test_a_late_controller_with_gains_to_and_fro(puma: Joint) -> None:
+    """Issue 18, found wrong 7: trajectories that end and are held, gains set to and fro, a controller a period late."""
+    joint = replace(puma, friction=replace(puma.friction, lag=0.0, rise_time=0.0))
+    gains = Gains(stiffness=630.0)
+    simulation = JointSimulation(joint, gains, sampled=True, control_delay=True)
+    monitor = JointMonitor(gains=gains, studies_at_once=True)
+    reference = 0.0
+    steps = [
+        (1.0, 0.0, gains), (30.0, 0.0058, gains), (3.0, 0.0, gains), (14.0, 0.0058, replace(gains, stiffness=800.0)),
+        (4.0, 0.0, replace(gains, damping=20.0)), (14.0, 0.011, replace(gains, stiffness=500.0, damping=20.0)),
+        (20.0, 0.0058, gains),
+    ]  # fmt: skip
+    for seconds, speed, now in steps:
+        simulation.gains = now
+        count, start, position = round(seconds * RATE), simulation.time, simulation.position
+        velocities = np.full(count, speed)
+        references = reference + speed / RATE * np.arange(count)
+        motion = simulation.advance(1.0 / RATE, references, velocities)
+        samples = Batch(
+            time=start + np.arange(count) / RATE,
+            position=np.concatenate([[position], motion.position[:-1]]),
+            reference_position=references,
+            reference_velocity=velocities,
+        )
+        monitor.process(samples.where(slice(0, 3)))
+        monitor.gains = now  # the monitor hears of it later
+        monitor.process(samples.where(slice(3, None)))
+        reference = float(references[-1]) + speed / RATE
+    monitor.finish()
+    estimate = monitor.learner.estimate
+    assert estimate is not None
+    assert not estimate.mismatch
+    for name, truth in (("inertia", 6.3), (COULOMB_AND_LOAD, 8.43), ("stribeck", 1.6), ("stribeck_velocity", 0.0058)):
+        assert estimate[name].value == pytest.approx(truth, rel=0.01), name
+        assert abs(estimate[name].value - truth) < 4.0 * estimate[name].std, name
+    # One period and half of another: so much of the friction's damping the delay takes off.
+    left = float(joint.friction.viscous) - 630.0 * 1.5 / RATE
+    assert estimate["viscous"].value == pytest.approx(left, rel=0.1)
+
+
+def test_the_verdict_at_other_gains_is_right_and_sure(puma: Joint) -> None:
+    """The probability of stick slip is next to 0 or 1 well away from the boundary, and between them next to it."""
+    recording, estimate = learnt("base", 0)
+    belief, _ = believed(estimate, None, recording.gains)
+    assert belief is not None
+    assert belief.uncertainty is not None
+    speed, joint = recording.speeds[0], estimate.joint()
+    groups = dimensionless_groups(joint, recording.gains, speed)
+    critical = float(exact_critical_damping_ratio(groups))
+    momentum = 2.0 * math.sqrt(float(recording.gains.stiffness) * float(joint.inertia))
+    found = []
+    for factor in (0.6, 1.0, 1.6):
+        damping = factor * critical * momentum - float(joint.friction.viscous)
+        found.append(stick_slip_probability(belief.uncertainty, replace(recording.gains, damping=damping), speed))
+    assert found[0] > 0.95
+    assert 0.05 < found[1] < 0.95
+    assert found[2] < 0.05
