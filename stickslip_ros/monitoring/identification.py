@@ -11,7 +11,8 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate, estimate_friction
+from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
+from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.sliding import SlidingFriction, sliding_friction
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.joint_monitor import JointMonitor

@@ -13,8 +13,8 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
-from stickslip_ros.monitoring.friction.estimate import (
-    FrictionEstimate,
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.friction.estimation import (
     covariance_over_laws,
     fitted_laws,
     friction_estimate,

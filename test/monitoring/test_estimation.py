@@ -26,8 +26,8 @@ from stickslip_ros.monitoring.friction.estimate import (
     DOES_NOT_FIT,
     NAMES,
     FrictionEstimate,
-    estimate_friction,
 )
+from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import bounds, search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource

@@ -12,7 +12,7 @@ from support import record
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.limits import Criterion
-from stickslip_ros.monitoring.friction.estimate import estimate_friction
+from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.identification import identify
 from stickslip_ros.monitoring.joint_monitor import JointMonitor

@@ -23,7 +23,8 @@ from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK, STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
-from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, best_known, estimate_from
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.friction.estimation import best_known, estimate_from
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.laws import HALF_SPEED

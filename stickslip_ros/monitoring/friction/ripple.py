@@ -35,7 +35,8 @@ class Ripple:
 
     Attributes
     ----------
-    amplitude [N·m], period [rad], phase [rad, −π to π], and their standard errors.
+    amplitude, amplitude_std : of the sine, and its standard error [N·m].
+    period, period_std : likewise [rad]. phase, phase_std : likewise, from −π to π [rad].
     about : position at which the phase is that [rad].
     significance : probability that chance alone shows as much at some period that was tried.
     aliases : other periods [rad] that explain the slips as well, because these lie too evenly to tell.

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""From slips to an estimate of friction: which slips, by which laws, with what errors.
+
+Simulated slips are fitted to observed positions, Eq. (4) with (5) and (6); nothing is differentiated. A prior is of
+the paper's law: the values of another would mean something else.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._friction_law import PAPERS_LAW
+from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring.friction._window_kernel import (
+    INERTIA,
+    LAG,
+    RISE_TIME,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+)
+from stickslip_ros.monitoring.friction.dry_friction import dry_friction_of
+from stickslip_ros.monitoring.friction.estimate import (
+    DOES_NOT_FIT,
+    IDENTIFIED,
+    UNKNOWN,
+    USABLE_ASIDE,
+    FrictionEstimate,
+    LawAlternative,
+    ParameterEstimate,
+)
+from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
+from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
+from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighed_laws
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_search import search
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.samples import FloatArray
+
+LEAST_SLIPS = 3
+_LEAST_OF_A_DIRECTION = 3
+_KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
+_STRAYS = 0.001  # of a slip: less is left over by real joints that the model explains
+_SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
+_ASIDE = 0.34  # share of slips that nothing explains
+
+
+def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None) -> FrictionEstimate | None:
+    """Estimate from all slips at once; None if there are too few, or nothing fits.
+
+    Parameters
+    ----------
+    windows : in order of time. Where forces are known of some slips and not of others, the known ones count.
+    configured : a prior, right within a factor of two or so; where the data speak they outweigh it.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the prior is of another law than the paper's.
+    """
+    chosen = KeptSlips(best_known(windows)).windows
+    if len(chosen) < LEAST_SLIPS:
+        return None
+    fits = fitted_laws(chosen, configured)
+    return friction_estimate(fits, configured=configured is not None) if fits else None
+
+
+def fitted_laws(
+    windows: list[SlipWindow], configured: Joint | None, start: FloatArray | None = None
+) -> list[FittedLaw]:
+    """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
+
+    Parameters
+    ----------
+    start : logarithms that fitted earlier slips under the paper's law, or None.
+    """
+    windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
+    problem = SlipProblem(windows)
+    known = _prior_knowledge(configured, normalised=problem.normalised)
+    solution = search(problem, known, start)
+    if solution is not None:
+        # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
+        kept = _of_known_directions(windows, solution.usable)
+        if len(kept) < len(windows):
+            problem = SlipProblem(kept)
+            solution = search(problem, known, start)
+    if solution is None:
+        return []
+    fits = weighed_laws(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
+    return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
+
+
+def may_be_usable(windows: list[SlipWindow]) -> bool:
+    """Whether an estimate from these slips may be usable: not if too many are set aside before anything is fitted."""
+    problem = SlipProblem(_of_known_directions(windows, np.ones(len(windows), dtype=bool)))
+    return bool((~problem.usable).sum() <= USABLE_ASIDE * problem.count)
+
+
+def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -> list[SlipWindow]:
+    """All of them, or those of one direction where there are hardly any usable ones of the other."""
+    counts = {one: sum(w.direction == one for w, good in zip(windows, usable, strict=True) if good) for one in (1, -1)}
+    more = 1 if counts[1] >= counts[-1] else -1
+    enough = counts[-more] >= _LEAST_OF_A_DIRECTION
+    return windows if enough else [window for window in windows if window.direction == more]
+
+
+def best_known(windows: list[SlipWindow]) -> list[SlipWindow]:
+    """The windows whose force has the best source that enough of them have."""
+    for source in (ForceSource.GAINS, ForceSource.EFFORT):
+        chosen = [window for window in windows if window.source is source]
+        if len(chosen) >= max(LEAST_SLIPS, 0.5 * len(windows)):
+            return chosen
+    return [window for window in windows if window.source is ForceSource.SPEED]
+
+
+def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tuple[float, float]]:
+    """Mean and standard deviation of the parameters' logarithms that a configured joint gives."""
+    if joint is None:
+        return {}
+    if not joint.friction.of_the_paper:
+        raise InvalidParameterError("prior", f"a joint of the law that is fitted, {PAPERS_LAW}", joint.friction.law)
+    friction = joint.friction
+    known = {
+        STRIBECK_VELOCITY: float(friction.stribeck_velocity),
+        LAG: float(friction.lag),
+        RISE_TIME: float(friction.rise_time),
+    }
+    if not normalised:
+        known |= {
+            INERTIA: float(joint.inertia),
+            VISCOUS: float(friction.viscous),
+            STRIBECK: float(friction.stribeck),
+        }
+    return {index: (math.log(value), _KNOWN_SPREAD) for index, value in known.items() if value > 0}
+
+
+def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEstimate:
+    """The estimate by the first law, with what the others make of its errors, and what speaks against it."""
+    law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
+    fit = solution.fit
+    aside = int((~problem.usable).sum())
+    left_over = solution.tolerance / float(np.median(problem.distances))
+    scatter = solution.balance_error / math.exp(fit.parameters[STRIBECK])
+    reasons = []
+    if left_over > _STRAYS:
+        reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
+    if scatter > _SCATTER:
+        reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
+    if aside > _ASIDE * problem.count:
+        reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
+    blank = FrictionEstimate(
+        source=problem.windows[0].source,
+        normalised=problem.normalised,
+        logarithms=fit.parameters[:PARAMETERS],
+        covariance=np.zeros((PARAMETERS, PARAMETERS)),
+        coulomb=UNKNOWN,
+        load=UNKNOWN,
+        coulomb_and_load=UNKNOWN,
+        slips=problem.count - aside,
+        aside=aside,
+        mean_square=solution.mean_square,
+        left_over=left_over,
+        scatter=solution.balance_error,
+        mismatch=f"{DOES_NOT_FIT}: {'; '.join(reasons)}" if reasons else "",
+        configured=configured,
+        law=law,
+        alternatives=tuple(_alternative(other) for other in fits[1:]),
+        dry=None if problem.normalised else dry_friction_of(problem, fit),
+    )
+    return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance_over_laws(fits))
+
+
+def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
+    """Covariance of the first law's parameters and kinetic friction: its own, and how far the others' are off."""
+    first = fits[0]
+    covariance = honest_covariance(first.problem, first.solution.fit, first.solution.prior)
+    for other in fits[1:]:
+        off = np.concatenate([_comparable(other), other.solution.fit.kinetic])
+        off -= np.concatenate([_comparable(first), first.solution.fit.kinetic])
+        covariance = covariance + other.weight * np.outer(off, off)
+    return covariance
+
+
+def _comparable(fit: FittedLaw) -> FloatArray:
+    """Parameters, with the speed at half the Stribeck friction for the Stribeck velocity, which is each law's own."""
+    parameters = fit.solution.fit.parameters.copy()
+    parameters[STRIBECK_VELOCITY] += math.log(HALF_SPEED[fit.law])
+    return np.asarray(parameters)
+
+
+def _alternative(fit: FittedLaw) -> LawAlternative:
+    solution = fit.solution
+    covariance = honest_covariance(fit.problem, solution.fit, solution.prior)
+    parameters, covariance = fit.problem.at_the_latest_gains(solution.fit.parameters, covariance)
+    return LawAlternative(
+        law=fit.law,
+        weight=fit.weight,
+        logarithms=parameters[:PARAMETERS],
+        covariance=covariance[:PARAMETERS, :PARAMETERS],
+    )
+
+
+def estimate_from(
+    problem: SlipProblem,
+    estimate: FrictionEstimate,
+    parameters: FloatArray,
+    kinetic: FloatArray,
+    covariance: FloatArray,
+) -> FrictionEstimate:
+    """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
+    covariance (p + k, p + k).
+    """
+    parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
+    coulomb = load = together = UNKNOWN
+    if not estimate.normalised:
+        size = len(parameters)
+        errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))
+        scale = abs(float(kinetic[0])) + math.exp(parameters[STRIBECK])
+        found = [
+            ParameterEstimate(
+                value=float(value),
+                std=float(error),
+                identified=float(error) <= IDENTIFIED * scale and not estimate.mismatch,
+            )
+            for value, error in zip(kinetic, errors, strict=True)
+        ]
+        if len(found) > 1:
+            coulomb, load = found[:2]
+        else:
+            together = found[0]
+            coulomb = ParameterEstimate(value=max(together.value, 0.0), std=abs(together.value), identified=False)
+    return replace(
+        estimate,
+        logarithms=parameters[:PARAMETERS],
+        covariance=covariance[:PARAMETERS, :PARAMETERS],
+        coulomb=coulomb,
+        load=load,
+        coulomb_and_load=together,
+    )
