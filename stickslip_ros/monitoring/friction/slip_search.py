@@ -62,6 +62,7 @@ _RISE_TIME_SPREAD = 2.0
 _LONGEST_DELAY = 20.0  # sample intervals
 _LEAST_VISCOUS = 0.02  # of the inertia over a slip's duration: a damping ratio of 0.2 %
 _LEAST_LAG = 1e-4  # of a slip's duration
+_LEAST_SHARE = 1e-9  # of F_s∞ at a breakaway: a fit may leave a slip no rest before it
 _WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
 
 
@@ -438,7 +439,7 @@ def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
             began = fit.found[slip - 1, kernel.ARREST] if problem.linked[slip] else problem.rests_begin[slip]
             remains = remains if problem.linked[slip] else 1.0
             rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
-            shares[slip] = risen_level(remains, 1.0, rest, rise_time)
+            shares[slip] = max(risen_level(remains, 1.0, rest, rise_time), _LEAST_SHARE)
             remains = shares[slip] * float(fit.found[slip, kernel.REMAINS])
         stribeck = float(np.median((levels / shares)[usable]))
         kinetic = fit.found[:, kernel.HELD] - stribeck * shares
