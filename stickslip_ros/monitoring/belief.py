@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,7 +50,9 @@ def much_the_same(one: Belief, other: Belief) -> bool:
 
     Learning moves every value with every slip, mostly by nothing to speak of.
     """
-    kinds = [(belief.gains_known, belief.per_inertia, belief.uncertainty is None) for belief in (one, other)]
+    kinds = [
+        (belief.gains_known, belief.per_inertia, belief.uncertainty is None, *_laws(belief)) for belief in (one, other)
+    ]
     if kinds[0] != kinds[1]:
         return False
     if one.uncertainty is None or other.uncertainty is None:
@@ -59,6 +62,12 @@ def much_the_same(one: Belief, other: Belief) -> bool:
     values = np.array([_values(belief) for belief in (one, other)])
     spread = np.array([_values(belief, draws=True).std(axis=1) for belief in (one, other)])
     return bool(np.all(np.abs(values[0] - values[1]) < _SAME) and np.all(np.abs(spread[0] - spread[1]) < _SAME))
+
+
+def _laws(belief: Belief) -> list[str]:
+    """The law of the joint, and others that it may have."""
+    others = belief.uncertainty.others if belief.uncertainty else ()
+    return [belief.joint.friction.law, *(other.joint.friction.law for other in others)]
 
 
 def _values(belief: Belief, *, draws: bool = False) -> FloatArray:
@@ -126,17 +135,26 @@ def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
 
 def _uncertainty(estimate: FrictionEstimate, known: Gains) -> Uncertainty:
     """The joint as it may be, by each law."""
+
+    def drawn(one: FrictionEstimate) -> tuple[Joint, FloatArray]:
+        joint, stiffness = one.draws()
+        return joint, stiffness / float(known.stiffness) if one.normalised else np.ones_like(stiffness)
+
+    return _over_laws(estimate, drawn)
+
+
+def _over_laws(
+    estimate: FrictionEstimate, drawn: Callable[[FrictionEstimate], tuple[Joint, FloatArray]]
+) -> Uncertainty:
     laws = []
     for weight, one in estimate.by_law():
-        joint, stiffness = one.draws()
-        ratios = stiffness / float(known.stiffness) if one.normalised else np.ones_like(stiffness)
+        joint, ratios = drawn(one)
         laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=_DOUBT if one.mismatch else 0.0))
     return replace(laws[0], others=tuple(laws[1:]))
 
 
 def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> Belief:
     """Joint and gains in the effort's units, where nobody told the gains."""
-    draws, _ = estimate.draws()
     # The effort's delay moves damping from the one to the other; only the sum counts, and it must not be negative.
     late = min(drive.damping, 0.0)
     stray = drive.damping_std * _NORMAL[0]
@@ -144,7 +162,7 @@ def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> Belie
     return Belief(
         joint=_with_viscous(estimate.joint(), late),
         gains=Gains(stiffness=drive.stiffness, damping=max(drive.damping, 0.0)),
-        uncertainty=Uncertainty(joint=_with_viscous(draws, late + stray), stiffness=np.exp(spread)),
+        uncertainty=_over_laws(estimate, lambda one: (_with_viscous(one.draws()[0], late + stray), np.exp(spread))),
         gains_known=False,
         rests_on=f"{estimate.summary()}; stiffness {drive.stiffness:.4g} N·m/rad and damping {drive.damping:.3g} "
         "N·m·s/rad of the controller as the effort shows them, its own gains being unknown",
