@@ -65,7 +65,8 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     margin = None
     if state.joint is not None and state.margin_gains is not None and state.margin is not None:
         margin = margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
-        margin |= told.UNCERTAINTY.for_json(state) | told.BELIEF.for_json(state)
+        margin |= told.UNCERTAINTY.for_json(state) | told.EXACT_UNCERTAINTY.for_json(joint.exact)
+        margin |= told.BELIEF.for_json(state)
     gains = state.gains
     return {
         "samples": joint.samples,

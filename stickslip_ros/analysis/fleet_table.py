@@ -114,7 +114,13 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
         "usual_slip": slips[len(slips) // 2] if slips else None,
         "reserve": None if margin is None else _reserve(margin),
     }
-    for section in (told.MARGIN, told.MARGIN_TERMS, told.LOWEST_SMOOTH_VELOCITY, told.UNCERTAINTY):
+    for section in (
+        told.MARGIN,
+        told.MARGIN_TERMS,
+        told.LOWEST_SMOOTH_VELOCITY,
+        told.UNCERTAINTY,
+        told.EXACT_UNCERTAINTY,
+    ):
         row |= section.for_fleet(margin)
     row |= told.EXACT.for_fleet(None if margin is None else margin["exact"])
     for section in (told.GAINS, told.INTEGRAL_GAIN):

@@ -189,9 +189,6 @@ EXACT = Section(
         _row(value=lambda exact: exact.least_smooth_stiffness, unit=_STIFFNESS,
              diagnostics="exact least_smooth_stiffness", json="least_smooth_stiffness",
              margins=_field(16, "exact_least_smooth_stiffness")),
-        _row(value=lambda exact: exact.stick_slip_probability, unit="1",
-             diagnostics="exact stick_slip_probability", json="stick_slip_probability",
-             fleet="exact_stick_slip_probability"),
     ),
 )  # fmt: skip
 GAINS = Section(
@@ -216,6 +213,12 @@ UNCERTAINTY = Section(
         _row(value=lambda state: state.stick_slip_probability, unit="1", diagnostics="stick_slip_probability",
              json="stick_slip_probability", margins=_field(18, "stick_slip_probability")),
     ),
+)  # fmt: skip
+# Of an ExactVerdict, where the friction is learnt.
+EXACT_UNCERTAINTY = Section(
+    lambda known: known.exact,
+    (_row(value=lambda exact: exact.stick_slip_probability, unit="1", diagnostics="exact stick_slip_probability",
+          json="exact_stick_slip_probability", fleet="exact_stick_slip_probability"),),
 )  # fmt: skip
 BELIEF = Section(
     lambda known: known.assessment,
@@ -327,7 +330,8 @@ SAMPLING = Section(
 )  # fmt: skip
 OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS)
 SECTIONS = (
-    STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, GAINS, INTEGRAL_GAIN, UNCERTAINTY, BELIEF,
+    STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
+    EXACT_UNCERTAINTY, BELIEF,
     *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, POSITION,
     SAMPLING,
 )  # fmt: skip
