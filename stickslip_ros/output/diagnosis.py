@@ -150,7 +150,9 @@ def joint_diagnostic(
         values.append(("applied", applied))
     values += told.BELIEF.for_diagnostics(assessment)
     if math.isfinite(assessment.margin_std):
-        values += told.UNCERTAINTY.for_diagnostics(assessment) + told.EXACT_UNCERTAINTY.for_diagnostics(exact)
+        values += told.UNCERTAINTY.for_diagnostics(assessment)
+    if math.isfinite(exact.stick_slip_probability):
+        values += told.EXACT_UNCERTAINTY.for_diagnostics(exact)
     if assessment.estimate is not None:
         values += friction_values(assessment.estimate)
     if assessment.change is not None:
