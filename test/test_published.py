@@ -22,7 +22,13 @@ from stickslip_ros.output.diagnosis import cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 from stickslip_ros.output.published import SECTIONS, Published, Section
 
-KNOWN = ExactVerdict(smooth=False, critical_damping_ratio=0.3, lowest_smooth_velocity=0.2, least_smooth_stiffness=900.0)
+KNOWN = ExactVerdict(
+    smooth=False,
+    critical_damping_ratio=0.3,
+    lowest_smooth_velocity=0.2,
+    least_smooth_stiffness=900.0,
+    stick_slip_probability=0.9,
+)
 
 
 @pytest.fixture(scope="module")

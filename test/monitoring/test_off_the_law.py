@@ -16,8 +16,11 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
+from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.requirement import Requirement
 from stickslip_ros.monitoring.belief import believed
-from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate, LawAlternative
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
@@ -63,23 +66,36 @@ def test_an_exponential_curve_is_told_from_the_papers(seed: int) -> None:
 
 
 def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
-    """Issue 18: the verdict is averaged over the laws by their weights, and what they differ in widens the errors."""
-    recording, estimate = learnt("exponential", 4)
-    laws = estimate.by_law()
-    assert sorted(one.law for _, one in laws) == ["exponential", "hess_soom"]
-    assert sum(weight for weight, _ in laws) == pytest.approx(1.0)
-    assert "the law may be" in estimate.summary()
-    belief, _ = believed(estimate, None, recording.gains)
+    """Issue 18: the verdict is averaged over the laws by their weights, and advice must hold under each."""
+    recording, estimate = learnt("base", 0)
+    _, other = learnt("exponential", 0)
+    damped = replace(recording.gains, damping=0.5 * float(recording.machine.viscous))
+    undecided = replace(
+        estimate,
+        alternatives=(
+            LawAlternative(law=other.law, weight=0.3, logarithms=other.logarithms, covariance=other.covariance),
+        ),
+    )
+    assert "the law may be exponential (30 %) as well" in undecided.summary()
+    assert [weight for weight, _ in undecided.by_law()] == pytest.approx([0.7, 0.3])
+    belief, _ = believed(undecided, None, recording.gains)
     assert belief is not None
     assert belief.uncertainty is not None
+    for speed in (0.5 * recording.speeds[0], recording.speeds[0], 2.0 * recording.speeds[0]):
+        together = stick_slip_probability(belief.uncertainty, damped, speed)
+        apart = [
+            stick_slip_probability(replace(one, weight=1.0, others=()), damped, speed)
+            for one in (belief.uncertainty, *belief.uncertainty.others)
+        ]
+        assert together == pytest.approx(0.7 * apart[0] + 0.3 * apart[1])
     speed = recording.speeds[0]
-    together = stick_slip_probability(belief.uncertainty, recording.gains, speed)
-    apart = [
-        stick_slip_probability(replace(one, weight=1.0, others=()), recording.gains, speed)
-        for one in (belief.uncertainty, *belief.uncertainty.others)
-    ]
-    weights = [weight for weight, _ in laws]
-    assert together == pytest.approx(sum(w * p for w, p in zip(weights, apart, strict=True)))
+    limits = AdviceLimits()
+    advised = recommend(belief.joint, recording.gains, speed, limits, belief.uncertainty)[Kind.DAMPING_ONLY]
+    assert advised.found
+    exactly = replace(limits, condition=Criterion.EXACT)
+    for law in belief.uncertainty.others:
+        needed = Requirement(belief.joint, speed, exactly, law).damping(np.array([advised.stiffness]))
+        assert advised.damping >= float(needed[0]) * (1.0 - 1e-6)
 
 
 @pytest.mark.parametrize(("condition", "seed"), [("ripple_20", 0), ("ripple_200", 1), ("lugre", 0)])

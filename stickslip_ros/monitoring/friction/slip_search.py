@@ -61,6 +61,7 @@ _HELD = 1e-6  # standard deviation of a logarithm that is not to change
 _RISE_TIME_SPREAD = 2.0
 _LONGEST_DELAY = 20.0  # sample intervals
 _LEAST_VISCOUS = 0.02  # of the inertia over a slip's duration: a damping ratio of 0.2 %
+_LEAST_STRIBECK_VELOCITY = 2e-3  # of the usual speed of a slip
 _LEAST_LAG = 1e-4  # of a slip's duration
 _LEAST_SHARE = 1e-9  # of F_s∞ at a breakaway: a fit may leave a slip no rest before it
 _WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
@@ -212,7 +213,7 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     mass = 1.0 if problem.normalised else inertia
     # Not so little that it makes no difference any more: what makes none has no error that could be told.
     lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)
-    lower[STRIBECK_VELOCITY] = math.log(1e-4 * problem.usual_speed)
+    lower[STRIBECK_VELOCITY] = math.log(_LEAST_STRIBECK_VELOCITY * problem.usual_speed)
     upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
     lower[LAG], upper[LAG] = math.log(_LEAST_LAG * duration), math.log(duration)
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
