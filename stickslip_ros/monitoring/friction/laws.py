@@ -20,6 +20,7 @@ from numpy.linalg import LinAlgError
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.slip_equations import robust
+from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import Solution, fit_near
 from stickslip_ros.monitoring.samples import FloatArray
@@ -29,6 +30,9 @@ LEAST_SLIPS = 8  # that tell laws apart
 # No model is better than so of kinetic friction, as a share of the Stribeck friction, and of levels.
 _LEAST_BALANCE, _LEAST_LINK = 2e-3, 1e-3
 _WHITE = 2.0  # residuals in a run of one sign, if they are independent
+_FITS = 1.08  # mean square of residuals, up to which a law leaves nothing over
+_LOOK, _ENOUGH = 15, 1.0  # iterations of a look at a law; gain of one below which it ends
+_FAR, _FAR_SHARE = 200.0, 0.3  # of cost, and for each observation: worse than that no fit becomes as good
 # Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
 HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
 
@@ -82,10 +86,27 @@ def _fitted(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
     start = fit.parameters.copy()
     start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[first.law] / HALF_SPEED[law])
     try:
+        if first.solution.mean_square < _FITS and _is_hopeless(problem, start, first.solution):
+            return None
         solution = fit_near(problem, start, fit, known)
     except LinAlgError:
         return None
     return FittedLaw(law=law, problem=problem, solution=solution)
+
+
+def _is_hopeless(problem: SlipProblem, start: FloatArray, known: Solution) -> bool:
+    """Whether a law, begun at a start, stays far worse than a solution of another law that leaves nothing over.
+
+    A look at it takes a fifth of a fit, and most slips exclude all laws but one by thousands.
+    """
+    problem.take_up(stray=known.stray, tolerance=known.tolerance, usable=known.usable, speeds=known.fit.velocities)
+    tolerances = Tolerances(balance=known.balance_error, level=known.link_error)
+    begin = np.clip(start, known.prior.lower, known.prior.upper)
+    looked = fit_slips(
+        problem, known.prior, tolerances, parameters=begin, unknowns=known.fit.unknowns, iterations=_LOOK,
+        enough=_ENOUGH,
+    )  # fmt: skip
+    return looked.cost > known.fit.cost + max(_FAR, _FAR_SHARE * len(looked.residuals))
 
 
 def _misfit(problem: SlipProblem, solution: Solution) -> float:
