@@ -97,8 +97,9 @@ def _study(question: StudyQuestion) -> Learnt | None:
     problem, solution = fits[0].problem, fits[0].solution
     fit = solution.fit
     narrow = spread_of(covariance_of(fit.information, solution.prior))
-    spread = spread_of(covariance_over_laws(fits))
-    estimate = friction_estimate(fits, configured=configured is not None)
+    covariance = covariance_over_laws(fits)
+    spread = spread_of(covariance)
+    estimate = friction_estimate(fits, covariance, configured=configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(

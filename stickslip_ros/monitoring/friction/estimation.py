@@ -68,7 +68,7 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     if len(chosen) < LEAST_SLIPS:
         return None
     fits = fitted_laws(chosen, configured)
-    return friction_estimate(fits, configured=configured is not None) if fits else None
+    return friction_estimate(fits, covariance_over_laws(fits), configured=configured is not None) if fits else None
 
 
 def fitted_laws(
@@ -140,8 +140,13 @@ def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tupl
     return {index: (math.log(value), _KNOWN_SPREAD) for index, value in known.items() if value > 0}
 
 
-def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEstimate:
-    """The estimate by the first law, with what the others make of its errors, and what speaks against it."""
+def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configured: bool) -> FrictionEstimate:
+    """The estimate by the first law, with what speaks against it.
+
+    Parameters
+    ----------
+    covariance : as :func:`covariance_over_laws` has it.
+    """
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
     aside = int((~problem.usable).sum())
@@ -173,7 +178,7 @@ def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEst
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.normalised else dry_friction_of(problem, fit),
     )
-    return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance_over_laws(fits))
+    return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
 
 def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:

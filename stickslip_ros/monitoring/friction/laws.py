@@ -99,7 +99,7 @@ def _is_hopeless(problem: SlipProblem, start: FloatArray, known: Solution) -> bo
 
     A look at it takes a fifth of a fit, and most slips exclude all laws but one by thousands.
     """
-    problem.take_up(stray=known.stray, tolerance=known.tolerance, usable=known.usable, speeds=known.fit.velocities)
+    known.hand_to(problem)
     tolerances = Tolerances(balance=known.balance_error, level=known.link_error)
     begin = np.clip(start, known.prior.lower, known.prior.upper)
     looked = fit_slips(

@@ -95,40 +95,29 @@ class NormalEquations:
         )
 
     @staticmethod
-    def pulls(
+    def shares(
         problem: SlipProblem,
         point: Point,
         shared: tuple[FloatArray, ...],
         own: tuple[FloatArray, ...],
         by_parameters: FloatArray,
-    ) -> FloatArray:
-        """Gradient by the parameters that a discrepancy of a whole slip's distance makes, in each part of all slips.
+    ) -> tuple[FloatArray, FloatArray]:
+        """Parts of the gradient by the parameters, the slips' own unknowns eliminated.
 
-        The slips' own unknowns follow it; shape (parts, columns).
+        Each slip's share of it, shape (slips, columns); and what a discrepancy of a whole slip's distance in each part
+        of all slips would make, shape (parts, columns).
         """
-        follow = by_parameters.reshape(problem.count, UNKNOWNS, -1)
-        projected = shared[0] - np.einsum("ma,mac->mc", own[0], follow[problem.slip_of])
-        way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
-        pulls = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
-        np.add.at(pulls, problem.parts_of_slips, projected * (weights_of(point.observed) * way)[:, None])
-        return pulls
-
-    @staticmethod
-    def scores(
-        problem: SlipProblem,
-        point: Point,
-        shared: tuple[FloatArray, ...],
-        own: tuple[FloatArray, ...],
-        by_parameters: FloatArray,
-    ) -> FloatArray:
-        """Each slip's share of the gradient by the parameters, its own unknowns eliminated; shape (slips, columns)."""
         observed, balance, links = shared
         own_observed, own_balance, own_link, next_link = own
         count = problem.count
         follow = by_parameters.reshape(count, UNKNOWNS, -1)
         begins = np.searchsorted(problem.slip_of, np.arange(count))
         projected = observed - np.einsum("ma,mac->mc", own_observed, follow[problem.slip_of])
-        scores = np.add.reduceat(projected * (weights_of(point.observed) * point.observed)[:, None], begins, axis=0)
+        projected *= weights_of(point.observed)[:, None]
+        way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
+        pulls = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
+        np.add.at(pulls, problem.parts_of_slips, projected * way[:, None])
+        scores = np.add.reduceat(projected * point.observed[:, None], begins, axis=0)
         projected = balance - np.einsum("na,nac->nc", own_balance, follow)
         scores += projected * (weights_of(point.balance) * point.balance)[:, None]
         projected = links - np.einsum("na,nac->nc", own_link, follow)
@@ -136,7 +125,7 @@ class NormalEquations:
         scores += projected * (weights_of(point.links) * point.links)[:, None]
         rest = (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
         scores -= rest[:, None] * follow[:, POSITION]
-        return -scores
+        return -scores, pulls
 
     def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""

@@ -294,13 +294,14 @@ def fit_slips(
         if before.cost - point.cost < enough * max(1.0, 1e-3 * point.cost):
             break
     information, _, by_parameters, _ = equations.eliminate(0.0)
+    scores, pulls = NormalEquations.shares(problem, point, *slopes, by_parameters)
     return SlipFit(
         parameters=point.parameters,
         unknowns=point.unknowns,
         kinetic=point.kinetic,
         information=information,
-        scores=NormalEquations.scores(problem, point, *slopes, by_parameters),
-        pulls=NormalEquations.pulls(problem, point, *slopes, by_parameters),
+        scores=scores,
+        pulls=pulls,
         residuals=point.observed,
         misfits=_misfits(problem, point),
         link_misfits=point.unknowns[:, LEVEL] - fit.levels(point),

@@ -93,6 +93,10 @@ class Solution:
         """Of the residuals; about 1 if the errors are what they are taken for."""
         return _mean_square(self.fit)
 
+    def hand_to(self, problem: SlipProblem) -> None:
+        """Let a problem of the same slips go on from here: what was found of stamps and slips, and the speeds."""
+        problem.take_up(stray=self.stray, tolerance=self.tolerance, usable=self.usable, speeds=self.fit.velocities)
+
 
 def _mean_square(fit: SlipFit) -> float:
     return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
@@ -120,7 +124,7 @@ def search(
         problem.begin_anew()
         best = _search_anew(problem, known)
     if best is not None:
-        problem.take_up(stray=best.stray, tolerance=best.tolerance, usable=best.usable, speeds=best.fit.velocities)
+        best.hand_to(problem)
     return best
 
 
@@ -142,9 +146,7 @@ def fit_near(
     solution = _fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
     if solution.mean_square >= _GOOD:
         solution = _fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
-    problem.take_up(
-        stray=solution.stray, tolerance=solution.tolerance, usable=solution.usable, speeds=solution.fit.velocities
-    )
+    solution.hand_to(problem)
     return solution
 
 
