@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import published as told
-from stickslip_ros.output.as_json import dry_friction_json, margin_json, recommendation_json
+from stickslip_ros.output.as_json import dry_friction_json, margin_json, parameter_json, recommendation_json
 from stickslip_ros.output.published import number
 
 CYCLE_COLUMNS = {
@@ -105,14 +105,7 @@ def cycle_json(cycle: Cycle) -> dict[str, Any]:
 def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:
     if estimate is None:
         return None
-    found: dict[str, Any] = {
-        name: {
-            "value": number(estimate[name].value),
-            "std": number(estimate[name].std),
-            "identified": estimate[name].identified,
-        }
-        for name in (*NAMES, COULOMB_AND_LOAD)
-    }
+    found: dict[str, Any] = {name: parameter_json(estimate[name]) for name in (*NAMES, COULOMB_AND_LOAD)}
     found |= {
         "per_inertia": estimate.normalised,
         "slips": estimate.slips,

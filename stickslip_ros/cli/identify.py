@@ -32,6 +32,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
+from stickslip_ros.output.as_json import parameter_json
 from stickslip_ros.output.published import number
 from stickslip_ros.settings.joint_file import joint_file_text, write_joint_file
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
@@ -195,26 +196,14 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
 
 def _as_json(found: Identification) -> dict[str, Any]:
     """The friction as in the JSON of `analyze`; null for what is not known."""
-    parameters = found.parameters()
+    parameters, slips = found.parameters(), found.slips
+    if slips is not None and math.isfinite(slips.coulomb_and_load.value):
+        parameters[COULOMB_AND_LOAD] = (slips.coulomb_and_load, "slips")
     friction = {
-        name: {
-            "value": number(parameters[name][0].value),
-            "std": number(parameters[name][0].std),
-            "identified": parameters[name][0].identified,
-            "from": parameters[name][1],
-        }
-        for name in NAMES
+        name: {**parameter_json(parameters[name][0]), "from": parameters[name][1]}
+        for name in (*NAMES, COULOMB_AND_LOAD)
         if name in parameters
     }
-    slips = found.slips
-    if slips is not None and math.isfinite(slips.coulomb_and_load.value):
-        together = slips.coulomb_and_load
-        friction[COULOMB_AND_LOAD] = {
-            "value": number(together.value),
-            "std": number(together.std),
-            "identified": together.identified,
-            "from": "slips",
-        }
     frequency = slips.natural_frequency if slips is not None else None
     return {
         "friction": friction,

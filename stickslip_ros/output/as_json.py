@@ -15,6 +15,7 @@ from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
+from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import dry_friction_text
@@ -62,6 +63,11 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
             one.parameter: {"elasticity": number(one.elasticity), "factor": number(one.factor)} for one in found
         },
     }
+
+
+def parameter_json(found: ParameterEstimate) -> dict[str, Any]:
+    """One parameter of the friction as it was learnt; null for what is not known."""
+    return {"value": number(found.value), "std": number(found.std), "identified": found.identified}
 
 
 def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
