@@ -153,7 +153,7 @@ def test_two_started_on_an_empty_cache(ros_domain: int, tmp_path: Path) -> None:
             play(one, "a", motion.time, motion.position, motion.reference_position, begin=_BEGIN)
             refused = one.call("apply_recommendation")
             watch = subprocess.Popen(
-                [*COMMAND, "watch", "--once", "--patience", "3", "--seconds", "2"],
+                [*COMMAND, "watch", "--once", "--patience", "30", "--seconds", "2"],
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             )  # fmt: skip
             one.wait(lambda: one.diagnostics["stickslip_monitor"][2]["compiling"] == "", 300.0, "it to be compiled")
