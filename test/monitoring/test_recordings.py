@@ -82,7 +82,8 @@ def test_slider_sticks_at_42_and_1100_and_is_at_the_edge_at_4300() -> None:
         words = {segment.status for segment in monitor.segments}
         assert Status.SMOOTH not in words or speed == 42
         assert words & {Status.STICK_SLIP, Status.AT_RISK}
-    assert 0.75 < shares[42] < 0.88
+    # It creeps for long; what it creeps is rest until its speed is a slip's.
+    assert 0.75 < shares[42] < 0.94
     assert 0.4 < shares[1100] < 0.6
     assert shares[4300] < 0.35
 

@@ -89,6 +89,7 @@ _STEPS_OF_SPEED = 3.0
 _HELD = 2.5
 _CROSSINGS_TO_LEAVE = 4
 _CROSSINGS_TO_WAIT = 128
+_NO_FASTER = 0.6  # of the fastest motion so far
 _LEAVING_SHARE = 0.2
 _MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
 
@@ -250,7 +251,10 @@ def _follow_spell(detector):
         detector.peak_after = max(detector.peak_after, speed)
     if not _has_left(time, detector) or after < _CROSSINGS_TO_LEAVE:
         return False
-    return speed >= 0.4 * detector.peak or speed < 0.5 * detector.peak_after or after >= _CROSSINGS_TO_WAIT
+    if speed >= 0.4 * detector.peak or speed < 0.5 * detector.peak_after:
+        return True
+    # To a fine encoder so many crossings are but the beginning of a slip: as long as it gets faster, it is one.
+    return after >= (_CROSSINGS_TO_WAIT if speed < _NO_FASTER * detector.peak_after else RING // 2)
 
 
 @helper()

@@ -50,6 +50,7 @@ class Cycle:
     effort : measured effort at breakaway [N·m], NaN if unknown.
     hunting : whether the reference stood still and the slip before went the other way.
     reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
+    creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
     """
 
     breakaway: float
@@ -60,6 +61,7 @@ class Cycle:
     effort: float
     hunting: bool = False
     reference_speed: float = math.nan
+    creep: float = 0.0
 
     @property
     def slip_duration(self) -> float:
@@ -201,6 +203,7 @@ class CycleDetector:
             breakaway=before.breakaway,
             arrest=rest.arrest,
             dwell=before.dwell,
+            creep=before.breakaway - before.stirred,
             slip_distance=distance,
             position=before.position,
             effort=before.effort,

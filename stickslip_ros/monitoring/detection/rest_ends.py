@@ -4,11 +4,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
+_LEFT = (0.3, 0.6)  # of the fastest motion beside the rest: a slip that is no creep any more, and not yet turning
+_FEW_COUNTS = 3
+_CERTAIN = 0.5  # of the time that the slip takes to get fast
 _WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
 _FAST_SHARE = 0.9  # quantile
 _WINDOW_CROSSINGS = 6
@@ -48,6 +53,46 @@ def rest_gaps(
             first = int(slow[0])
             grown = True
     return first, last
+
+
+def end_of_creep(
+    crossings: NDArray[np.float64], first: int, last: int, fastest: float, direction: int
+) -> tuple[int, float, NDArray[np.float64]]:
+    """The last crossing before the joint leaves the creep, where it leaves it [rad], and crossings of the slip.
+
+    These are taken where the slip has become fast, which is the same part of every one of identical slips. A joint that
+    leaves a place came through it before it left: what was crossed earlier than these can have begun there is creep.
+    The place lies between the last such crossing and the next one. NaN where the crossings do not tell.
+    """
+    speeds = np.abs(crossings[last + 1 :, kernel.SPEED])
+    # The speed of the first spans the rest itself.
+    quick = np.flatnonzero(speeds > _LEFT[0] * min(fastest, float(np.max(speeds, initial=0.0))))
+    begin = last + 1 + (int(quick[0]) if len(quick) else 0)
+    begin = max(last + 1, min(begin, len(crossings) - _ENOUGH_CROSSINGS))
+    fast = np.flatnonzero(speeds[begin - last - 1 :] > _LEFT[1] * fastest)
+    fast = fast[fast >= _ENOUGH_CROSSINGS]
+    slip = crossings[begin : begin + int(fast[0]) if len(fast) else len(crossings)]
+    if len(slip) < _ENOUGH_CROSSINGS:
+        return last, math.nan, slip
+    slip = slip[np.unique(np.linspace(0, len(slip) - 1, min(len(slip), _WINDOW_CROSSINGS)).astype(int))]
+    times, positions = crossings[first:begin, kernel.TIME], crossings[first:begin, kernel.POSITION]
+    begins, errors = _extrapolate(
+        slip[:, kernel.TIME], direction * (slip[None, :, kernel.POSITION] - positions[:, None]), _BREAKAWAY_POWER, 1.0
+    )
+    crept = np.flatnonzero(np.isfinite(errors) & (times < begins))
+    if len(crept) <= _FEW_COUNTS:
+        # Single counts of a slip scatter about the power law; one that is creep comes far too early.
+        crept = crept[times[crept] < begins[crept] - _CERTAIN * float(np.ptp(slip[:, kernel.TIME]))]
+    if not len(crept):
+        return last, math.nan, slip
+    at = int(crept[-1])
+    place = float(positions[at])
+    if at + 1 < len(times) and np.isfinite(errors[at + 1]):
+        early, late = begins[at] - times[at], times[at + 1] - begins[at + 1]
+        place += float(early / (early + late) * (positions[at + 1] - place))
+    else:
+        place += 0.5 * float(crossings[first + at + 1, kernel.POSITION] - place)
+    return first + at, place, slip
 
 
 def fastest(crossings: NDArray[np.float64]) -> float:

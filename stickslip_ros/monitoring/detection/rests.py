@@ -8,6 +8,10 @@ motion on both sides of it is a candidate. Its ends are extrapolated, since a jo
 finite deceleration, x_a − x ∝ (t_a − t)², and leaves gently, x − x_a ∝ (t − t_b)³ while the friction
 still remembers rest, so that the first count can come late. If that extrapolation leaves no dwell the
 joint slowed down without stopping.
+
+Real joints creep before they slip, as bristles bend. Such a joint breaks away where it leaves the creep: at about 5 %
+of the slip's fastest motion. This is found from the slip, which is the same in identical cycles, by extrapolating it
+backward to where the creep has brought the joint by then.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 from stickslip_ros.monitoring.detection.motion import MotionRecord
-from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, fastest, rest_ends, rest_gaps
+from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, end_of_creep, fastest, rest_ends, rest_gaps
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
@@ -29,10 +33,14 @@ _LEAST_SLIP_BANDS = 3.0
 _LEAST_DWELL = 0.105  # of the span of the crossings that it is extrapolated from
 _CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025
+_GENTLE = (
+    0.4  # of the fastest motion, over the root of the slip in bands: a cosine goes its first band no slower than 1
+)
 _FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
 _CREPT = 0.2  # of the slip before: a joint at rest may creep so far
 _STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
 _FEW_GAPS = 2
+_LEAST_CREEP = 0.005  # of the slip before: less is how gently a slip begins
 _EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
 _TURN = 1.5  # times as long as from the last crossing to the arrest: a joint that turns round sets a crossing by then
 _FRACTIONS = np.linspace(0.02, 0.98, 17)
@@ -46,6 +54,7 @@ class Rest:
     Attributes
     ----------
     arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
+    stirred : when it began to creep towards the breakaway [s]; the breakaway itself where no creep was seen.
     position : [rad].
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
     slip : the course of the motion before.
@@ -63,6 +72,7 @@ class Rest:
 
     arrest: float
     breakaway: float
+    stirred: float
     position: float
     direction_before: int
     direction_after: int
@@ -187,7 +197,10 @@ class RestDetector:
         travel = abs(float(crossings[longest - oldest, kernel.POSITION] - crossings[0, kernel.POSITION]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
         creep = _CREEP if travel > _FINE * self.motion.band else _CREEP_OF_COUNTS
-        first, last = rest_gaps(crossings, longest - oldest, self.motion.band, creep * slowest, _CREPT * travel)
+        if not initial and travel > 0.0:
+            creep = max(creep, min(kernel.SLOW, _GENTLE * math.sqrt(self.motion.band / travel)))
+        farthest = max(_CREPT * travel, self.motion.band)
+        first, last = rest_gaps(crossings, longest - oldest, self.motion.band, creep * slowest, farthest)
         before, after = crossings[: first + 1], crossings[last + 1 :]
         travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
         if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.motion.band):
@@ -210,11 +223,18 @@ class RestDetector:
         right = braking_crossings(after, speed_after)
         begin = float(before[-1, kernel.POSITION])
         crept = direction_after * float(crossings[last, kernel.POSITION] - begin)
-        if last - first > _FEW_GAPS or crept < 0:
+        speed = speed_after if initial else max(speed_before, speed_after)
+        stirred = math.inf
+        left_at, left_from, slip = end_of_creep(crossings, longest - oldest, last, speed, direction_after)
+        if last - first > _FEW_GAPS or crept < 0 or (left_at > last and abs(left_from - begin) > _LEAST_CREEP * travel):
             # The joint crept: where it came to rest and where it left is known, and not the same.
             edges = rest_begin + np.array([_EDGE, 1.0 - _EDGE]) * (rest_end - rest_begin)
             at = np.searchsorted(crossings[:, kernel.TIME], edges, side="right") - 1
             places = crossings[at, kernel.POSITION][None, :]
+            if abs(left_from - begin) > _LEAST_CREEP * travel:
+                _, stirred, _ = rest_ends(left, right, places, rest_begin, rest_end, direction_before, direction_after)
+                places[0, 1], right, last = left_from, slip, left_at
+                rest_end = float(crossings[last, kernel.FLAT_END])
         elif direction_before * direction_after < 0:
             places = np.full((1, 2), begin + 0.5 * direction_before * self.motion.band)
         else:
@@ -237,6 +257,7 @@ class RestDetector:
             float(0.5 * (begin + crossings[last, kernel.POSITION])),
             direction_before,
             direction_after,
+            stirred=max(stirred, arrest),
         )
         self._rest_end, self._left = (
             oldest + last + 1,
@@ -253,6 +274,8 @@ class RestDetector:
         position: float,
         direction_before: int,
         direction_after: int,
+        *,
+        stirred: float = math.inf,
     ) -> Rest:
         """A rest over the flats of these crossings; with those of the slip before it, or the last of a long one."""
         shape = SlipShape()
@@ -278,6 +301,7 @@ class RestDetector:
         return Rest(
             arrest=arrest,
             breakaway=breakaway,
+            stirred=min(stirred, breakaway),
             position=position,
             direction_before=direction_before,
             direction_after=direction_after,

@@ -23,6 +23,7 @@ _SHAPE_NODES = 40  # for the reference and the effort, beside those of the obser
 _BEFORE, _AFTER = 0.4, 0.12  # of the slip's duration: where it may begin and end, beside where it seems to
 _OF_DWELL = 0.5  # of a rest: so far into it counts may still change by this slip
 _SETTLED = (0.1, 0.6)  # of a dwell: where the joint stands after the slip
+_LEAST_STANDING = 0.02  # of the slip: a joint that stands for less creeps from its arrest on
 _LEAST_OBSERVATIONS = 5
 _ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothing of their own
 _EFFORT_SMOOTHING = 1.0 / 24.0  # of the slip
@@ -114,23 +115,26 @@ def slip_window(
     samples : of the joint, around the cycle. gains : in force during it, None if unknown.
     resolution, noise : of the position [rad].
     """
+    # What friction does as it yields is not known: a slip is fitted from where the joint stirs. One that creeps from
+    # its arrest on stirs at no time of its own.
     duration = cycle.slip_duration
-    begin = cycle.breakaway - min(_BEFORE * duration, cycle.dwell)
-    end = cycle.arrest + min(_AFTER * duration, cycle.dwell)
+    creep = cycle.creep if cycle.dwell - cycle.creep > _LEAST_STANDING * duration else 0.0
+    left, dwell = cycle.breakaway - creep, cycle.dwell - creep
+    duration += creep
+    begin = left - min(_BEFORE * duration, dwell)
+    end = cycle.arrest + min(_AFTER * duration, dwell)
     first, last = np.searchsorted(samples.time, [begin, end], side="right")
     first = max(int(first) - 1, 0)
-    if last - first < _LEAST_OBSERVATIONS or samples.time[first] > cycle.breakaway:
+    if last - first < _LEAST_OBSERVATIONS or samples.time[first] > left:
         return None
-    rest_from, rest_to = np.searchsorted(
-        samples.time, [cycle.breakaway - 0.6 * cycle.dwell, cycle.breakaway - 0.03 * cycle.dwell]
-    )
+    rest_from, rest_to = np.searchsorted(samples.time, [left - 0.6 * dwell, left - 0.03 * dwell])
     resting = slice(int(rest_from), max(int(rest_to), int(rest_from) + 1))
-    after_from, after_to = np.searchsorted(samples.time, [cycle.arrest + share * cycle.dwell for share in _SETTLED])
+    after_from, after_to = np.searchsorted(samples.time, [cycle.arrest + share * dwell for share in _SETTLED])
     after = slice(min(int(after_from), len(samples) - 1), max(int(after_to), int(after_from) + 1))
     part = samples.where(slice(first, int(last)))
     analog = noise > _ANALOG * resolution
     changed = np.append(False, np.diff(part.position) != 0) if not analog else np.ones(len(part), bool)
-    inside = part.time > cycle.breakaway - _OF_DWELL * (cycle.breakaway - begin)
+    inside = part.time > left - _OF_DWELL * (left - begin)
     inside &= part.time <= cycle.arrest + _OF_DWELL * (end - cycle.arrest)
     indices = np.flatnonzero(changed & inside & (np.arange(len(part)) > 0))
     if len(indices) < _LEAST_OBSERVATIONS:
@@ -156,8 +160,8 @@ def slip_window(
     stops = samples.position[after]
     return SlipWindow(
         direction=1 if cycle.slip_distance > 0 else -1,
-        rest_begin=cycle.breakaway - cycle.dwell,
-        breakaway=cycle.breakaway,
+        rest_begin=left - dwell,
+        breakaway=left,
         arrest=cycle.arrest,
         rest_position=float(np.median(rest)) if not analog else float(np.mean(rest)),
         rest_error=max(spread, 1e-3 * resolution),
