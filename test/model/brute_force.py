@@ -96,15 +96,21 @@ def motion(point, factor: float = FROM_REST, periods: int = PERIODS, refinement:
 
 
 def outcomes(
-    points, factor: float = FROM_REST, periods: int = PERIODS, most: int = MOST_PERIODS, refinement: float = 1.0
+    points,
+    factor: float = FROM_REST,
+    periods: int = PERIODS,
+    most: int = MOST_PERIODS,
+    refinement: float = 1.0,
+    sticking: int = MOST_PERIODS,
 ) -> np.ndarray:
     """What becomes of each joint: STICKS, SWINGS, STEADY or UNDECIDED; ``points`` has a row of POINT for each.
 
-    A joint that is undecided after so many periods is followed for twice as many, up to ``most``.
+    A joint that is undecided after so many periods is followed for twice as many, up to ``most``; one that sticks for
+    ``sticking``, as a cycle may take thousands of periods to die out where one that lasts is near.
     """
     rows = np.ascontiguousarray(np.atleast_2d(points), dtype=float)
     found = np.empty(len(rows), dtype=np.int64)
-    _all_outcomes(rows, float(factor), periods, most, float(refinement), found)
+    _all_outcomes(rows, float(factor), periods, most, sticking, float(refinement), found)
     return found
 
 
@@ -319,7 +325,7 @@ def _outcome(arrests, swing, count):
 
 
 @kernel(nogil=True)
-def _all_outcomes(points, factor, periods, most, refinement, found):
+def _all_outcomes(points, factor, periods, most, sticking, refinement, found):
     nothing = np.empty(0)
     for i in range(points.shape[0]):
         count = periods
@@ -330,6 +336,9 @@ def _all_outcomes(points, factor, periods, most, refinement, found):
                 swing, nothing, nothing,
             )  # fmt: skip
             found[i] = _outcome(arrests, swing, count)
-            if found[i] != UNDECIDED or 2 * count > most:
+            if found[i] == STICKS and count < sticking:
+                count = sticking
+            elif found[i] == UNDECIDED and 2 * count <= most:
+                count *= 2
+            else:
                 break
-            count *= 2

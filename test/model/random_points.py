@@ -180,7 +180,9 @@ def scan_table(points: np.ndarray, ratios: np.ndarray, factor: float) -> None:
     patterns, last = [], np.zeros(len(points))
     for index, (point, ratio) in enumerate(zip(points, ratios, strict=True)):
         scan = np.geomspace(0.02, max(3.0 * ratio, 0.06), 40)
-        found = outcomes(at(np.repeat(point[np.newaxis], len(scan), axis=0), scan), factor)
+        found = outcomes(
+            at(np.repeat(point[np.newaxis], len(scan), axis=0), scan), factor, sticking=brute_force.PERIODS
+        )
         patterns.append("".join("swt?"[outcome] for outcome in found))
         last[index] = np.max(scan[found != STEADY], initial=0.0) / ratio
     worse = np.array(["t" in pattern and pattern.rstrip("t").find("t") >= 0 for pattern in patterns])
@@ -249,6 +251,8 @@ def main() -> None:
     starts_table(points, both, "rho at the larger of rho_c and the sliding ratio")
     boundary_table(points, both)
     print(f"{time.monotonic() - began:.0f} s", flush=True)
+    if "--short" in sys.argv:
+        return
     settled_table(points[:300], both[:300], 1.06)
     print(f"{time.monotonic() - began:.0f} s", flush=True)
     for factor in (FROM_REST, 3.0):

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from brute_force import FROM_REST, OUTCOMES, STEADY, STICKS, motion, outcomes, point_of
+from brute_force import FROM_REST, OUTCOMES, PERIODS, STEADY, STICKS, motion, outcomes, point_of
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -114,13 +114,15 @@ def test_it_converges_with_the_step():
 
 def test_outcomes_do_not_hang_on_the_step():
     rows = points(120, seed=13)
-    around = np.stack([outcomes(rows * [share, 1, 1, 1, 1], 3.0) == STEADY for share in (0.99, 1.0, 1.01)])
+    around = np.stack(
+        [outcomes(rows * [share, 1, 1, 1, 1], 3.0, sticking=PERIODS) == STEADY for share in (0.99, 1.0, 1.01)]
+    )
     clear = (around == around[1]).all(axis=0)
     # Not so at a boundary, and where the levels go up and down without rule until the last of them happens to be so
     # low that the joint slides steadily, or slides swinging: after hundreds of periods, a matter of chance.
     assert np.count_nonzero(clear) > 110
     assert 20 < np.count_nonzero(around[1]) < 100
-    finer = outcomes(rows, 3.0, refinement=2.0) == STEADY
+    finer = outcomes(rows, 3.0, refinement=2.0, sticking=PERIODS) == STEADY
     assert np.count_nonzero(clear & (finer != around[1])) <= 1
 
 
