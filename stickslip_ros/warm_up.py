@@ -105,11 +105,16 @@ def _use_messages() -> None:
 def _use_verdict() -> None:
     from stickslip_ros.model.dimensionless import dimensionless_groups
     from stickslip_ros.model.exact import cycle_persists
+    from stickslip_ros.model.outcome import outcomes, steady_damping_ratio
     from stickslip_ros.model.simulation import simulate_cycles
+    from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 
     joint, gains = _example()
     groups = dimensionless_groups(joint, gains, 0.05)
     cycle_persists(groups)
+    outcomes(groups)
+    steady_damping_ratio(groups)
+    sliding_damping_ratio(groups)
     simulate_cycles(groups, 1)
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
+from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection.status import Status
@@ -24,7 +25,9 @@ from stickslip_ros.output.published import SECTIONS, Published, Section
 
 KNOWN = ExactVerdict(
     smooth=False,
+    outcome=Outcome.STICKS,
     critical_damping_ratio=0.3,
+    steady_damping_ratio=0.4,
     lowest_smooth_velocity=0.2,
     least_smooth_stiffness=900.0,
     stick_slip_probability=0.9,
@@ -100,7 +103,7 @@ def test_the_places_of_the_margin_table(state: Assessment) -> None:
         "steady_stribeck", "natural_frequency", "velocity", "lowest_smooth_velocity", "stiffness", "damping", "cycles",
         "exact_smooth", "exact_critical_damping_ratio", "exact_lowest_smooth_velocity", "exact_least_smooth_stiffness",
         "margin_std", "stick_slip_probability", "stiffness_factor", "damping_factor", "trial_energy_margin",
-        "trial_damping_ratio", "trial_critical_damping_ratio", "trial_exact_smooth",
+        "trial_damping_ratio", "trial_critical_damping_ratio", "trial_exact_smooth", "exact_steady_damping_ratio",
     )  # fmt: skip
     numbers = dict(zip(MARGIN_FIELDS, margin_row(state, KNOWN, KNOWN), strict=True))
     assert numbers["stiffness"] == 100.0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled cycles, their persistence and its boundary, for many parameter points in one call.
+"""Compiled cycles, and whether they persist.
 
 The arrays of points are ρ, F*_s∞, ξ˙_d, τ*, γ*, of one length each; all points are of one law of ``_friction_law``.
 """
@@ -13,6 +13,7 @@ from stickslip_ros.compilation import helper, inlined, kernel
 from stickslip_ros.model._slip_kernel import (
     ARRESTED,
     TOO_ROUGH,
+    UNDECIDED,
     keeps_lag,
     prepare,
     shorten,
@@ -26,8 +27,9 @@ PERSISTS, DIES, UNKNOWN = 1, 0, -1
 
 _SHARPEST = 3000.0
 LARGEST_DAMPING_RATIO = 20.0
-_VERDICT_TOLERANCE = 1e-6
+VERDICT_TOLERANCE = 1e-6
 _MOST_CYCLES = 500
+_LONGEST = 1000.0 * 2.0 * np.pi  # of slips in a row: with a long lag levels may wander for ever
 _MOST_TURNS = 60  # levels that go up and down so often go on doing so
 _FIXED = 1e-11  # relative change of the level that counts as none
 _CONTRACTS = 0.8  # ratio of successive changes up to which their limit is tried
@@ -35,12 +37,11 @@ _ATTRACTS = 0.95  # slope of the map at a fixed point
 _AT_REST = 1e-7
 _SECANT_STEPS = 8
 _BISECTIONS = 8
-_LEAST_RATIO = 1e-6  # a damping ratio that is none
 
 
 @helper()
-def _cycle(level, point, prepared, tolerance, record):
-    """One cycle from breakaway at ``level``, with steps as short as the tolerance asks for.
+def cycle(level, point, above, follow, prepared, tolerance, record):
+    """One cycle from breakaway at ``level``, or from sliding, with steps as short as the tolerance asks for.
 
     Returns how the slip ends, slip duration, slip distance, dwell, level at arrest, level at the next breakaway
     and the rows recorded.
@@ -48,7 +49,7 @@ def _cycle(level, point, prepared, tolerance, record):
     damping_ratio, stribeck, velocity, lag, rise_time, law = point
     while True:
         ends, duration, end, shape, distance, rows = slip(
-            level, velocity, damping_ratio, lag, law, prepared, tolerance, record
+            level, velocity, damping_ratio, lag, law, above, follow, prepared, tolerance, record
         )
         if ends != TOO_ROUGH or not tolerance < np.inf:
             break
@@ -61,7 +62,7 @@ def _cycle(level, point, prepared, tolerance, record):
 
 
 @helper()
-def _feasible(damping_ratio, stribeck, velocity, lag):
+def feasible(damping_ratio, stribeck, velocity, lag):
     """Whether a slip takes a bearable number of steps, and its lag's are not too many to be kept."""
     few = max(np.sqrt(velocity), stribeck) < _SHARPEST and damping_ratio <= LARGEST_DAMPING_RATIO
     return few and keeps_lag(damping_ratio, stribeck, velocity, lag)
@@ -85,13 +86,13 @@ def cycles(
                 summaries[i, n, column] = np.nan
         slips = 0
         point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
-        if recorded == 0 and not _feasible(point[0], point[1], point[2], point[3]):
+        if recorded == 0 and not feasible(point[0], point[1], point[2], point[3]):
             continue
         prepared = prepare(point[0], point[1], point[2], point[3], refinement)
         level = levels[i]
         for n in range(summaries.shape[1]):
-            ends, duration, distance, dwell, arrested, following, count = _cycle(
-                level, point, prepared, tolerance, record[total:]
+            ends, duration, distance, dwell, arrested, following, count = cycle(
+                level, point, 0.0, False, prepared, tolerance, record[total:]
             )
             total += count
             slips = n + 1
@@ -113,56 +114,54 @@ def cycles(
 @inlined()
 def _gain(level, point, prepared, nothing):
     """By how much the next breakaway level exceeds this one; NaN if the slip does not end in an arrest."""
-    return _cycle(level, point, prepared, _VERDICT_TOLERANCE, nothing)[5] - level
+    return cycle(level, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)[5] - level
 
 
 @helper()
-def _persists(damping_ratio, stribeck, velocity, lag, rise_time, law):
-    """Whether the breakaway levels, begun at full static friction, come to rest, or go up and down for ever.
+def persists(level, point, prepared, nothing):
+    """Whether breakaway levels, begun with this one, come to rest, or go up and down for ever; and the last level.
 
     Levels near a fixed point of the map converge geometrically. Two looks ahead replace most of the cycles:
     where they contract, the limit of the geometric series is found, and taken if it attracts; where they hardly
     do, a fixed point is about to be born or has just gone, and the map's closest approach to the diagonal is
     searched below the present level. If it is passed, the levels go on at the far side.
     """
-    if not _feasible(damping_ratio, stribeck, velocity, lag):
-        return UNKNOWN
-    prepared = prepare(damping_ratio, stribeck, velocity, lag, 1.0)
-    point = (damping_ratio, stribeck, velocity, lag, rise_time, law)
-    nothing = np.empty((0, 4))
-    level = stribeck
     oldest = older = newest = np.nan
     oldest_gain = older_gain = newest_gain = np.nan
-    plain, turns = 3, 0
+    plain, turns, time = 3, 0, 0.0
     for _ in range(_MOST_CYCLES):
+        if time > _LONGEST:
+            break
         oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
-        newest, newest_gain = level, _gain(level, point, prepared, nothing)
-        if np.isnan(newest_gain):
-            return DIES
+        ends, duration, _, _, _, following, _ = cycle(level, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
+        if ends != ARRESTED:
+            return (UNKNOWN if ends == UNDECIDED else DIES), level
+        time += duration
+        newest, newest_gain = level, following - level
         if abs(newest_gain) <= _FIXED * newest:
-            return PERSISTS
-        level = newest + newest_gain
+            return PERSISTS, level
+        level = following
         plain -= 1
         if plain > 0:
             continue
         ratio = newest_gain / older_gain
         turns += ratio < 0.0
         if turns > _MOST_TURNS:
-            return PERSISTS
+            return PERSISTS, level
         if abs(ratio) < _CONTRACTS:
             if _converges(newest, newest_gain, ratio, point, prepared, nothing):
-                return PERSISTS
+                return PERSISTS, level
             plain = 2
         elif ratio > 0.0 and newest_gain < 0.0:
             closest, gain = _closest_approach(
                 oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared, nothing
             )
             if gain >= 0.0:
-                return PERSISTS
+                return PERSISTS, level
             plain = 4
             if 2.0 * closest > newest:
                 level = 2.0 * closest - newest
-    return PERSISTS
+    return PERSISTS, level
 
 
 @inlined()
@@ -231,45 +230,3 @@ def _catches(low, low_gain, high, high_gain, point, prepared, nothing):
             high, high_gain = middle, gain
     slope = 1.0 + (high_gain - low_gain) / (high - low)
     return abs(slope) < 1.0 and high < start
-
-
-@kernel(nogil=True)
-def extinction(damping_ratios, stribecks, velocities, lags, rise_times, law, guesses, largest, tolerance, found):
-    """Fill ``found`` with the damping ratio at which the cycle just dies out, bisected to a relative tolerance.
-
-    0 where it dies undamped, NaN where even ``largest`` does not end it or the integration is refused.
-    ``guesses`` > 0 say where to look first. Where there is no room for guesses, the question is of the damping ratios
-    themselves, and the answer PERSISTS, DIES or UNKNOWN.
-    """
-    for i in range(stribecks.shape[0]):
-        if guesses.shape[0] == 0:
-            found[i] = _persists(damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
-        else:
-            found[i] = _critical(
-                stribecks[i], velocities[i], lags[i], rise_times[i], law, guesses[i], largest, tolerance
-            )
-
-
-@inlined()
-def _critical(stribeck, velocity, lag, rise_time, law, guess, largest, tolerance):
-    undamped = _persists(0.0, stribeck, velocity, lag, rise_time, law)
-    if undamped != PERSISTS:
-        return 0.0 if undamped == DIES else np.nan
-    low, high = 0.0, min(guess, largest)
-    while True:
-        verdict = _persists(high, stribeck, velocity, lag, rise_time, law)
-        if verdict == UNKNOWN or (verdict == PERSISTS and high >= largest):
-            return np.nan
-        if verdict == DIES:
-            break
-        low, high = high, min(2.0 * high, largest)
-    while high - low > tolerance * high and high > _LEAST_RATIO:
-        middle = 0.5 * (low + high)
-        verdict = _persists(middle, stribeck, velocity, lag, rise_time, law)
-        if verdict == UNKNOWN:
-            return np.nan
-        if verdict == PERSISTS:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)

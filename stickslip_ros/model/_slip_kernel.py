@@ -14,7 +14,10 @@ exact (``_linear_step``). Two regimes share this:
   friction's polynomial needs.
 
 At breakaway the state depends on the breakaway level alone, and during the first lag Ψ = 1, so a cycle is a
-map from one breakaway level to the next.
+map from one breakaway level to the next. A slip can also begin as sliding at a multiple of the commanded speed.
+
+A slip that is not ended by an arrest is followed until ``_sliding_kernel`` can tell what becomes of it. With a short
+lag dips that do not deepen are enough to know that none will come; with a long one dips come and go in beats.
 """
 
 from __future__ import annotations
@@ -40,10 +43,12 @@ from stickslip_ros.model._linear_step import (
     multiply,
     roughness,
 )
+from stickslip_ros.model._sliding_kernel import GOES_ON, WINDOW_END, look, see, watch
 
-# How a slip ends.
-ARRESTED, SLIDES_ON, UNDECIDED, TOO_ROUGH = 0, 1, 2, 3
+# How a slip ends. A joint that slides on does not come to a stop, whatever else it does.
+ARRESTED, SLIDES_ON, STEADY, SWINGS, UNDECIDED, TOO_ROUGH = range(6)
 
+_END = (UNDECIDED, STEADY, SWINGS, SLIDES_ON, UNDECIDED)  # for what _sliding_kernel tells
 _NO_ARREST_BEFORE = 0.5  # a joint that has just left still gains speed
 _TOUCH = 1e-11  # of the commanded velocity: a dip that ends so close above zero touches it
 _MOST_SWEEPS = 30
@@ -52,11 +57,12 @@ _MOST_HALVINGS = 16
 _MOST_SHORTENING = 64
 _MOST_LAG_STEPS = 1 << 15
 _REMEMBERED = 256
-_MOST_PERIODS = 500
+_SHORT_LAG = 2.0  # of τ*: a joint forgets in less than a swing
 
 _dwell_until_met = inlined()(_friction_law.dwell_until_met)
 _risen_level = inlined()(_friction_law.risen_level)
 _stribeck_friction = inlined()(_friction_law.stribeck_friction)
+_stribeck_slope = inlined()(_friction_law.stribeck_slope)
 
 
 @inlined()
@@ -107,12 +113,13 @@ def shorten(prepared):
 
 
 @helper()
-def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
+def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tolerance, record):
     """One slip from breakaway at ``level``, by a law of ``_friction_law``.
 
-    Returns how it ends, its duration, the position at its end (relative to steady motion without Stribeck
-    friction), Ψ then, the distance slipped and the number of rows written to ``record``: time, position,
-    velocity relative to the commanded one, Ψ at the end of each step.
+    With ``above`` > 0 it begins at (1 + above) times the commanded speed, which it has had for long, with the forces
+    balanced. ``follow`` asks for STEADY or SWINGS instead of SLIDES_ON. Returns how it ends, its duration, the position
+    at its end (relative to steady motion without Stribeck friction), Ψ then, the distance slipped and the number of
+    rows written to ``record``: time, position, velocity relative to the commanded one, Ψ at the end of each step.
     """
     steps, matrices, lagged_rows, filled, ring, latest = prepared
     longest, lag_steps = steps[0], int(steps[1])
@@ -123,8 +130,12 @@ def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
     result = np.empty(ROWS)
     responses = np.empty(POINTS + 2)
     coefficients = np.empty(POINTS)
-    start = 2.0 * damping_ratio * velocity - level
-    position, speed = start, -velocity
+    start, speed, shape = 2.0 * damping_ratio * velocity - level, -velocity, 1.0
+    if above > 0.0:
+        speed = above * velocity
+        shape = _stribeck_friction(law, 1.0, velocity + speed)
+        start = -level * shape - 2.0 * damping_ratio * speed
+    position = start
     time, acceleration = 0.0, 0.0
     step = longest
     # Of a type from the start: a constant would have what it is passed to compiled once more, for the constant.
@@ -134,7 +145,7 @@ def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
     if lag_steps == 0 and lag > 0.0:
         for j in range(POINTS):
             coefficients[j] = 0.0
-        coefficients[0] = level
+        coefficients[0] = level * shape
         _remember(latest, index, time, position, speed, coefficients)
         position, speed, acceleration, _ = inside(lag, damping_ratio, position, speed, coefficients, responses)
         time = lag
@@ -142,16 +153,17 @@ def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
     touch = _TOUCH * velocity
     rough = tolerance * level
     minimum, drop, rises = np.inf, np.inf, 0
-    settled_check, amplitude_before = 2.0 * np.pi, np.inf
-    steady = -_stribeck_friction(law, level, velocity)
-    while time < _MOST_PERIODS * 2.0 * np.pi:
+    forgets = lag <= _SHORT_LAG
+    slope = -_stribeck_slope(law, level, velocity)
+    watched = watch(lag)
+    while True:
         vector[0] = position
         vector[1] = speed
         if lag_steps > 0:
             slot = index % lag_steps
             if index < lag_steps:
                 for j in range(POINTS):
-                    vector[2 + j] = level
+                    vector[2 + j] = level * shape
             else:
                 for j in range(POINTS):
                     vector[2 + j] = level * ring[slot, j]
@@ -210,29 +222,30 @@ def slip(level, velocity, damping_ratio, lag, law, prepared, tolerance, record):
                         and 0.0 < drop < 0.9 * drop_before
                         and lowest > 2.0 * drop * drop / (drop_before - drop)
                     )
-                    if rises >= 2 or settles:
+                    if forgets and not follow and (rises >= 2 or settles):
                         return SLIDES_ON, time, position, 0.0, 0.0, recorded
             if arrest >= 0.0:
                 end, _, _, friction = inside(arrest, damping_ratio, position, speed, coefficients, responses)
-                shape = min(max(friction / level, 0.0), 1.0) if level > 0.0 else 1.0
+                arrested = min(max(friction / level, 0.0), 1.0) if level > 0.0 else 1.0
                 duration = time + arrest
                 if recorded < record.shape[0]:
-                    _record(record, recorded, duration, end, -velocity, shape)
+                    _record(record, recorded, duration, end, -velocity, arrested)
                     recorded += 1
-                return ARRESTED, duration, end, shape, end - start + velocity * duration, recorded
+                return ARRESTED, duration, end, arrested, end - start + velocity * duration, recorded
         time += step
         index += 1
         position, speed = result[END_POSITION], result[END_VELOCITY]
         if recorded < record.shape[0]:
             _record(record, recorded, time, position, speed, friction / level if level > 0.0 else 1.0)
             recorded += 1
-        if time > settled_check:
-            settled_check += 2.0 * np.pi
-            amplitude = np.hypot(position - steady, speed)
-            if amplitude < 0.01 * velocity and amplitude < amplitude_before:
-                return SLIDES_ON, time, position, 0.0, 0.0, recorded
-            amplitude_before = amplitude
-    return UNDECIDED, time, position, 0.0, 0.0, recorded
+        for j in range(POINTS):
+            see(watched, abs(result[j]))
+        see(watched, abs(speed))
+        if time > watched[WINDOW_END]:
+            becomes = look(watched, time, velocity, slope, damping_ratio, lag, follow)
+            if becomes != GOES_ON:
+                ends = _END[becomes]
+                return ends, time, position, 0.0, 0.0, recorded
 
 
 @helper()

@@ -16,6 +16,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
+from stickslip_ros.model.outcome import STEADY_SWING, Outcome
 
 HUNTING = "hunting"
 
@@ -24,6 +25,7 @@ _SETTLED = 1e-6  # relative change of the breakaway level from one cycle to the 
 _BLOCK = 10  # cycles whose mean is compared where levels do not settle
 _BLOCK_DROP = 0.01
 _MOST_CYCLES = 400
+_ALIKE, _ALIKE_IN_A_ROW = 2e-3, 3  # of a swing, from eight natural periods to the next
 _MOST_PERIODS = 1000
 _PERIODS_AT_ONCE = 8
 _SAMPLES_A_PERIOD = 64
@@ -74,11 +76,31 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
     -------
     1.0 if it does, 0.0 if it dies out; NaN if the controller is too fast beside the joint to be followed.
     """
+    return _course(joint, gains, velocity, conditions, to_the_end=False)[0]
+
+
+def controlled_outcome(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> Outcome | None:
+    """What becomes of a joint that breaks away with full static friction; scalars only.
+
+    As :func:`controlled_cycle_persists`; a joint that slides on is followed until its largest departure from the speed
+    within eight natural periods is a tenth of that at most and does not grow, or stays the same.
+
+    Returns
+    -------
+    None if it cannot be followed, or does neither in a thousand natural periods.
+    """
+    return _course(joint, gains, velocity, conditions, to_the_end=True)[1]
+
+
+def _course(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool
+) -> tuple[float, Outcome | None]:
+    """Whether the cycle persists, and what becomes of the joint if it is followed to the end."""
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
     natural_period = _natural_period(joint, gains)
     period = _step_period(conditions, natural_period)
     if math.isnan(period):
-        return math.nan
+        return math.nan, None
     friction = joint.friction
     coulomb = _COULOMB * float(friction.stribeck)
     # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
@@ -97,7 +119,7 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
     levels: list[float] = []
-    slowest_before, last_event = -math.inf, 0.0
+    slowest_before, last_event, swing_before, alike = -math.inf, 0.0, math.inf, 0
     while simulation.time < _MOST_PERIODS * natural_period and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
         motion = simulation.advance(period, force / stiffness + speed * times, np.full(count, speed))
@@ -106,16 +128,25 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
             if event.kind is EventKind.BREAKAWAY:
                 levels.append(event.stribeck_level)
         if not np.isfinite(motion.position).all():
-            return 1.0
+            return 1.0, Outcome.STICKS
         if _settled(levels):
-            return 1.0
+            return 1.0, Outcome.STICKS
         if simulation.stuck:
             continue
         slowest = float(motion.velocity.min()) if not motion.events else -math.inf
         if simulation.time - last_event > _SLIDING_PERIODS * natural_period and slowest >= slowest_before:
-            return 0.0
+            swing = float(np.abs(motion.velocity - speed).max()) / speed
+            alike = alike + 1 if abs(swing - swing_before) <= _ALIKE * swing else 0
+            if not to_the_end:
+                return 0.0, None
+            if swing <= STEADY_SWING and swing <= swing_before:
+                return 0.0, Outcome.STEADY
+            if alike >= _ALIKE_IN_A_ROW:
+                return 0.0, Outcome.SWINGS
+            swing_before = swing
         slowest_before = slowest
-    return 1.0
+    died = simulation.time - last_event > _SLIDING_PERIODS * natural_period
+    return (0.0, None) if died and to_the_end else (1.0, Outcome.STICKS)
 
 
 def hunts(joint: Joint, gains: Gains, conditions: OperatingConditions) -> float:

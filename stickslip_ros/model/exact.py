@@ -16,7 +16,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import _cycle_kernel as kernel
+from stickslip_ros.model import _outcome_kernel as kernel
+from stickslip_ros.model._cycle_kernel import LARGEST_DAMPING_RATIO as _LARGEST
+from stickslip_ros.model._cycle_kernel import PERSISTS, UNKNOWN
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.dimensionless import (
@@ -29,7 +31,7 @@ from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.simulation import point_arrays
 
-LARGEST_DAMPING_RATIO: float = kernel.LARGEST_DAMPING_RATIO
+LARGEST_DAMPING_RATIO: float = _LARGEST
 _TOLERANCE = 1e-3
 _CHUNK = 64
 _NO_GUESSES = np.empty(0)
@@ -55,9 +57,8 @@ def cycle_persists(groups: DimensionlessGroups) -> float | NDArray[np.float64]:
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
     shape, points = point_arrays(groups)
-    verdicts = np.empty(points[0].size)
-    kernel.extinction(*points, LAWS[groups.law], _NO_GUESSES, LARGEST_DAMPING_RATIO, _TOLERANCE, verdicts)
-    answers = np.where(verdicts == kernel.UNKNOWN, np.nan, verdicts == kernel.PERSISTS)
+    verdicts = ask(kernel.PERSISTENCE, points, groups.law)[:, 0]
+    answers = np.where(verdicts == UNKNOWN, np.nan, verdicts == PERSISTS)
     return float(answers[0]) if shape == () else answers.reshape(shape)
 
 
@@ -89,19 +90,37 @@ def exact_critical_damping_ratio(
     """
     undamped = replace(groups, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(groups.damping_ratio)))
     shape, points = point_arrays(undamped)
-    undamped_ratios, stribecks, velocities, lags, rise_times = points
     paper = np.asarray(critical_damping_ratio(undamped), dtype=float)
     guesses = np.broadcast_to(np.where((paper > 0) & np.isfinite(paper), paper, 0.3), shape).ravel()
-    found = np.empty(stribecks.size)
+    found = ask(kernel.CRITICAL_RATIO, points, groups.law, guesses.copy(), tolerance, workers, progress)[:, 0]
+    return float(found[0]) if shape == () else found.reshape(shape)
+
+
+def ask(
+    question: int,
+    points: list[NDArray[np.float64]],
+    law: str,
+    guesses: NDArray[np.float64] = _NO_GUESSES,
+    tolerance: float = _TOLERANCE,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> NDArray[np.float64]:
+    """The kernel's answers (points, 2) to one of its questions, worked on in parts by ``workers`` threads.
+
+    Parameters
+    ----------
+    points : as of :func:`stickslip_ros.model.simulation.point_arrays`.
+    progress : called with the numbers of points done and of all.
+    """
+    count = points[0].size
+    found = np.empty((count, kernel.STARTS))
+    parts = [slice(begin, min(begin + _CHUNK, count)) for begin in range(0, count, _CHUNK)]
 
     def work(part: slice) -> int:
-        kernel.extinction(
-            undamped_ratios[part], stribecks[part], velocities[part], lags[part], rise_times[part],
-            LAWS[groups.law], guesses[part].copy(), LARGEST_DAMPING_RATIO, tolerance, found[part],
-        )  # fmt: skip
-        return found[part].size
+        few = [values[part] for values in points]
+        kernel.answer(question, *few, LAWS[law], guesses[part], LARGEST_DAMPING_RATIO, tolerance, found[part])
+        return len(few[0])
 
-    parts = [slice(begin, begin + _CHUNK) for begin in range(0, found.size, _CHUNK)]
     done = 0
     with ThreadPoolExecutor(max_workers=workers) as pool:
         # A thread costs more than a joint's verdict.
@@ -109,8 +128,8 @@ def exact_critical_damping_ratio(
         for size in sizes:
             done += size
             if progress is not None:
-                progress(done, found.size)
-    return float(found[0]) if shape == () else found.reshape(shape)
+                progress(done, count)
+    return found
 
 
 def exact_lowest_smooth_velocity(joint: Joint, gains: Gains, *, tolerance: float = _TOLERANCE) -> float:

@@ -11,16 +11,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.model.bisection import bisected_until
-from stickslip_ros.model.controlled import HUNTING, OperatingConditions, controlled_cycle_persists, hunts
+from stickslip_ros.model.controlled import (
+    HUNTING,
+    OperatingConditions,
+    controlled_cycle_persists,
+    controlled_outcome,
+    hunts,
+)
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
-    cycle_persists,
     exact_critical_damping_ratio,
     exact_least_smooth_stiffness,
     exact_lowest_smooth_velocity,
 )
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 
 _CONTROLLED_TOLERANCE = 1e-2
 _FIRST_RATIO = 0.05
@@ -29,14 +35,18 @@ _LEAST_RATIO = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class ExactVerdict:
-    """Whether stick slip dies out when Eqs (4)-(6) are integrated, and where that changes.
+    """What becomes of a joint when Eqs (4)-(6) are integrated, and where that changes.
 
     Attributes
     ----------
-    smooth : None where there is no answer.
+    outcome : from the worst start; None where there is no answer.
+    depends_on_start : whether another start leads to another outcome.
+    smooth : whether stick slip dies out, the paper's question, from every start; None where there is no answer.
     reason : why there is none, or "hunting", or None.
-    critical_damping_ratio : damping ratio at which the cycle just dies, to a relative 1e-3 (1e-2 with integral
-        action or sampled control); NaN if none.
+    critical_damping_ratio : ρ_c, the damping ratio at which the cycle of a stuck joint just dies, to a relative 1e-3
+        (1e-2 with integral action or sampled control); NaN if none.
+    steady_damping_ratio : ρ_steady, from which on the joint moves steadily from every start, to a relative 2e-3; 0
+        where 0.01 is enough, NaN if none, and beyond the paper's case.
     lowest_smooth_velocity : [rad/s]; 0 if every speed is smooth, infinite if none is; NaN beyond the paper's case.
     least_smooth_stiffness : [N·m/rad], at the present damping; likewise.
     stick_slip_probability : that it does not die out, given the errors of what is known of the friction; NaN where that
@@ -44,8 +54,11 @@ class ExactVerdict:
     """
 
     smooth: bool | None
+    outcome: Outcome | None = None
+    depends_on_start: bool = False
     reason: str | None = None
     critical_damping_ratio: float = math.nan
+    steady_damping_ratio: float = math.nan
     lowest_smooth_velocity: float = math.nan
     least_smooth_stiffness: float = math.nan
     stick_slip_probability: float = math.nan
@@ -60,7 +73,7 @@ def exact_verdict(
     ----------
     conditions : load, sampled control; with them or integral action the joint is simulated in SI units, which
         takes up to seconds; in the paper's case milliseconds.
-    limits : whether the lowest smooth velocity and the least smooth stiffness are wanted too.
+    limits : whether ρ_steady, the lowest smooth velocity and the least smooth stiffness are wanted too.
     """
     conditions = conditions or OperatingConditions()
     why = _obstacle(joint, gains, velocity)
@@ -71,11 +84,16 @@ def exact_verdict(
     if _beyond_the_paper(gains, conditions):
         return _controlled(joint, gains, velocity, conditions)
     groups = dimensionless_groups(joint, gains, velocity)
-    persists = float(cycle_persists(groups))
-    if math.isnan(persists):
-        return _no_answer("a dimensionless group is too large to integrate")
+    found = outcomes(groups)
+    if found.worst is None:
+        return _no_answer(
+            "a dimensionless group is too large to integrate, or the motion does not show what it leads to"
+        )
     return ExactVerdict(
-        smooth=persists == 0.0,
+        smooth=found.worst is not Outcome.STICKS,
+        outcome=found.worst,
+        depends_on_start=found.depends_on_start,
+        steady_damping_ratio=float(steady_damping_ratio(groups)) if limits else math.nan,
         critical_damping_ratio=float(exact_critical_damping_ratio(groups)),
         lowest_smooth_velocity=exact_lowest_smooth_velocity(joint, gains) if limits else math.nan,
         least_smooth_stiffness=(
@@ -87,10 +105,7 @@ def exact_verdict(
 def exactly_smooth(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions | None = None
 ) -> bool | None:
-    """Whether stick slip dies out, as in :func:`exact_verdict`, and nothing else; None where there is no answer.
-
-    Takes a tenth of a millisecond in the paper's case.
-    """
+    """Whether stick slip dies out, as in :func:`exact_verdict`, and nothing else; None where there is no answer."""
     conditions = conditions or OperatingConditions()
     if _obstacle(joint, gains, velocity):
         return None
@@ -98,9 +113,9 @@ def exactly_smooth(
         return _standstill(joint, gains, conditions).smooth
     if _beyond_the_paper(gains, conditions):
         persists = controlled_cycle_persists(joint, gains, velocity, conditions)
-    else:
-        persists = float(cycle_persists(dimensionless_groups(joint, gains, velocity)))
-    return None if math.isnan(persists) else persists == 0.0
+        return None if math.isnan(persists) else persists == 0.0
+    worst = outcomes(dimensionless_groups(joint, gains, velocity)).worst
+    return None if worst is None else worst is not Outcome.STICKS
 
 
 def _beyond_the_paper(gains: Gains, conditions: OperatingConditions) -> bool:
@@ -135,19 +150,30 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
     hunting = hunts(joint, gains, conditions)
     if math.isnan(hunting):
         return _no_answer("the controller is too fast beside the joint to be followed")
-    return ExactVerdict(smooth=hunting == 0.0, reason=HUNTING if hunting else None)
+    return ExactVerdict(
+        smooth=hunting == 0.0,
+        outcome=Outcome.STICKS if hunting else Outcome.STEADY,
+        reason=HUNTING if hunting else None,
+    )
 
 
 def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
     persists = controlled_cycle_persists(joint, gains, velocity, conditions)
     if math.isnan(persists):
         return _no_answer("the controller is too fast beside the joint to be followed")
+    outcome = Outcome.STICKS if persists else controlled_outcome(joint, gains, velocity, conditions)
+    if outcome is None:
+        return _no_answer("the motion does not show in a thousand periods what it leads to")
 
     def persists_at(ratio: float) -> bool:
         damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
         return controlled_cycle_persists(joint, replace(gains, damping=damping), velocity, conditions) == 1.0
 
-    return ExactVerdict(smooth=persists == 0.0, critical_damping_ratio=_least_calming_ratio(persists_at))
+    return ExactVerdict(
+        smooth=outcome is not Outcome.STICKS,
+        outcome=outcome,
+        critical_damping_ratio=_least_calming_ratio(persists_at),
+    )
 
 
 def _least_calming_ratio(persists_at: Callable[[float], bool]) -> float:

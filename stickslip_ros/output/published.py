@@ -179,10 +179,16 @@ EXACT = Section(
     (
         _row(value=lambda exact: exact.smooth, diagnostics="exact smooth", json="smooth", fleet="exactly_smooth",
              margins=_field(13, "exact_smooth")),
+        _row(value=lambda exact: exact.outcome, diagnostics="exact outcome", json="outcome", fleet="exact_outcome"),
+        _row(value=lambda exact: None if exact.outcome is None else exact.depends_on_start,
+             diagnostics="exact depends_on_start", json="depends_on_start"),
         _row(value=lambda exact: exact.reason, json="reason"),  # diagnostics have it where all else is unknown
         _row(value=lambda exact: exact.critical_damping_ratio, unit="1",
              diagnostics="exact critical_damping_ratio", json="critical_damping_ratio",
              margins=_field(14, "exact_critical_damping_ratio")),
+        _row(value=lambda exact: exact.steady_damping_ratio, unit="1",
+             diagnostics="exact steady_damping_ratio", json="steady_damping_ratio", fleet="steady_damping_ratio",
+             margins=_field(25, "exact_steady_damping_ratio")),
         _row(value=lambda exact: exact.lowest_smooth_velocity, unit="rad/s",
              diagnostics="exact lowest_smooth_velocity", json="lowest_smooth_velocity",
              margins=_field(15, "exact_lowest_smooth_velocity")),

@@ -103,14 +103,9 @@ class SteadySliding:
 
     def damping(self, stiffness: FloatArray) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
-        ratios = [
-            max(
-                sliding_damping_ratio(dimensionless_groups(self._joint, Gains(stiffness=one), float(speed)))
-                for speed in self._speeds
-            )
-            for one in stiffness.tolist()
-        ]
-        return np.asarray(damping_for_ratio(self._joint, stiffness, _STEADY * np.array(ratios)))
+        groups = dimensionless_groups(self._joint, Gains(stiffness=stiffness[:, None]), self._speeds)
+        ratios = np.max(np.asarray(sliding_damping_ratio(groups)), axis=1)
+        return np.asarray(damping_for_ratio(self._joint, stiffness, _STEADY * ratios))
 
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains of shape (n,) have it."""

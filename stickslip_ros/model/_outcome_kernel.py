@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled: what becomes of a joint in the end, from every start, and from which damping on it is something better.
+
+The starts, all with full static friction: a stuck joint that breaks away; sliding at twice the commanded speed, near a
+swing that all but stops; at three times, beyond any; and close to it, where small disturbances grow. The arrays of
+points are ρ, F*_s∞, ξ˙_d, τ*, γ*, as in ``_cycle_kernel``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip_ros.compilation import helper, inlined, kernel
+from stickslip_ros.model import _friction_law
+from stickslip_ros.model._cycle_kernel import (
+    DIES,
+    PERSISTS,
+    UNKNOWN,
+    VERDICT_TOLERANCE,
+    cycle,
+    feasible,
+    persists,
+)
+from stickslip_ros.model._slip_kernel import ARRESTED, prepare
+from stickslip_ros.model._slip_kernel import STEADY as _SETTLED
+from stickslip_ros.model._slip_kernel import SWINGS as _SWUNG
+from stickslip_ros.model._stability_kernel import stable_ratio
+
+PERSISTENCE, CRITICAL_RATIO, OUTCOME, STEADY_RATIO = range(4)  # questions
+STEADY, SWINGS, UNDECIDED, STICKS = range(4)  # the better the less
+STARTS = 2  # columns: stuck, and the worst of those that slide
+_ABOVE = (1.0, 2.0)  # times the commanded speed, more than that
+_A_LITTLE = 0.15
+
+_LEAST_RATIO = 1e-6  # a damping ratio that is none
+_LEAST_STEADY = 0.01  # a damping ratio with less than which a joint swings for tens of periods
+_STEP = 0.75
+_MOST_RETURNS = 10
+
+_stribeck_slope = inlined()(_friction_law.stribeck_slope)
+
+
+@inlined()
+def _outcome_of(ends):
+    return STEADY if ends == _SETTLED else SWINGS if ends == _SWUNG else UNDECIDED
+
+
+@inlined()
+def _with_ratio(ratio, point):
+    _, stribeck, velocity, lag, rise_time, law = point
+    return ratio, stribeck, velocity, lag, rise_time, law
+
+
+@helper()
+def _outcome(point, above, prepared, nothing):
+    """What becomes of a joint that breaks away with full static friction, or slides ``above`` the commanded speed."""
+    level = point[1]
+    if above > 0.0:
+        ends, _, _, _, _, following, _ = cycle(level, point, above, True, prepared, VERDICT_TOLERANCE, nothing)
+        if ends != ARRESTED:
+            return _outcome_of(ends)
+        level = following
+    for _ in range(_MOST_RETURNS):
+        verdict, level = persists(level, point, prepared, nothing)
+        if verdict != DIES:
+            return STICKS if verdict == PERSISTS else UNDECIDED
+        ends, _, _, _, _, following, _ = cycle(level, point, 0.0, True, prepared, VERDICT_TOLERANCE, nothing)
+        if ends != ARRESTED:
+            return _outcome_of(ends)
+        # Swings that grow came to a stop after all.
+        level = following
+    return STICKS
+
+
+@helper()
+def _from_above(point, prepared, nothing):
+    """What becomes of a joint that slides: the first outcome that is not steady, as none is better than that."""
+    for above in _ABOVE:
+        outcome = _outcome(point, above, prepared, nothing)
+        if outcome != STEADY:
+            return outcome
+    damping_ratio, stribeck, velocity, lag, _, law = point
+    # On the way to a stop, which takes from the friction, a joint may miss that it does not slide steadily before.
+    if damping_ratio > stable_ratio(-_stribeck_slope(law, stribeck, velocity), lag):
+        return STEADY
+    return _outcome(point, _A_LITTLE, prepared, nothing)
+
+
+@helper()
+def _sticks(point, nothing):
+    if not feasible(point[0], point[1], point[2], point[3]):
+        return UNKNOWN
+    return persists(point[1], point, prepare(point[0], point[1], point[2], point[3], 1.0), nothing)[0]
+
+
+@inlined()
+def _critical(point, guess, largest, tolerance, nothing):
+    undamped = _sticks(_with_ratio(0.0, point), nothing)
+    if undamped != PERSISTS:
+        return 0.0 if undamped == DIES else np.nan
+    low, high = 0.0, min(guess, largest)
+    while True:
+        verdict = _sticks(_with_ratio(high, point), nothing)
+        if verdict == UNKNOWN or (verdict == PERSISTS and high >= largest):
+            return np.nan
+        if verdict == DIES:
+            break
+        low, high = high, min(2.0 * high, largest)
+    while high - low > tolerance * high and high > _LEAST_RATIO:
+        middle = 0.5 * (low + high)
+        verdict = _sticks(_with_ratio(middle, point), nothing)
+        if verdict == UNKNOWN:
+            return np.nan
+        if verdict == PERSISTS:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@helper()
+def _is_steady(ratio, point, nothing):
+    """Whether it is from every start."""
+    point = _with_ratio(ratio, point)
+    if not feasible(point[0], point[1], point[2], point[3]):
+        return False
+    prepared = prepare(point[0], point[1], point[2], point[3], 1.0)
+    return _from_above(point, prepared, nothing) == STEADY and _outcome(point, 0.0, prepared, nothing) == STEADY
+
+
+@inlined()
+def _steady_ratio(point, guess, largest, tolerance, nothing):
+    high = min(max(guess, _LEAST_STEADY), largest)
+    while not _is_steady(high, point, nothing):
+        if high >= largest:
+            return np.nan
+        high = min(2.0 * high, largest)
+    low = _STEP * high
+    while _is_steady(low, point, nothing):
+        high, low = low, _STEP * low
+        if high < _LEAST_STEADY:
+            return 0.0
+    while high - low > tolerance * high:
+        middle = 0.5 * (low + high)
+        if _is_steady(middle, point, nothing):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@kernel(nogil=True)
+def answer(question, damping_ratios, stribecks, velocities, lags, rise_times, law, guesses, largest, tolerance, found):
+    """Fill ``found`` (points, 2), or its first column. One kernel for all questions is compiled in the time of one.
+
+    PERSISTENCE : PERSISTS, DIES or UNKNOWN of a joint that is stuck to begin with.
+    CRITICAL_RATIO : damping ratio at which the cycle just dies out, bisected to a relative tolerance. 0 where it dies
+        undamped, NaN where even ``largest`` does not end it or the integration is refused; ``guesses`` > 0 say where
+        to look first.
+    OUTCOME : what becomes of each point from each of the STARTS.
+    STEADY_RATIO : damping ratio from which on sliding is steady from every start. ``guesses`` > 0 are enough; from
+        there the search goes down by factors, and bisects. 0 where next to nothing is needed, NaN as above.
+    """
+    nothing = np.empty((0, 4))
+    for i in range(stribecks.shape[0]):
+        point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
+        if question == PERSISTENCE:
+            found[i, 0] = _sticks(point, nothing)
+        elif question == CRITICAL_RATIO:
+            found[i, 0] = _critical(point, guesses[i], largest, tolerance, nothing)
+        elif question == STEADY_RATIO:
+            found[i, 0] = _steady_ratio(point, guesses[i], largest, tolerance, nothing)
+        elif not feasible(point[0], point[1], point[2], point[3]):
+            found[i] = UNDECIDED
+        else:
+            prepared = prepare(point[0], point[1], point[2], point[3], 1.0)
+            found[i, 0] = _outcome(point, 0.0, prepared, nothing)
+            found[i, 1] = _from_above(point, prepared, nothing)

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled: what becomes of a joint that slides on without a stop: it settles at its speed, or swings about it.
+
+Its largest departure from the commanded speed is noted in windows of a few periods. A joint settles once windows stay
+within a tenth of the speed and shrink, if small disturbances decay. It swings on if windows stay alike, or if it has
+not settled after 600 natural periods. Where the lag is short, windows near a swing approach it geometrically, and the limit is seen early; with a long one they beat, and
+only blocks of many windows are compared.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.model._stability_kernel import stable_ratio
+
+GOES_ON, SETTLES, SWINGS_ON, NO_ARREST, NOBODY_KNOWS = range(5)
+WINDOW_END = 0
+_LENGTH, _LARGEST, _BEFORE, _CHANGE, _LIMIT, _QUIET, _ALIKE, _WINDOWS, _BLOCK, _BLOCK_BEFORE, _STABLE = range(1, 12)
+
+_WINDOW = 4.0 * 2.0 * np.pi
+_LAGS = 3.0  # in a window
+_SHORT_LAG = 2.0
+_STEADY = 0.1  # of the commanded speed
+_SHRINKING = 2  # windows in a row
+_CONVERGES = 0.85  # ratio of successive changes, up to which their limit is tried
+_SAME_LIMIT = 0.1  # of what is left to it: by so much may it differ from the one of the window before
+_ROUNDING = 1e-3
+_SURE_SWING = (0.12, 0.97)  # more than is steady, less than a stop
+_WINDOWS_A_BLOCK = 25
+_LASTS = 0.97  # of a block's largest departure is there in the next
+_MOST_BLOCKS = 6
+
+
+@inlined()
+def watch(lag):
+    """What is noted of a joint that slides on, before the first window."""
+    watched = np.zeros(12)
+    watched[_LENGTH] = max(_WINDOW, _LAGS * lag)
+    watched[WINDOW_END] = watched[_LENGTH]
+    watched[_BEFORE] = watched[_CHANGE] = watched[_LIMIT] = watched[_BLOCK_BEFORE] = np.nan
+    watched[_STABLE] = np.nan
+    return watched
+
+
+@inlined()
+def see(watched, departure):
+    """Note a departure from the commanded speed."""
+    watched[_LARGEST] = max(watched[_LARGEST], departure)
+
+
+@helper()
+def look(watched, time, velocity, slope, damping_ratio, lag, follow):
+    """At the end of a window: whether the joint settles, swings on, or goes on to be watched.
+
+    Without ``follow`` all that is asked is whether it stops: NO_ARREST where its departures do not grow.
+
+    Parameters
+    ----------
+    slope : by which Stribeck friction falls with speed at the commanded one.
+    """
+    size = watched[_LARGEST] / velocity
+    change = size - watched[_BEFORE]
+    ratio = change / watched[_CHANGE]
+    limit = size + change * ratio / (1.0 - ratio) if 0.0 < ratio < _CONVERGES else np.nan
+    same = abs(limit - watched[_LIMIT]) <= _SAME_LIMIT * abs(limit - size) + _ROUNDING * size
+    small = size < _STEADY and change <= 0.0
+    watched[_QUIET] = watched[_QUIET] + 1.0 if small else 0.0
+    watched[_WINDOWS] += 1.0
+    watched[_BLOCK] = max(watched[_BLOCK], size)
+    watched[WINDOW_END] = time + watched[_LENGTH]
+    watched[_LARGEST], watched[_BEFORE], watched[_CHANGE], watched[_LIMIT] = 0.0, size, change, limit
+    if watched[_QUIET] >= _SHRINKING:
+        if np.isnan(watched[_STABLE]):
+            watched[_STABLE] = 1.0 if damping_ratio > stable_ratio(slope, lag) else 0.0
+        if watched[_STABLE] == 1.0:
+            return SETTLES
+    if lag <= _SHORT_LAG and same and _SURE_SWING[0] < limit < _SURE_SWING[1]:
+        return SWINGS_ON
+    if watched[_WINDOWS] % _WINDOWS_A_BLOCK == 0.0:
+        if not follow and watched[_BLOCK] <= watched[_BLOCK_BEFORE]:
+            return NO_ARREST
+        lasts = _LASTS <= watched[_BLOCK] / watched[_BLOCK_BEFORE] <= 1.0 / _LASTS
+        if lasts and watched[_BLOCK] >= _STEADY:
+            return SWINGS_ON
+        if lasts and watched[_STABLE] == 0.0:
+            return SETTLES
+        if watched[_WINDOWS] >= _MOST_BLOCKS * _WINDOWS_A_BLOCK:
+            # What still swings by then, and does not grow, nobody would wait for.
+            swings = _STEADY <= watched[_BLOCK] <= watched[_BLOCK_BEFORE] / _LASTS
+            return SWINGS_ON if swings else NOBODY_KNOWS
+        watched[_BLOCK_BEFORE], watched[_BLOCK] = watched[_BLOCK], 0.0
+    return GOES_ON

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What becomes of a joint in the end, by integration of Eqs (4)-(6): it sticks, it swings, or it moves steadily.
+
+The paper asks whether stick slip dies out. A joint that does not stick may still swing about its speed for ever, and
+what becomes of it may depend on how it began; a person calls smooth what moves steadily, however it began.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model import _outcome_kernel as kernel
+from stickslip_ros.model._friction_law import LAWS, stribeck_slope
+from stickslip_ros.model.dimensionless import DimensionlessGroups
+from stickslip_ros.model.exact import Progress, ask
+from stickslip_ros.model.friction import Real
+from stickslip_ros.model.simulation import point_arrays
+from stickslip_ros.model.steady_sliding import sliding_damping_ratio
+
+STEADY_SWING = 0.1  # of the commanded speed: so much is steady
+_TOLERANCE = 2e-3
+_ROOM = 1.02
+_SPEEDS = np.geomspace(0.1, 10.0, 400)  # of the Stribeck velocity, among which friction falls fastest
+
+
+class Outcome(str, Enum):
+    """What becomes of a joint, the worst last."""
+
+    STEADY = "steady"
+    SWINGS = "swings"
+    STICKS = "sticks"
+
+
+# By number of the kernel; None where it cannot be decided in bounded work.
+_OUTCOMES = {
+    kernel.STEADY: Outcome.STEADY,
+    kernel.SWINGS: Outcome.SWINGS,
+    kernel.STICKS: Outcome.STICKS,
+    kernel.UNDECIDED: None,
+}
+_ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcomes:
+    """What becomes of one joint by where it starts, with full static friction; None where that cannot be decided.
+
+    Attributes
+    ----------
+    stuck : it breaks away. sliding : the worst of those that begin at twice and at three times the speed.
+    disturbances_decay : whether it is steady if it begins close enough to the speed.
+    """
+
+    stuck: Outcome | None
+    sliding: Outcome | None
+    disturbances_decay: bool
+
+    @property
+    def worst(self) -> Outcome | None:
+        """The one that counts; None if it is not decided whether the other one is as bad."""
+        return max(self.stuck, self.sliding, key=_ORDER.index)
+
+    @property
+    def depends_on_start(self) -> bool:
+        """Whether the outcome is another one from another start."""
+        alike = self.worst is Outcome.STEADY or not self.disturbances_decay
+        return self.stuck is not self.sliding or not alike
+
+
+def outcomes(groups: DimensionlessGroups) -> Outcomes:
+    """What becomes of one joint (scalars): a millisecond, tens of them close to a boundary.
+
+    ``STEADY`` keeps within 10 % of the commanded speed in the end; ``SWINGS`` does not, and does not stop.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`stickslip_ros.model.simulation.simulate_cycles`.
+    """
+    stuck, sliding = (_OUTCOMES[int(number)] for number in _numbers(groups).ravel())
+    decay = bool(groups.damping_ratio > sliding_damping_ratio(groups))
+    return Outcomes(stuck=stuck, sliding=sliding, disturbances_decay=decay)
+
+
+def is_steady(groups: DimensionlessGroups) -> NDArray[np.bool_]:
+    """Whether each point moves steadily in the end, from every start; of the groups' common shape."""
+    return np.asarray(np.all(_numbers(groups) == kernel.STEADY, axis=-1))
+
+
+def _numbers(groups: DimensionlessGroups) -> NDArray[np.float64]:
+    shape, points = point_arrays(groups)
+    return ask(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)
+
+
+def steady_damping_ratio(
+    groups: DimensionlessGroups,
+    *,
+    guess: Real | None = None,
+    tolerance: float = _TOLERANCE,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Real:
+    """Damping ratio ρ_steady from which on the joint moves steadily from every start, the other groups as they are.
+
+    Where friction falls with speed at a slope of at most L everywhere, no swing without a stop outlasts a damping ratio
+    of ½ L: the work ∮ f ẋ of a swing is at most L ∮ ẋ², that of damping 2ρ ∮ ẋ², whatever the lag. The search begins
+    there and goes down, so that it finds the highest boundary if there are several.
+
+    Parameters
+    ----------
+    groups : scalars or arrays that broadcast; the damping ratio is not used.
+    guess : where to begin the search instead: quicker, but a boundary far above it is not seen.
+    tolerance : relative, of the bisection. workers, progress : as for
+        :func:`stickslip_ros.model.exact.exact_critical_damping_ratio`.
+
+    Returns
+    -------
+    0 where a damping ratio of 0.01 is enough, NaN where even 20 is not or the integration is refused; of the groups'
+    common shape.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`stickslip_ros.model.simulation.simulate_cycles`.
+    """
+    undamped = replace(groups, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(groups.damping_ratio)))
+    shape, points = point_arrays(undamped)
+    steepest = -float(np.min(stribeck_slope(LAWS[groups.law], 1.0, _SPEEDS)))
+    first = 0.5 * steepest * points[1] * _ROOM if guess is None else np.broadcast_to(np.asarray(guess), shape).ravel()
+    guesses = np.array(first, dtype=float)
+    found = ask(kernel.STEADY_RATIO, points, groups.law, guesses, tolerance, workers, progress)[:, 0]
+    return float(found[0]) if shape == () else found.reshape(shape)
