@@ -4,8 +4,8 @@
 
 Its largest departure from the commanded speed is noted in windows of a few periods. A joint settles once windows stay
 within a tenth of the speed and shrink, if small disturbances decay. It swings on if windows stay alike, or if it has
-not settled after 600 natural periods. Where the lag is short, windows near a swing approach it geometrically, and the limit is seen early; with a long one they beat, and
-only blocks of many windows are compared.
+not settled after 600 natural periods. Where the lag is short, windows near a swing approach it geometrically, and the
+limit is seen early; with a long one they beat, and only blocks of many windows are compared.
 """
 
 from __future__ import annotations
