@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled parts of the Gauss-Newton equations; :mod:`.slip_equations` is their face."""
+"""Compiled residuals, slopes and Gauss-Newton equations of many slips; :mod:`.slip_equations` is their face.
+
+Each of these would be some dozens of numpy's functions on short arrays, whose calls take longer than the work.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +11,240 @@ import math
 
 import numpy as np
 
-from stickslip_ros.compilation import kernel
+from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.compilation import kernel as compiled
+from stickslip_ros.model import _friction_law
+from stickslip_ros.monitoring.friction._window_kernel import (
+    ARREST,
+    BREAKAWAY,
+    HELD,
+    LEVEL,
+    POSITION,
+    REMAINS,
+    RISE_TIME,
+    STRIBECK,
+)
+
+UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
+# Columns of what is known of a slip, as it was detected: where it rested, with the error, since when, its breakaway and
+# duration, the dwell before, the end of its window, its direction; then by how much the tolerances divide the balance
+# of forces and the level, and whether it goes on from the slip before.
+(
+    REST, REST_ERROR, REST_BEGIN, DETECTED, DURATION, DWELL, WINDOW_END, DIRECTION, BALANCE_WEIGHT, LEVEL_ERROR, LINKED
+) = range(11)  # fmt: skip
+DETAILS = LINKED + 1
+# Columns of what Eq. (6) says of a level: its logarithm, and the slopes of that by the logarithms of F_s∞ and γ, the
+# dwell and the logarithm of what remained of the level before.
+EXPECTED, BY_STRIBECK, BY_RISE_TIME, BY_DWELL, BY_REMAINS = range(5)
+TIES = BY_REMAINS + 1
+
+HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
+WEAK = 1e-4  # weight of the detected breakaway beside the data's
+_ABSURD = 1e150  # a residual so large is as bad as any, and its square is a number
+_NOTHING_LEFT = 1e-12  # of the level
+_LEAST_DWELL = 1e-3  # of the detected one
+
+_risen_level = inlined()(_friction_law.risen_level)
+_rising_rate = inlined()(_friction_law.rising_rate)
 
 
-@kernel(nogil=True)
-def collect_own(slip_of, weights, residuals, own, shared, mixed, diagonal, slope):
-    """Add every observation to the equations of its slip's own unknowns.
+@helper()
+def _robust(residual):
+    """Square, linear beyond the Huber limit."""
+    size = abs(residual)
+    if size > _ABSURD:
+        size = _ABSURD
+    return size * size if size < HUBER else 2.0 * HUBER * size - HUBER * HUBER
 
-    Slopes ``own`` by these, of shape (m, u), and ``shared`` by the parameters, (m, c), weighted, go to ``diagonal`` of
-    shape (slips, u, u), ``mixed`` of (slips, u, c), and with the residuals to ``slope`` of (slips, u).
+
+@helper()
+def _weight(residual):
+    """Weight that makes the square of a residual a robust one."""
+    size = abs(residual)
+    return 1.0 if size <= HUBER else HUBER / size
+
+
+@compiled(nogil=True)
+def measure(
+    parameters, unknowns, kinetic, positions, found, before, slips, balance, targets, scale, observed, residuals,
+    misfits, links, ties,
+):  # fmt: skip
+    """Fill the residuals of observations, balance of forces and levels, and ``ties``; returns their robust sum.
+
+    ``before`` has arrest and share of F_s∞ left of the slip before the first. A slip that does not end in its window is
+    taken to end with it, in ``found``. The sum has the detected rests and breakaways too, but no prior.
     """
-    for m in range(slip_of.shape[0]):
-        n = slip_of[m]
-        for a in range(own.shape[1]):
-            weighted = weights[m] * own[m, a]
-            slope[n, a] -= weighted * residuals[m]
-            for b in range(own.shape[1]):
-                diagonal[n, a, b] += weighted * own[m, b]
-            for c in range(shared.shape[1]):
-                mixed[n, a, c] += weighted * shared[m, c]
+    cost = 0.0
+    for m in range(observed.shape[0]):
+        residuals[m] = (targets[m] - positions[observed[m]]) * scale[m]
+        cost += _robust(residuals[m])
+    stribeck, rise_time = math.exp(parameters[STRIBECK]), math.exp(parameters[RISE_TIME])
+    arrest, left, log_stribeck = before[0], before[1] * stribeck, math.log(stribeck)
+    for n in range(slips.shape[0]):
+        level = math.exp(unknowns[n, LEVEL])
+        if not math.isfinite(found[n, ARREST]):
+            found[n, ARREST] = slips[n, WINDOW_END]
+        linked = slips[n, LINKED] > 0.0
+        dwell = unknowns[n, BREAKAWAY] - (arrest if linked else slips[n, REST_BEGIN])
+        if dwell < _LEAST_DWELL * slips[n, DWELL]:
+            dwell = _LEAST_DWELL * slips[n, DWELL]
+        share, steepness = _risen_level(0.0, 1.0, dwell, rise_time), _rising_rate(dwell, rise_time)
+        if linked:
+            risen = left + (stribeck - left) * share
+            ties[n, EXPECTED] = math.log(risen)
+            # What is left before the first slip is known as a share.
+            ties[n, BY_STRIBECK] = stribeck * share / risen if n > 0 else 1.0
+            ties[n, BY_RISE_TIME] = -(stribeck - left) / risen * dwell * steepness
+            ties[n, BY_DWELL] = (stribeck - left) / risen * steepness
+            ties[n, BY_REMAINS] = left * (1.0 - share) / risen
+        else:
+            # What was left is anything from none to all: in the middle of the two.
+            ties[n, EXPECTED] = log_stribeck + 0.5 * math.log(share)
+            ties[n, BY_STRIBECK] = 1.0
+            ties[n, BY_RISE_TIME] = -0.5 * (1.0 - share)
+            ties[n, BY_DWELL] = 0.5 * steepness / share
+            ties[n, BY_REMAINS] = 0.0
+        arrest, left = found[n, ARREST], level * found[n, REMAINS]
+        misfit = found[n, HELD] - level
+        for k in range(kinetic.shape[0]):
+            misfit -= balance[n, k] * kinetic[k]
+        misfits[n] = misfit * slips[n, BALANCE_WEIGHT]
+        links[n] = (unknowns[n, LEVEL] - ties[n, EXPECTED]) / slips[n, LEVEL_ERROR]
+        rest = (unknowns[n, POSITION] - slips[n, REST]) / slips[n, REST_ERROR]
+        drift = (unknowns[n, BREAKAWAY] - slips[n, DETECTED]) / slips[n, DURATION]
+        cost += _robust(misfits[n]) + _robust(links[n]) + rest * rest + WEAK * drift * drift
+    return cost
 
 
-@kernel(nogil=True)
+@compiled(nogil=True)
+def fill_slopes(
+    positions, found, steps, moving, active, unknowns, stiffness, slips, balance, targets, scale, observed, edges,
+    residuals, found_here, ties, terms, by_shared, by_own,
+):  # fmt: skip
+    """Slopes of all residuals, by differences to variants that are ``steps`` off in one parameter or unknown each.
+
+    The variants are of the ``moving`` parameters, then of breakaways, then of levels. Rows of ``terms``: slopes of the
+    observations by the moving parameters and by their slip's own unknowns; residuals. Of balance and link of each slip
+    ``by_shared`` has slopes by parameters and kinetic friction, of shape (2, slips, columns), and ``by_own`` by its own
+    unknowns, and in its third row those of the link that follows, (3, slips, unknowns). ``active`` tells of each
+    parameter whether it is free; slopes by others are zero.
+    """
+    variants, count, shared = positions.shape[0], slips.shape[0], moving.shape[0]
+    for n in range(count):
+        for v in range(variants):
+            row = v if v < shared else v + 1
+            step = steps[v, n]
+            for m in range(edges[n], edges[n + 1]):
+                terms[row, m] = ((targets[m] - positions[v, observed[m]]) * scale[m] - residuals[m]) / step
+            force = (found[v, n, HELD] - found_here[n, HELD]) / step * slips[n, BALANCE_WEIGHT]
+            link = 0.0
+            if n + 1 < count and slips[n + 1, LINKED] > 0.0:
+                # Where the joint stops without a trace of Stribeck friction nothing is left to the next slip.
+                left, left_here = found[v, n, REMAINS], found_here[n, REMAINS]
+                left = left if left > _NOTHING_LEFT else _NOTHING_LEFT
+                left_here = left_here if left_here > _NOTHING_LEFT else _NOTHING_LEFT
+                ended = found[v, n, ARREST]
+                ended = (ended if math.isfinite(ended) else slips[n, WINDOW_END]) - found_here[n, ARREST]
+                link = ties[n + 1, BY_DWELL] * ended - ties[n + 1, BY_REMAINS] * math.log(left / left_here)
+                link /= step * slips[n + 1, LEVEL_ERROR]
+            if v < shared:
+                by_shared[0, n, moving[v]] = force
+                if n + 1 < count:
+                    by_shared[1, n + 1, moving[v]] = link
+            else:
+                by_own[0, n, BREAKAWAY + v - shared], by_own[2, n, BREAKAWAY + v - shared] = force, link
+        for m in range(edges[n], edges[n + 1]):
+            # A slip that begins elsewhere is the same slip there.
+            terms[shared, m] = -scale[m]
+            terms[variants + 1, m] = residuals[m]
+        error = slips[n, LEVEL_ERROR]
+        if active[STRIBECK]:
+            by_shared[1, n, STRIBECK] = -ties[n, BY_STRIBECK] / error
+        if active[RISE_TIME]:
+            by_shared[1, n, RISE_TIME] = -ties[n, BY_RISE_TIME] / error
+        for k in range(balance.shape[1]):
+            by_shared[0, n, active.shape[0] + k] = -balance[n, k] * slips[n, BALANCE_WEIGHT]
+        by_own[0, n, POSITION] = -slips[n, DIRECTION] * stiffness[n] * slips[n, BALANCE_WEIGHT]
+        by_own[0, n, LEVEL] -= math.exp(unknowns[n, LEVEL]) * slips[n, BALANCE_WEIGHT]
+        by_own[1, n, BREAKAWAY] = -ties[n, BY_DWELL] / error
+        by_own[1, n, LEVEL] = 1.0 / error
+        if n + 1 < count:
+            by_own[2, n, LEVEL] -= ties[n + 1, BY_REMAINS] / slips[n + 1, LEVEL_ERROR]
+
+
+@helper(fastmath={"reassoc"})  # sums in any order, so that several terms are added at once
+def _products(terms, begin, end, weighted, products):
+    """Sums of the weighted products of all rows over some columns; the last row has the residuals."""
+    rows = terms.shape[0]
+    for i in range(rows):
+        for m in range(begin, end):
+            weighted[m - begin] = _weight(terms[rows - 1, m]) * terms[i, m]
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(begin, end):
+                total += weighted[m - begin] * terms[j, m]
+            products[i, j] = products[j, i] = total
+
+
+@compiled(nogil=True)
+def collect(
+    terms, edges, moving, by_shared, by_own, misfits, links, unknowns, slips, matrix, gradient, mixed, band, slope
+):
+    """Add up the normal equations from what :func:`fill_slopes` has filled; all that is filled here is zero before.
+
+    ``matrix`` and ``gradient`` are those of parameters and kinetic friction, ``band`` has the lower diagonals of that
+    of the slips' unknowns, ``slope`` their gradient, and ``mixed`` of shape (unknowns, columns) is what is between.
+    """
+    rows, count, shared, columns = terms.shape[0], slips.shape[0], moving.shape[0], matrix.shape[0]
+    products, weighted = np.empty((rows, rows)), np.empty(terms.shape[1])
+    for n in range(count):
+        first = n * UNKNOWNS
+        _products(terms, edges[n], edges[n + 1], weighted, products)
+        for i in range(shared):
+            gradient[moving[i]] -= products[rows - 1, i]
+            for j in range(shared):
+                matrix[moving[i], moving[j]] += products[i, j]
+            for a in range(UNKNOWNS):
+                mixed[first + a, moving[i]] += products[shared + a, i]
+        for a in range(UNKNOWNS):
+            slope[first + a] -= products[rows - 1, shared + a]
+            for b in range(a + 1):
+                band[a - b, first + b] += products[shared + a, shared + b]
+        for which in range(2):
+            residual = misfits[n] if which == 0 else links[n]
+            weight = _weight(residual)
+            for i in range(columns):
+                weighted_slope = weight * by_shared[which, n, i]
+                gradient[i] -= weighted_slope * residual
+                for j in range(columns):
+                    matrix[i, j] += weighted_slope * by_shared[which, n, j]
+                for a in range(UNKNOWNS):
+                    mixed[first + a, i] += weighted_slope * by_own[which, n, a]
+                    if which == 1 and n > 0:
+                        mixed[first - UNKNOWNS + a, i] += weighted_slope * by_own[2, n - 1, a]
+            for a in range(UNKNOWNS):
+                weighted_slope = weight * by_own[which, n, a]
+                slope[first + a] -= weighted_slope * residual
+                for b in range(a + 1):
+                    band[a - b, first + b] += weighted_slope * by_own[which, n, b]
+                if which == 1 and n > 0:
+                    # The link joins the slip's unknowns with those of the slip before.
+                    before = first - UNKNOWNS
+                    for b in range(UNKNOWNS):
+                        band[UNKNOWNS + a - b, before + b] += weighted_slope * by_own[2, n - 1, b]
+                    weighted_slope = weight * by_own[2, n - 1, a]
+                    slope[before + a] -= weighted_slope * residual
+                    for b in range(a + 1):
+                        band[a - b, before + b] += weighted_slope * by_own[2, n - 1, b]
+        certainty = 1.0 / slips[n, REST_ERROR] ** 2
+        band[0, first + POSITION] += certainty
+        slope[first + POSITION] -= (unknowns[n, POSITION] - slips[n, REST]) * certainty
+        certainty = WEAK / slips[n, DURATION] ** 2
+        band[0, first + BREAKAWAY] += certainty
+        slope[first + BREAKAWAY] -= (unknowns[n, BREAKAWAY] - slips[n, DETECTED]) * certainty
+
+
+@compiled(nogil=True)
 def solve_band(band, right):
     """Solve, in place, equations of whose positive definite matrix ``band`` has the lower diagonals, (width, n).
 

@@ -97,16 +97,17 @@ def _fitted(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
 def _is_hopeless(problem: SlipProblem, start: FloatArray, known: Solution) -> bool:
     """Whether a law, begun at a start, stays far worse than a solution of another law that leaves nothing over.
 
-    A look at it takes a fifth of a fit, and most slips exclude all laws but one by thousands.
+    A look at it takes a tenth of a fit, and most slips exclude all laws but one by thousands.
     """
     known.hand_to(problem)
     tolerances = Tolerances(balance=known.balance_error, level=known.link_error)
     begin = np.clip(start, known.prior.lower, known.prior.upper)
+    far = known.fit.cost + max(_FAR, _FAR_SHARE * len(known.fit.residuals))
     looked = fit_slips(
         problem, known.prior, tolerances, parameters=begin, unknowns=known.fit.unknowns, iterations=_LOOK,
-        enough=_ENOUGH,
+        enough=_ENOUGH, wanted=far,
     )  # fmt: skip
-    return looked.cost > known.fit.cost + max(_FAR, _FAR_SHARE * len(looked.residuals))
+    return looked.cost > far
 
 
 def _misfit(problem: SlipProblem, solution: Solution) -> float:

@@ -9,20 +9,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, POSITION
-from stickslip_ros.monitoring.friction.slip_problem import UNKNOWNS, SlipProblem
+from stickslip_ros.monitoring.friction._equations_kernel import HUBER, UNKNOWNS
+from stickslip_ros.monitoring.friction._window_kernel import POSITION
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
 _ABSURD = 1e150  # a residual so large is as bad as any, and its square is a number
-WEAK = 1e-4  # weight of the detected breakaway beside the data's
 
 
 @dataclass
 class Point:
-    """The residuals at one point, and what they come from."""
+    """The residuals at one point, and what they come from; ``ties`` has the columns of the equations' kernel."""
 
     parameters: FloatArray
     unknowns: FloatArray
@@ -30,9 +30,23 @@ class Point:
     observed: FloatArray
     balance: FloatArray
     links: FloatArray
+    ties: FloatArray
     found: FloatArray
     velocities: FloatArray
     cost: float = math.inf
+
+
+@dataclass
+class Slopes:
+    """Slopes of the residuals at a point, as :func:`._equations_kernel.fill_slopes` has them.
+
+    ``moving`` are the parameters by which those of the observations are not zero.
+    """
+
+    moving: NDArray[np.int64]
+    terms: FloatArray
+    by_shared: FloatArray
+    by_own: FloatArray
 
 
 @dataclass
@@ -46,78 +60,43 @@ class NormalEquations:
     slope: FloatArray
 
     @staticmethod
-    def assemble(
-        problem: SlipProblem, point: Point, shared: tuple[FloatArray, ...], own: tuple[FloatArray, ...]
-    ) -> NormalEquations:
-        """Collect the equations from the slopes by the parameters and by each slip's own unknowns."""
-        observed, balance, links = shared
-        own_observed, own_balance, own_link, next_link = own
-        count, columns = balance.shape
-        weights = weights_of(point.observed)
-        balance_weights, link_weights = weights_of(point.balance), weights_of(point.links)
-        rows = np.concatenate([observed, balance, links])
-        row_weights = np.concatenate([weights, balance_weights, link_weights])
-        residuals = np.concatenate([point.observed, point.balance, point.links])
-
-        def next_one(values: FloatArray) -> FloatArray:
-            return np.concatenate([values[1:], np.zeros_like(values[:1])])
-
-        mixed, diagonal = np.zeros((count, UNKNOWNS, columns)), np.zeros((count, UNKNOWNS, UNKNOWNS))
-        slope = np.zeros((count, UNKNOWNS))
-        kernel.collect_own(problem.slip_of, weights, point.observed, own_observed, observed, mixed, diagonal, slope)
-        for mine, weight, columns_of, residual in (
-            (own_balance, balance_weights, balance, point.balance),
-            (own_link, link_weights, links, point.links),
-            (next_link, next_one(link_weights), next_one(links), next_one(point.links)),
-        ):
-            scaled = mine * weight[:, None]
-            mixed += scaled[:, :, None] * columns_of[:, None, :]
-            diagonal += scaled[:, :, None] * mine[:, None, :]
-            slope -= scaled * residual[:, None]
-        diagonal[:, POSITION, POSITION] += 1.0 / problem.rest_errors**2
-        slope[:, POSITION] -= (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
-        diagonal[:, BREAKAWAY, BREAKAWAY] += WEAK / problem.durations**2
-        slope[:, BREAKAWAY] -= WEAK * (point.unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations**2
-        # Rows of the slip after, columns of the slip: its link joins them.
-        coupling = (link_weights[1:, None] * own_link[1:])[:, :, None] * next_link[:-1, None, :]
-        band = np.zeros((2 * UNKNOWNS, UNKNOWNS * count))
-        for a in range(UNKNOWNS):
-            for b in range(UNKNOWNS):
-                if a >= b:
-                    band[a - b, b::UNKNOWNS] = diagonal[:, a, b]
-                band[UNKNOWNS + a - b, b:-UNKNOWNS:UNKNOWNS] = coupling[:, a, b] if count > 1 else 0.0
-        return NormalEquations(
-            matrix=rows.T @ (rows * row_weights[:, None]),
-            gradient=-rows.T @ (row_weights * residuals),
-            mixed=mixed.reshape(count * UNKNOWNS, columns),
-            band=band,
-            slope=slope.ravel(),
+    def assemble(problem: SlipProblem, slips: FloatArray, point: Point, slopes: Slopes) -> NormalEquations:
+        """Collect the equations from the slopes; ``slips`` has the columns of the kernel."""
+        _, count, columns = slopes.by_shared.shape
+        equations = NormalEquations(
+            matrix=np.zeros((columns, columns)),
+            gradient=np.zeros(columns),
+            mixed=np.zeros((count * UNKNOWNS, columns)),
+            band=np.zeros((2 * UNKNOWNS, count * UNKNOWNS)),
+            slope=np.zeros(count * UNKNOWNS),
         )
+        kernel.collect(
+            slopes.terms, problem.observation_edges, slopes.moving, slopes.by_shared, slopes.by_own, point.balance,
+            point.links, point.unknowns, slips, equations.matrix, equations.gradient, equations.mixed, equations.band,
+            equations.slope,
+        )  # fmt: skip
+        return equations
 
     @staticmethod
     def shares(
-        problem: SlipProblem,
-        point: Point,
-        shared: tuple[FloatArray, ...],
-        own: tuple[FloatArray, ...],
-        by_parameters: FloatArray,
+        problem: SlipProblem, point: Point, slopes: Slopes, by_parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Parts of the gradient by the parameters, the slips' own unknowns eliminated.
 
         Each slip's share of it, shape (slips, columns); and what a discrepancy of a whole slip's distance in each part
         of all slips would make, shape (parts, columns).
         """
-        observed, balance, links = shared
-        own_observed, own_balance, own_link, next_link = own
-        count = problem.count
-        follow = by_parameters.reshape(count, UNKNOWNS, -1)
-        begins = np.searchsorted(problem.slip_of, np.arange(count))
-        projected = observed - np.einsum("ma,mac->mc", own_observed, follow[problem.slip_of])
+        balance, links = slopes.by_shared
+        own_balance, own_link, next_link = slopes.by_own
+        shared = len(slopes.moving)
+        follow = by_parameters.reshape(problem.count, UNKNOWNS, -1)
+        projected = -np.einsum("am,mac->mc", slopes.terms[shared:-1], follow[problem.slip_of])
+        projected[:, slopes.moving] += slopes.terms[:shared].T
         projected *= weights_of(point.observed)[:, None]
         way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
         pulls = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
         np.add.at(pulls, problem.parts_of_slips, projected * way[:, None])
-        scores = np.add.reduceat(projected * point.observed[:, None], begins, axis=0)
+        scores = np.add.reduceat(projected * point.observed[:, None], problem.observation_edges[:-1], axis=0)
         projected = balance - np.einsum("na,nac->nc", own_balance, follow)
         scores += projected * (weights_of(point.balance) * point.balance)[:, None]
         projected = links - np.einsum("na,nac->nc", own_link, follow)

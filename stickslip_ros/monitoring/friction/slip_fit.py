@@ -11,21 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.model._friction_law import risen_level, rising_rate
-from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, LEVEL, POSITION, RISE_TIME, STRIBECK
-from stickslip_ros.monitoring.friction.slip_equations import WEAK, NormalEquations, Point, robust
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SHAPE, UNKNOWNS, SlipProblem
+from stickslip_ros.model._friction_law import risen_level
+from stickslip_ros.monitoring.friction import _equations_kernel as kernel
+from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HELD, LEVEL, RISE_TIME
+from stickslip_ros.monitoring.friction.slip_equations import NormalEquations, Point, Slopes
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SHAPE, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STEP = 1e-4  # of a logarithm, for differences
 _LONGEST_STEP = 0.7  # of a logarithm
 _ATTEMPTS = 8
+_HOPELESS = 0.05  # of what is missing: with gains less than that nothing comes of it
 _ENOUGH_OF_OWN = 0.02  # relative gain of an iteration on the slips' own unknowns alone
 _LEAST = 1e-12  # of the trace of normal equations, added to their diagonal
 _FIXED = 1e-5  # a prior this narrow holds a parameter
-_NOTHING_LEFT = 1e-12  # of the level
-_LEAST_DWELL = 1e-3  # of the detected one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +73,10 @@ class SlipFit:
     information : of the data on parameters and kinetic together, shape (p + k, p + k).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
     pulls : gradient that a discrepancy of a slip's distance in each part of the slips would make, (parts, p + k).
+        These three are empty unless they were asked for.
     residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
     link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
-    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the kernel.
+    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
     """
 
     parameters: FloatArray
@@ -98,72 +98,44 @@ class _Fit:
 
     def __init__(self, problem: SlipProblem, prior: Prior, tolerances: Tolerances) -> None:
         self.problem, self.prior = problem, prior
-        self.balance_weight = problem.usable / tolerances.balance
         self.free = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
         self.columns = len(prior.mean) + problem.balance.shape[1]
         # Where nothing is known of the slip before, its remains are anything from none to all.
         share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
         unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
-        self.linked = problem.linked.copy()
-        self.linked[0] = problem.before is not None
-        self.level_errors = np.where(self.linked, tolerances.level, unknown)
+        linked = problem.linked.copy()
+        linked[0] = problem.before is not None
+        # The kernel's columns.
+        self.slips = np.stack(
+            [
+                problem.rests, problem.rest_errors, problem.rests_begin, problem.breakaways, problem.durations,
+                problem.dwells, problem.last_times, problem.directions, problem.usable / tolerances.balance,
+                np.where(linked, tolerances.level, unknown), linked,
+            ],
+            axis=1,
+        )  # fmt: skip
+        self._before = np.array(problem.before or (0.0, 0.0))
+        self._scale = problem.weights / problem.errors
 
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
         problem = self.problem
         positions, velocities, found = problem.simulate(parameters, unknowns)
-        self._complete(found)
-        observed = (problem.targets - positions[problem.observed]) / problem.errors * problem.weights
-        misfit = found[:, kernel.HELD] - np.exp(unknowns[:, LEVEL]) - problem.balance @ kinetic
-        balance = misfit * self.balance_weight
-        links = (unknowns[:, LEVEL] - self._levels(parameters, unknowns, found)[0]) / self.level_errors
-        rest = (unknowns[:, POSITION] - problem.rests) / problem.rest_errors
-        drift = (unknowns[:, BREAKAWAY] - problem.breakaways) / problem.durations
+        observed, balance, links = np.empty(len(problem.observed)), np.empty(problem.count), np.empty(problem.count)
+        ties = np.empty((problem.count, kernel.TIES))
         off = parameters - self.prior.mean
-        cost = robust(observed) + robust(balance) + robust(links)
-        cost += float(rest @ rest) + WEAK * float(drift @ drift) + float(off @ self.prior.information @ off)
+        cost = float(off @ self.prior.information @ off) + kernel.measure(
+            parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance, problem.targets,
+            self._scale, problem.observed, observed, balance, links, ties,
+        )  # fmt: skip
         return Point(
-            parameters, unknowns, kinetic, observed, balance, links, found, velocities,
+            parameters, unknowns, kinetic, observed, balance, links, ties, found, velocities,
             cost if math.isfinite(cost) else math.inf,
         )  # fmt: skip
-
-    def _complete(self, found: FloatArray) -> None:
-        """Take the window's end for that of slips which do not end in it."""
-        arrests = found[..., kernel.ARREST]
-        np.copyto(arrests, self.problem.last_times, where=~np.isfinite(arrests))
-
-    def _levels(self, parameters: FloatArray, unknowns: FloatArray, found: FloatArray) -> tuple[FloatArray, ...]:
-        """Logarithm of the level that Eq. (6) gives at each breakaway, and its slopes.
-
-        By: the logarithms of F_s∞ and γ, the dwell, the logarithm of what remained of the level before.
-        """
-        problem = self.problem
-        stribeck, rise_time = np.exp(parameters[STRIBECK]), float(np.exp(parameters[RISE_TIME]))
-        arrest, remains = problem.before or (0.0, 0.0)
-        began = np.where(self.linked, np.append(arrest, found[:-1, kernel.ARREST]), problem.rests_begin)
-        dwell = np.maximum(unknowns[:, BREAKAWAY] - began, _LEAST_DWELL * problem.dwells)
-        share = risen_level(0.0, 1.0, dwell, rise_time)
-        steepness = rising_rate(dwell, rise_time)
-        before = np.append(remains * stribeck, np.exp(unknowns[:-1, LEVEL]) * found[:-1, kernel.REMAINS])
-        level = before + (stribeck - before) * share
-        linked = self.linked
-        by_stribeck = np.where(linked, stribeck * share / level, 1.0)
-        by_stribeck[0] = 1.0  # what is left before the first slip is known as a share
-        return (
-            np.where(linked, np.log(level), np.log(stribeck) + 0.5 * np.log(share)),
-            by_stribeck,
-            np.where(linked, -(stribeck - before) / level * dwell * steepness, -0.5 * (1.0 - share)),
-            np.where(linked, (stribeck - before) / level * steepness, 0.5 * steepness / share),
-            np.where(linked, before * (1.0 - share) / level, 0.0),
-        )
-
-    def levels(self, point: Point) -> FloatArray:
-        """Logarithm of the level that Eq. (6) gives at each breakaway."""
-        return self._levels(point.parameters, point.unknowns, point.found)[0]
 
     def best_kinetic(self, unknowns: FloatArray, found: FloatArray) -> FloatArray:
         """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
         problem = self.problem
-        target = found[:, kernel.HELD] - np.exp(unknowns[:, LEVEL])
+        target = found[:, HELD] - np.exp(unknowns[:, LEVEL])
         weights = problem.usable.astype(float)
         kinetic = np.zeros(problem.balance.shape[1])
         for _ in range(10):
@@ -177,56 +149,35 @@ class _Fit:
             weights /= weights.max()
         return kinetic
 
-    def slopes(self, point: Point, active: Collection[int]) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        """Slopes of observations, balance and links: by the active parameters, and by each slip's unknowns.
-
-        By other parameters they are zero. Of the latter the last are those of the link that follows the slip.
-        """
+    def slopes(self, point: Point, active: Collection[int]) -> Slopes:
+        """Slopes of the residuals by the active parameters, and by each slip's unknowns; by others they are zero."""
         problem, count = self.problem, self.problem.count
-        _, by_stribeck, by_rise_time, by_dwell, by_remains = self._levels(point.parameters, point.unknowns, point.found)
-        moving = [k for k in active if not SHAPE <= k < PARAMETERS]
-        steps = np.stack([np.full(count, _STEP)] * len(moving) + [1e-4 * problem.durations, np.full(count, 1e-3)])
+        moving = np.array([k for k in active if not SHAPE <= k < PARAMETERS], dtype=np.int64)
+        steps = np.empty((len(moving) + 2, count))
+        steps[:-2], steps[-2], steps[-1] = _STEP, 1e-4 * problem.durations, 1e-3
         parameters = np.repeat(point.parameters[None], len(steps), axis=0)
         unknowns = np.repeat(point.unknowns[None], len(steps), axis=0)
         parameters[np.arange(len(moving)), moving] += _STEP
         for row, k in ((-2, BREAKAWAY), (-1, LEVEL)):
             unknowns[row, :, k] += steps[row]
         positions, _, found = problem.simulate_variants(parameters, unknowns)
-        self._complete(found)
-        scale = problem.weights / problem.errors
-        moved = (problem.targets - positions[:, problem.observed]) * scale - point.observed
-        moved /= steps[:, problem.slip_of]
-        forces = (found[:, :, kernel.HELD] - point.found[:, kernel.HELD]) * self.balance_weight / steps
-        arrests = (found[:, :, kernel.ARREST] - point.found[:, kernel.ARREST]) / steps
-        # Where the joint stops without a trace of Stribeck friction nothing is left to the next slip.
-        left = np.maximum([point.found[None, :, kernel.REMAINS], *found[:, None, :, kernel.REMAINS]], _NOTHING_LEFT)
-        remains = np.log(left[1:, 0] / left[0]) / steps
-        ends = np.zeros((len(steps), count))  # slopes of the links by what moved the ends of the slips before them
-        ends[:, 1:] = (by_dwell / self.level_errors)[1:] * arrests[:, :-1]
-        ends[:, 1:] -= (by_remains / self.level_errors)[1:] * remains[:, :-1]
-        ends *= problem.linked
+        is_active = np.zeros(len(point.parameters), dtype=bool)
+        is_active[list(active)] = True
+        slopes = Slopes(
+            moving=moving,
+            terms=np.empty((len(steps) + 2, len(problem.observed))),
+            by_shared=np.zeros((2, count, self.columns)),
+            by_own=np.zeros((3, count, kernel.UNKNOWNS)),
+        )
+        kernel.fill_slopes(
+            positions, found, steps, moving, is_active, point.unknowns, problem.stiffness(point.parameters), self.slips,
+            problem.balance, problem.targets, self._scale, problem.observed, problem.observation_edges, point.observed,
+            point.found, point.ties, slopes.terms, slopes.by_shared, slopes.by_own,
+        )  # fmt: skip
+        return slopes
 
-        observed = np.zeros((len(point.observed), self.columns))
-        balance, links = np.zeros((count, self.columns)), np.zeros((count, self.columns))
-        observed[:, moving], balance[:, moving], links[:, moving] = moved[:-2].T, forces[:-2].T, ends[:-2].T
-        if STRIBECK in active:
-            links[:, STRIBECK] = -by_stribeck / self.level_errors
-        if RISE_TIME in active:
-            links[:, RISE_TIME] = -by_rise_time / self.level_errors
-        balance[:, len(point.parameters) :] = -problem.balance * self.balance_weight[:, None]
-
-        own = np.zeros((len(point.observed), UNKNOWNS))
-        own_balance, own_link, next_link = (np.zeros((count, UNKNOWNS)) for _ in range(3))
-        # A slip that begins elsewhere is the same slip there.
-        own[:, POSITION] = -scale
-        own_balance[:, POSITION] = -problem.directions * problem.stiffness(point.parameters) * self.balance_weight
-        for row, k in ((-2, BREAKAWAY), (-1, LEVEL)):
-            own[:, k], own_balance[:, k], next_link[:-1, k] = moved[row], forces[row], ends[row, 1:]
-        own_balance[:, LEVEL] -= np.exp(point.unknowns[:, LEVEL]) * self.balance_weight
-        own_link[:, BREAKAWAY] = -by_dwell / self.level_errors
-        own_link[:, LEVEL] = 1.0 / self.level_errors
-        next_link[:-1, LEVEL] -= (by_remains / self.level_errors)[1:]
-        return (observed, balance, links), (own, own_balance, own_link, next_link)
+    def equations(self, point: Point, slopes: Slopes) -> NormalEquations:
+        return NormalEquations.assemble(self.problem, self.slips, point, slopes)
 
 
 def fit_slips(
@@ -238,6 +189,8 @@ def fit_slips(
     unknowns: FloatArray,
     iterations: int = 25,
     enough: float = 1e-3,
+    wanted: float = math.inf,
+    scored: bool = False,
 ) -> SlipFit:
     """Fit from a start; the start itself comes back if nothing near it is better.
 
@@ -245,6 +198,8 @@ def fit_slips(
     ----------
     parameters : logarithms, shape (p,). unknowns : of the slips, shape (slips, 3).
     iterations : at most. enough : gain of an iteration below which it stops.
+    wanted : cost without which the fit is of no use: it stops where that is far off and comes no nearer.
+    scored : whether information, scores and pulls are wanted, which take as long as an iteration.
 
     Raises
     ------
@@ -260,9 +215,8 @@ def fit_slips(
     weight = np.zeros((fit.columns, fit.columns))
     weight[:size, :size] = prior.information
     damping = 1e-3
-    slopes = fit.slopes(point, fit.free)
-    equations = NormalEquations.assemble(problem, point, *slopes)
     for _ in range(iterations):
+        equations = fit.equations(point, fit.slopes(point, fit.free))
         pull = np.zeros(fit.columns)
         pull[:size] = prior.information @ (prior.mean - point.parameters)
         before = point
@@ -276,7 +230,7 @@ def fit_slips(
                 damping = max(damping, 1e-6) * 10.0
                 continue
             step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step[:size]))), 1e-300))
-            own = (by_slope - by_parameters @ step).reshape(-1, UNKNOWNS)
+            own = (by_slope - by_parameters @ step).reshape(-1, kernel.UNKNOWNS)
             candidate = fit.evaluate(
                 np.clip(point.parameters + step[:size], prior.lower, prior.upper),
                 _moved(problem, point.unknowns, own),
@@ -289,12 +243,14 @@ def fit_slips(
         if point is before:
             break
         damping = max(damping / 8.0, 1e-9)
-        slopes = fit.slopes(point, fit.free)
-        equations = NormalEquations.assemble(problem, point, *slopes)
-        if before.cost - point.cost < enough * max(1.0, 1e-3 * point.cost):
+        gain = before.cost - point.cost
+        if gain < max(enough * max(1.0, 1e-3 * point.cost), _HOPELESS * (point.cost - wanted)):
             break
-    information, _, by_parameters, _ = equations.eliminate(0.0)
-    scores, pulls = NormalEquations.shares(problem, point, *slopes, by_parameters)
+    information = scores = pulls = np.empty((0, fit.columns))
+    if scored:
+        slopes = fit.slopes(point, fit.free)
+        information, _, by_parameters, _ = fit.equations(point, slopes).eliminate(0.0)
+        scores, pulls = NormalEquations.shares(problem, point, slopes, by_parameters)
     return SlipFit(
         parameters=point.parameters,
         unknowns=point.unknowns,
@@ -304,7 +260,7 @@ def fit_slips(
         pulls=pulls,
         residuals=point.observed,
         misfits=_misfits(problem, point),
-        link_misfits=point.unknowns[:, LEVEL] - fit.levels(point),
+        link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
         cost=point.cost,
         velocities=point.velocities,
         found=point.found,
@@ -353,10 +309,10 @@ def evidence(
         raise LinAlgError("the slips cannot be simulated")
     damping = 1e-4
     for _ in range(iterations):
-        equations = NormalEquations.assemble(problem, point, *fit.slopes(point, active=()))
+        equations = fit.equations(point, fit.slopes(point, active=()))
         before = point.cost
         while damping < 1.0:
-            own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
+            own = equations.eliminate(damping)[3].reshape(-1, kernel.UNKNOWNS)
             candidate = fit.evaluate(parameters, _moved(problem, point.unknowns, own), kinetic)
             if candidate.cost < point.cost:
                 point = candidate
@@ -365,7 +321,7 @@ def evidence(
         damping = max(damping / 10.0, 1e-9)
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
-    equations = NormalEquations.assemble(problem, point, *fit.slopes(point, fit.free))
+    equations = fit.equations(point, fit.slopes(point, fit.free))
     information, gradient, _, _ = equations.eliminate(0.0)
     return SlipEvidence(
         information=information,
@@ -379,7 +335,7 @@ def evidence(
 
 def _misfits(problem: SlipProblem, point: Point) -> FloatArray:
     """Kinetic friction at each breakaway beside what the fit has [N·m]."""
-    held = point.found[:, kernel.HELD] - np.exp(point.unknowns[:, LEVEL])
+    held = point.found[:, HELD] - np.exp(point.unknowns[:, LEVEL])
     return np.asarray(held - problem.balance @ point.kinetic)
 
 

@@ -31,7 +31,6 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 PARAMETERS = RISE_TIME + 1  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
 SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
-UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 
 # Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
@@ -158,6 +157,7 @@ class SlipProblem:
         offsets = np.repeat(self.edges[:-1], sizes)
         self.observed = offsets + np.concatenate([window.observed for window in windows])
         self.slip_of = np.repeat(np.arange(self.count), sizes)
+        self.observation_edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.values = np.concatenate([window.values for window in windows])
         self.gaps = np.concatenate([window.gaps for window in windows])
         self._at_edge = np.isfinite(self.gaps)

@@ -315,7 +315,7 @@ def _fit_all(
         )
         parameters = fit.parameters
         _set_outliers_aside(problem, fit)
-    for _ in range(_FINAL):
+    for final in range(1, _FINAL + 1):
         problem.measure_stray(fit.residuals, fit.velocities)
         problem.weigh(fit.velocities)
         balance = balance_error(problem, fit)
@@ -330,6 +330,7 @@ def _fit_all(
             unknowns=fit.unknowns,
             iterations=_LAST_ITERATIONS if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS,
             enough=_NEARLY,
+            scored=final == _FINAL,
         )
         _set_outliers_aside(problem, fit)
     return Solution(
@@ -374,11 +375,11 @@ def _fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution
         parameters = np.clip(parameters, prior.lower, prior.upper)
         level = math.exp(parameters[STRIBECK])
         tolerance, balance, link = 0.01 * distance, 0.2 * level, 0.2
-        for _ in range(_LOOSE_ROUNDS):
+        for number in range(1, _LOOSE_ROUNDS + 1):
             problem.weigh(fit.velocities, tolerance)
             fit = fit_slips(
                 problem, prior, Tolerances(balance=balance, level=link),
-                parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS,
+                parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS, scored=number == _LOOSE_ROUNDS,
             )  # fmt: skip
             parameters = fit.parameters
             _set_outliers_aside(problem, fit)
