@@ -186,12 +186,13 @@ def _slide(
         four = -15.0 * rise + 7.0 * slope - bend
         five = 6.0 * rise - 3.0 * slope + 0.5 * bend
         until = start + (arrest if arrest < 1.0 else 1.0) * size
+        per_size, signed = 1.0 / size, direction / size
         while node < last and times[node + 1] <= until:
             node += 1
-            s = (times[node] - start) / size
+            s = (times[node] - start) * per_size
             positions[node] = rest + direction * (way + s * (one + s * (two + s * (three + s * (four + s * five)))))
             pace = one + s * (2.0 * two + s * (3.0 * three + s * (4.0 * four + s * 5.0 * five)))
-            velocities[node] = direction * pace / size
+            velocities[node] = signed * pace
         if arrest <= 1.0 and node < last:
             s = arrest
             way += s * (one + s * (two + s * (three + s * (four + s * five))))

@@ -106,7 +106,9 @@ class SlipProblem:
         self.breakaways = np.array([window.breakaway - origin for window in windows])
         self.arrests = np.array([window.arrest - origin for window in windows])
         self.durations = self.arrests - self.breakaways
-        self._usual_duration, self._longest_duration = float(np.median(self.durations)), float(self.durations.max())
+        self._usual_duration = float(np.median(self.durations))
+        self._least_rate = _LEAST_STEPS / self._usual_duration
+        self._most_rate = _MOST_STEPS / float(self.durations.max())
         self.dwells = self.breakaways - self.rests_begin
         self.distances = np.array([abs(window.slip_distance) for window in windows])
         self.rests = np.array([window.rest_position for window in windows])
@@ -124,6 +126,7 @@ class SlipProblem:
                 for window in windows
             ]
         )
+        self._largest_gains = self._gains.max(axis=0)[None]
         if delay_shows is None:
             delay_shows = windows[0].source is ForceSource.GAINS and len({window.gains for window in windows}) > 1
         self.delay_shows = delay_shows
@@ -296,7 +299,7 @@ class SlipProblem:
             drives = speeds[:, self.groups[self._slip_of_node]] * (self.times - self.times[0])
         starts = unknowns.copy()
         starts[:, :, LEVEL] = np.exp(unknowns[:, :, LEVEL])
-        lighter = np.ones((len(plants), self.count))
+        lighter = None
         if self.delay_shows:
             # The force of a time ago is that of now less its rate; by the inertia left, all that is per inertia grows.
             delay = parameters[:, PARAMETERS, None] * self.sample_interval
@@ -313,19 +316,22 @@ class SlipProblem:
             plants, self.law, self.directions, starts, gains, self.edges, self.times, drives,
             self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
-        found[:, :, kernel.HELD] *= lighter
+        if lighter is not None:
+            found[:, :, kernel.HELD] *= lighter
         return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
         """Steps of the simulation [s], a smooth function of the parameters."""
+        # As few calls as can be: they take longer than what they do.
         inertia = plants[:, INERTIA]
-        stiffness, damping = gains.max(axis=1).T
+        largest = self._largest_gains if gains.base is self._gains else gains.max(axis=1)
+        stiffness, damping = largest[:, 0], largest[:, 1]
         frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / self._usual_duration)
         speeding_up = _SPEEDING_UP * self._usual_duration / self.usual_speed
         change = plants[:, STRIBECK_VELOCITY] * speeding_up + _OF_LAG * plants[:, LAG]
         rate = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
         rate = np.maximum(rate, 1.0 / (_OF_CHANGE * change))
-        rate = np.clip(rate, _LEAST_STEPS / self._usual_duration, _MOST_STEPS / self._longest_duration)
+        rate = np.minimum(np.maximum(rate, self._least_rate), self._most_rate)
         return np.asarray(1.0 / rate)
 
     def weigh(self, speeds: FloatArray, tolerance: float = 0.0) -> None:
