@@ -29,7 +29,8 @@ from stickslip_ros.monitoring.friction.estimate import (
 )
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_search import bounds, search
+from stickslip_ros.monitoring.friction.slip_search import search
+from stickslip_ros.monitoring.friction.slip_solution import bounds
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction.slip_problem import follows_on
+from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 

@@ -22,7 +22,7 @@ from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_search import Solution, fit_near
+from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_near
 from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law that the data exclude

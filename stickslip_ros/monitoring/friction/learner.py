@@ -28,8 +28,9 @@ from stickslip_ros.monitoring.friction.estimation import best_known, estimate_fr
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.laws import HALF_SPEED
+from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem, follows_on
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study

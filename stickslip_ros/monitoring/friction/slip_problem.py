@@ -10,10 +10,8 @@ are Eq. (6), from one slip's end to the next one's beginning, and the balance of
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
@@ -26,6 +24,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -37,35 +36,12 @@ SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
 _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
-_LONG_SLIP = 1.6  # of its neighbours: two slips, the rest between them unseen
-_NEIGHBOURS = 5
-_SAME_REST = 0.02  # of a dwell: how well two cycles agree on the rest between them
-_OTHER_SPEED = 0.12  # a change of the mean speed of cycles by this factor is a change of the reference's
-_LASTING = 3  # slips: a change of speed lasts
-_SLOWEST = 0.02  # of a slip's mean speed: slower motion says no more about an edge
 _DELAY = 1.5  # sample intervals, that a controller may be late
-_UNIFORM = 1.0 / math.sqrt(12.0)
-_PARTS = 16  # of a slip, in which residuals are compared from slip to slip
-_FINEST = 2e-5  # of a slip: neither stamps nor integration are more exact
-_KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03  # relative errors of a reference's speed
 _LEAST_INERTIA = 0.1  # share that a delay leaves
 _LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
-_LARGEST_STRAY = 0.5  # of a sample interval, by which stamps may stray
 
 
-def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
-    """Whether a slip goes on from the rest that the one before ended in.
-
-    Where the motion turns round, what the rest began with is not known well: a slip that ends as the reference turns
-    may be followed by a hop that nobody sees.
-    """
-    return (
-        before.direction == window.direction
-        and abs(before.arrest - window.rest_begin) < _SAME_REST * (window.breakaway - window.rest_begin) + 1e-9
-    )
-
-
-class SlipProblem:
+class SlipProblem(ObservedSlips):
     """Observed slips, and what a simulation of them needs.
 
     Where gains or force are unknown the inertia is taken as one, and its place among the parameters holds the
@@ -94,32 +70,15 @@ class SlipProblem:
         law: int = HESS_SOOM,
         delay_shows: bool | None = None,
     ) -> None:
-        self.windows = windows
+        super().__init__(windows)
         self.law = law
-        # Counted from the first slip: stamps of this century leave no digits for the differences taken here.
-        self.origin = origin = windows[0].rest_begin
-        self.before = (before[0] - origin, before[1]) if before else None
-        self.count = count = len(windows)
-        self.normalised = windows[0].source is ForceSource.SPEED
-        self.directions = np.array([float(window.direction) for window in windows])
-        self.rests_begin = np.array([window.rest_begin - origin for window in windows])
-        self.breakaways = np.array([window.breakaway - origin for window in windows])
-        self.arrests = np.array([window.arrest - origin for window in windows])
-        self.durations = self.arrests - self.breakaways
+        self.before = (before[0] - self.origin, before[1]) if before else None
         self._usual_duration = float(np.median(self.durations))
         self._least_rate = _LEAST_STEPS / self._usual_duration
         self._most_rate = _MOST_STEPS / float(self.durations.max())
-        self.dwells = self.breakaways - self.rests_begin
-        self.distances = np.array([abs(window.slip_distance) for window in windows])
-        self.rests = np.array([window.rest_position for window in windows])
-        self.rest_errors = np.array([window.rest_error for window in windows])
-        sizes = [len(window.times) for window in windows]
-        self.edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self.times = np.concatenate([window.times - origin for window in windows])
-        self.first_times, self.last_times = self.times[self.edges[:-1]], self.times[self.edges[1:] - 1]
         self.references = np.concatenate([window.references for window in windows])
         self.forces = np.concatenate([window.forces for window in windows])
-        self._slip_of_node = np.repeat(np.arange(count), sizes)
+        self._slip_of_node = np.repeat(np.arange(self.count), np.diff(self.edges))
         self._gains = np.array(
             [
                 (float(window.gains.stiffness), float(window.gains.damping)) if window.gains else (0.0, 0.0)
@@ -130,130 +89,18 @@ class SlipProblem:
         if delay_shows is None:
             delay_shows = windows[0].source is ForceSource.GAINS and len({window.gains for window in windows}) > 1
         self.delay_shows = delay_shows
-        self.sample_interval = float(np.median([window.sample_interval for window in windows]))
         self._rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
         stiffness, damping = self._gains[self._slip_of_node].T
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
         self._drives = stiffness * self.references + damping * self._rates + self.forces
-        self._collect_observations()
-        self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
-        self.usable = np.ones(count, dtype=bool)
-        self.groups, self.speeds, self.more_errors = self._reference_speeds()
-        if self.delay_shows:
-            self.more_errors = np.array([_DELAY])
-        self.set_aside(self._not_alone())
+        self.more_errors = np.array([_DELAY]) if self.delay_shows else self.speed_errors
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
         elif both_directions or self.directions.min() < self.directions.max():
-            self.balance = np.stack([np.ones(count), self.directions], axis=1)
+            self.balance = np.stack([np.ones(self.count), self.directions], axis=1)
         else:
-            self.balance = np.ones((count, 1))
-        self.usual_speed = float(np.median(self.distances / self.durations))
-        self.stray = 0.0
-        self.speeds_at_nodes = self._measured_speeds()
-        self.weigh(self.speeds_at_nodes)
-
-    def _collect_observations(self) -> None:
-        windows = self.windows
-        sizes = [len(window.observed) for window in windows]
-        offsets = np.repeat(self.edges[:-1], sizes)
-        self.observed = offsets + np.concatenate([window.observed for window in windows])
-        self.slip_of = np.repeat(np.arange(self.count), sizes)
-        self.observation_edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self.values = np.concatenate([window.values for window in windows])
-        self.gaps = np.concatenate([window.gaps for window in windows])
-        self._at_edge = np.isfinite(self.gaps)
-        since = (self.times[self.observed] - self.breakaways[self.slip_of]) / self.durations[self.slip_of]
-        self.parts_of_slips = np.clip(np.floor(_PARTS * since), 0, _PARTS - 1).astype(np.int64)
-        self._resolutions = np.repeat([window.resolution for window in windows], sizes)
-        self._noises = np.repeat([window.noise for window in windows], sizes)
-
-    def _not_alone(self) -> NDArray[np.bool_]:
-        """Which slips hold more than one slip at one speed.
-
-        Those that last much longer than their neighbours, as a rest within them was not seen, and where only
-        speeds are known those at a change of speed.
-        """
-        long = np.zeros(self.count, dtype=bool)
-        if self.normalised:
-            changes = np.flatnonzero(np.diff(self.groups))
-            long[changes] = long[changes + 1] = True
-        for number in range(self.count):
-            near = slice(max(0, number - _NEIGHBOURS), number + _NEIGHBOURS + 1)
-            alike = self.durations[near][self.groups[near] == self.groups[number]]
-            long[number] |= self.durations[number] > _LONG_SLIP * np.median(alike)
-        return long
-
-    def set_aside(self, which: NDArray[np.bool_]) -> None:
-        """Leave slips out of the fit; what follows them begins anew."""
-        self.usable = self.usable & ~which
-        self.linked = self.follows & np.append(False, self.usable[:-1]) & self.usable
-        self.weights = self.usable[self.slip_of].astype(float)
-
-    def take_up(
-        self,
-        *,
-        stray: float,
-        tolerance: float,
-        usable: NDArray[np.bool_] | None = None,
-        speeds: FloatArray | None = None,
-    ) -> None:
-        """Go on as an earlier fit left it, of these slips or of others of the joint.
-
-        Parameters
-        ----------
-        stray : by how much the stamps stray [s]. tolerance : as of :meth:`weigh`.
-        usable : which of these slips it explained; None if it was of others. speeds : at the nodes, likewise.
-        """
-        self.stray = stray
-        if usable is not None:
-            self.usable = np.ones(self.count, dtype=bool)
-            self.set_aside(~usable)
-        self.weigh(self.speeds_at_nodes if speeds is None else speeds, tolerance)
-
-    def begin_anew(self) -> None:
-        """Take back what earlier fits set aside or found of the stamps."""
-        self.usable = np.ones(self.count, dtype=bool)
-        self.stray = 0.0
-        self.set_aside(self._not_alone())
-
-    def _reference_speeds(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-        """Stretches of one speed of the reference: the number of each slip's, the speeds, their relative errors."""
-        groups = np.zeros(self.count, dtype=np.int64)
-        if not self.normalised:
-            return groups, np.zeros(0), np.zeros(0)
-        given = np.array([window.reference_speed for window in self.windows])
-        known = bool(np.isfinite(given).all())
-        means = given
-        if not known:
-            way = np.append(np.diff(self.rests), math.nan)
-            way[:-1][~self.follows[1:]] = math.nan
-            own = np.array([window.slip_distance for window in self.windows])
-            time = np.append(np.diff(self.breakaways), math.nan)
-            means = np.where(np.isfinite(way), way / time, own / (self.arrests - self.rests_begin))
-        start = 0
-        for number in range(1, self.count):
-            ratios = means[number : number + _LASTING] / np.median(means[start:number])
-            if (ratios > 1.0 + _OTHER_SPEED).all() or (ratios < 1.0 / (1.0 + _OTHER_SPEED)).all():
-                start = number
-            groups[number] = groups[number - 1] + (start == number)
-        speeds, errors = [], []
-        for group in range(int(groups[-1]) + 1):
-            members = np.flatnonzero(groups == group)
-            first, last = members[0], members[-1]
-            if known:
-                speeds.append(float(means[members].mean()))
-                errors.append(_KNOWN_SPEED)
-            elif len(members) > 2 and self.follows[members[1:]].all():
-                # From breakaway to breakaway, so that only their scatter counts.
-                time = self.breakaways[last] - self.breakaways[first]
-                speeds.append(float(self.rests[last] - self.rests[first]) / float(time))
-                errors.append(max(_MEAN_SPEED / (len(members) - 1), _KNOWN_SPEED))
-            else:
-                speeds.append(float(np.median(means[members])))
-                errors.append(_FEW_CYCLES)
-        return groups, np.array(speeds), np.array(errors)
+            self.balance = np.ones((self.count, 1))
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
@@ -333,59 +180,6 @@ class SlipProblem:
         rate = np.maximum(rate, 1.0 / (_OF_CHANGE * change))
         rate = np.minimum(np.maximum(rate, self._least_rate), self._most_rate)
         return np.asarray(1.0 / rate)
-
-    def weigh(self, speeds: FloatArray, tolerance: float = 0.0) -> None:
-        """Set what each observation says of the position, and its standard deviation, for speeds at the nodes.
-
-        Where a count changed the joint was at the edge between two counts some time in the sample's gap.
-        ``tolerance`` [rad] is added to every error: it widens the valley while the parameters are far off.
-        """
-        gaps = np.where(self._at_edge, self.gaps, 0.0)
-        # In the middle of the gap: while the joint gets faster its way is shorter than its speed at the end has it.
-        speed = np.interp(self.times[self.observed] - 0.5 * gaps, self.times, np.abs(speeds))
-        way = np.minimum(np.maximum(speed, _SLOWEST * self.usual_speed) * gaps, self._resolutions)
-        edge = self.values - 0.5 * self.directions[self.slip_of] * (self._resolutions - way)
-        self.targets = np.where(self._at_edge, edge, self.values)
-        count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
-        finest = _FINEST * self.distances[self.slip_of]
-        self.errors = np.sqrt(
-            (_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.stray) ** 2 + tolerance**2 + finest**2
-        )
-
-    def know_speeds(self, velocities: FloatArray) -> None:
-        """Take a fit's velocities at the nodes for the speeds there, in place of the measured ones."""
-        self.speeds_at_nodes = velocities
-
-    def measure_stray(self, residuals: FloatArray, velocities: FloatArray) -> None:
-        """Set by how much the stamps stray [s], from residuals of a fit [1], where the joint moves fast."""
-        speed = np.abs(velocities[self.observed])
-        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & (self.weights > 0)
-        if not fast.any():
-            return
-        in_time = self.errors[fast] / speed[fast]
-        expected = in_time**2 - self.stray**2
-        excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
-        gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
-        largest = _LARGEST_STRAY * float(np.median(gaps))
-        self.stray = min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
-
-    def _measured_speeds(self) -> FloatArray:
-        """Speed at the observed nodes from the observations around them [rad/s]."""
-        speeds = np.zeros(len(self.times))
-        for number in range(self.count):
-            mine = np.flatnonzero(self.slip_of == number)
-            values, times = self.values[mine], self.times[self.observed[mine]]
-            reach = max(2, len(mine) // 16)
-            index = np.arange(len(mine))
-            left, right = np.maximum(index - reach, 0), np.minimum(index + reach, len(mine) - 1)
-            speeds[self.observed[mine]] = np.abs(values[right] - values[left]) / np.maximum(
-                times[right] - times[left], 1e-9
-            )
-        return speeds
-
-    def detected(self, level: float) -> FloatArray:
-        """The slips' unknowns as the detection sees them, with one level [N·m] for all."""
-        return np.stack([self.rests, self.breakaways, np.full(self.count, math.log(level))], axis=1)
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""

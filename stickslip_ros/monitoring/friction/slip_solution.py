@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The friction behind many slips, from a guess of their shape: all parameters together.
+
+Every slip's own breakaway and level with that shape; then all parameters, while the ties between the slips (Eq. (6)
+and the balance of forces) are drawn tight. Tight from the beginning, the least squares have many wrong valleys.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
+
+from stickslip_ros.model._friction_law import risen_level
+from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction._window_kernel import (
+    INERTIA,
+    LAG,
+    LEVEL,
+    RISE_TIME,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+)
+from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.samples import FloatArray
+
+GOOD = 1.3  # mean square of residuals, with which the search ends
+_NEARLY_GOOD = 2.0  # likewise, from which a fit may come to be good
+_OUTLIER, _OUTLIER_SHARE = 9.0, 25.0  # mean square of a slip's residuals; over the median of the slips
+USUAL_RISE_TIME = 0.3  # [s], from which the scan departs only for a reason
+# Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
+_TIGHTENING = ((0.01, 0.2, 0.2), (0.003, 0.05, 0.05), (0.003, 0.01, 0.003), (0.0, 0.002, 3e-4))
+TIGHT_LEVEL = 1e-4
+_FIRST_OF_AGAIN = 1  # of the tightening, where the shape is known
+_MOST_USABLE = 0.8  # share of slips that a fit must explain to be believed without a search
+_LEAST_BALANCE = 1e-4  # of the level
+_FINAL = 3
+_LOOSE_ROUNDS = 5
+_LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3
+_ITERATIONS = 20
+_LAST_ITERATIONS = 100  # where all ties are tight, valleys are long, flat and bent
+ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
+HELD = 1e-6  # standard deviation of a logarithm that is not to change
+_RISE_TIME_SPREAD = 2.0
+_LONGEST_DELAY = 20.0  # sample intervals
+_LEAST_VISCOUS = 0.02  # of the inertia over a slip's duration: a damping ratio of 0.2 %
+_LEAST_STRIBECK_VELOCITY = 2e-3  # of the usual speed of a slip
+_LEAST_LAG = 1e-4  # of a slip's duration
+_LEAST_SHARE = 1e-9  # of F_s∞ at a breakaway: a fit may leave a slip no rest before it
+WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """A fit of all slips.
+
+    Attributes
+    ----------
+    fit, prior : with its prior. usable : which slips it explains, shape (slips,).
+    balance_error : scatter of the kinetic friction from slip to slip that was found [N·m].
+    link_error : of the logarithm of the level at breakaway about Eq. (6).
+    tolerance : standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all.
+    stray : by how much stamps stray [s].
+    """
+
+    fit: SlipFit
+    prior: Prior
+    usable: NDArray[np.bool_]
+    balance_error: float
+    link_error: float
+    tolerance: float = 0.0
+    stray: float = 0.0
+
+    @property
+    def mean_square(self) -> float:
+        """Of the residuals; about 1 if the errors are what they are taken for."""
+        return _mean_square(self.fit)
+
+    def hand_to(self, problem: SlipProblem) -> None:
+        """Let a problem of the same slips go on from here: what was found of stamps and slips, and the speeds."""
+        problem.take_up(stray=self.stray, tolerance=self.tolerance, usable=self.usable, speeds=self.fit.velocities)
+
+
+def _mean_square(fit: SlipFit) -> float:
+    return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
+
+
+def with_usual_rise_time(known: Mapping[int, tuple[float, float]]) -> dict[int, tuple[float, float]]:
+    """What is known of the parameters' logarithms, by index, and the usual rise time where its own is not."""
+    return {RISE_TIME: (math.log(USUAL_RISE_TIME), _RISE_TIME_SPREAD), **known}
+
+
+def fit_near(
+    problem: SlipProblem, start: FloatArray, shape: SlipFit, known: Mapping[int, tuple[float, float]]
+) -> Solution:
+    """The fit next to a start, loosened if it is not as good as a fit should be.
+
+    Parameters
+    ----------
+    start : logarithms, of shape (p,). shape : fit of the same slips, perhaps under another law, which has their levels.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If nothing near the start can be simulated.
+    """
+    known = with_usual_rise_time(known)
+    solution = fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
+    if solution.mean_square >= GOOD:
+        solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
+    solution.hand_to(problem)
+    return solution
+
+
+def fit_again(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+    """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
+    try:
+        solution = fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
+    except LinAlgError:
+        return None
+    good = solution.mean_square < GOOD and solution.usable.mean() > _MOST_USABLE
+    return solution if good else None
+
+
+def fit_all(
+    problem: SlipProblem,
+    shape: FloatArray,
+    level: float,
+    known: Mapping[int, tuple[float, float]],
+    tightening: tuple[tuple[float, float, float], ...] = _TIGHTENING,
+) -> Solution:
+    """Fit everything, from the logarithms of a shape and the level [N·m] that goes with it."""
+    distance = float(np.median(problem.distances))
+    lower, upper = bounds(problem, math.exp(shape[INERTIA]))
+    fit, parameters = _breakaways(problem, shape, level)
+    mean = parameters.copy()
+    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.more_errors])
+    for index, (center, spread) in known.items():
+        mean[index], deviation[index] = center, spread
+    prior = Prior.of(mean, deviation, lower, upper)
+    parameters = np.clip(parameters, lower, upper)
+    level = math.exp(parameters[STRIBECK])
+    for position, balance, link in tightening:
+        problem.weigh(fit.velocities, position * distance)
+        tolerances = Tolerances(balance=balance * level, level=link)
+        fit = fit_slips(
+            problem,
+            prior,
+            tolerances,
+            parameters=parameters,
+            unknowns=fit.unknowns,
+            iterations=_ITERATIONS,
+            enough=ROUGHLY,
+        )
+        parameters = fit.parameters
+        _set_outliers_aside(problem, fit)
+    for final in range(1, _FINAL + 1):
+        problem.measure_stray(fit.residuals, fit.velocities)
+        problem.weigh(fit.velocities)
+        balance = balance_error(problem, fit)
+        # Friction that varies from slip to slip does so at rest as well.
+        link = max(TIGHT_LEVEL, min(balance / math.exp(fit.parameters[STRIBECK]), _LARGEST_LINK))
+        tolerances = Tolerances(balance=balance, level=link)
+        fit = fit_slips(
+            problem,
+            prior,
+            tolerances,
+            parameters=fit.parameters,
+            unknowns=fit.unknowns,
+            iterations=_LAST_ITERATIONS if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS,
+            enough=_NEARLY,
+            scored=final == _FINAL,
+        )
+        _set_outliers_aside(problem, fit)
+    return Solution(
+        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=link, stray=problem.stray
+    )
+
+
+def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
+    """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
+    problem.begin_anew()
+    parameters = np.concatenate([shape[:PARAMETERS], np.zeros(len(problem.more_errors))])
+    problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
+    held = Prior.of(parameters, np.full(len(parameters), HELD), parameters - 1.0, parameters + 1.0)
+    unknowns = problem.detected(level)
+    fit = fit_slips(
+        problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12, enough=ROUGHLY
+    )
+    parameters[STRIBECK], parameters[RISE_TIME] = np.log(_scan_rise_time(problem, fit))
+    return fit, parameters
+
+
+def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution | None:
+    """Fit slips that the model explains only in part: what is left over is measured and taken as error."""
+    distance = float(np.median(problem.distances))
+    try:
+        fit, parameters = _breakaways(problem, shape.parameters, usual_level(shape))
+        parameters = np.clip(parameters, prior.lower, prior.upper)
+        level = math.exp(parameters[STRIBECK])
+        tolerance, balance, link = 0.01 * distance, 0.2 * level, 0.2
+        for number in range(1, _LOOSE_ROUNDS + 1):
+            problem.weigh(fit.velocities, tolerance)
+            fit = fit_slips(
+                problem, prior, Tolerances(balance=balance, level=link),
+                parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS, scored=number == _LOOSE_ROUNDS,
+            )  # fmt: skip
+            parameters = fit.parameters
+            _set_outliers_aside(problem, fit)
+            used = problem.weights > 0
+            tolerance = float(np.sqrt(np.mean((fit.residuals * problem.errors)[used] ** 2)))
+            balance = min(balance_error(problem, fit), level)
+            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), _LEAST_LINK, _LARGEST_LINK))
+    except LinAlgError:
+        return None
+    return Solution(
+        fit=fit,
+        prior=prior,
+        usable=problem.usable,
+        balance_error=balance,
+        link_error=link,
+        tolerance=tolerance,
+    )
+
+
+def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
+    duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
+    size = PARAMETERS + len(problem.more_errors)
+    lower, upper = np.full(size, -math.inf), np.full(size, math.inf)
+    mass = 1.0 if problem.normalised else inertia
+    # Not so little that it makes no difference any more: what makes none has no error that could be told.
+    lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)
+    lower[STRIBECK_VELOCITY] = math.log(_LEAST_STRIBECK_VELOCITY * problem.usual_speed)
+    upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
+    lower[LAG], upper[LAG] = math.log(_LEAST_LAG * duration), math.log(duration)
+    lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
+    if problem.delay_shows:
+        lower[PARAMETERS], upper[PARAMETERS] = 0.0, _LONGEST_DELAY
+    return lower, upper
+
+
+def usual_level(shape: SlipFit) -> float:
+    """Median of the slips' levels [N·m]."""
+    return math.exp(float(np.median(shape.unknowns[:, LEVEL])))
+
+
+def _scatter(values: FloatArray) -> float:
+    """Standard deviation, robust; 0 of nothing."""
+    return 1.48 * float(np.median(np.abs(values))) if len(values) else 0.0
+
+
+def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
+    """Scatter of the kinetic friction from slip to slip [N·m], at least what rounding makes."""
+    used = fit.misfits[problem.usable]
+    freedom = len(used) - problem.balance.shape[1] - 1
+    least = math.hypot(
+        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.stray * problem.loading_rate(fit.parameters)
+    )
+    if freedom < 1:
+        return 100.0 * least
+    return max(_scatter(used) * math.sqrt(len(used) / freedom), least)
+
+
+def _set_outliers_aside(problem: SlipProblem, fit: SlipFit) -> None:
+    """Slips that nothing explains, such as those with an unseen rest, must not bend the others."""
+    squares = np.bincount(problem.slip_of, fit.residuals**2, problem.count) / np.bincount(problem.slip_of)
+    usual = float(np.median(squares[problem.usable]))
+    outliers = squares > max(_OUTLIER, _OUTLIER_SHARE * usual)
+    if outliers.any() and problem.usable.sum() - outliers.sum() >= 2:
+        problem.set_aside(outliers)
+
+
+def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
+    """Stribeck friction and rise time that best explain the levels of the slips and the forces at breakaway."""
+    levels = np.exp(fit.unknowns[:, LEVEL])
+    dwell = float(np.median(problem.dwells))
+    usable = problem.usable
+    scale = float(np.median(levels))
+    best, least = (scale, dwell), math.inf
+    for rise_time in dwell * np.geomspace(0.02, 50.0, 24):
+        shares = np.empty(problem.count)
+        remains = 1.0
+        for slip in range(problem.count):
+            began = fit.found[slip - 1, kernel.ARREST] if problem.linked[slip] else problem.rests_begin[slip]
+            remains = remains if problem.linked[slip] else 1.0
+            rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
+            shares[slip] = max(risen_level(remains, 1.0, rest, rise_time), _LEAST_SHARE)
+            remains = shares[slip] * float(fit.found[slip, kernel.REMAINS])
+        stribeck = float(np.median((levels / shares)[usable]))
+        kinetic = fit.found[:, kernel.HELD] - stribeck * shares
+        offsets = np.linalg.lstsq(problem.balance[usable], kinetic[usable], rcond=None)[0]
+        misfit = np.minimum(np.abs(kinetic - problem.balance @ offsets)[usable] / scale, 0.5).mean()
+        misfit += np.minimum(np.abs(np.log(levels / (stribeck * shares)))[usable], 0.5).mean()
+        misfit += 1e-3 * abs(math.log(rise_time / USUAL_RISE_TIME))
+        if misfit < least:
+            best, least = (stribeck, float(rise_time)), float(misfit)
+    return best
