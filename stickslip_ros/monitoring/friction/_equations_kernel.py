@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.compilation import helper
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.model import _friction_law
 from stickslip_ros.monitoring.friction._window_kernel import (
@@ -44,8 +44,9 @@ _ABSURD = 1e150  # a residual so large is as bad as any, and its square is a num
 _NOTHING_LEFT = 1e-12  # of the level
 _LEAST_DWELL = 1e-3  # of the detected one
 
-_risen_level = inlined()(_friction_law.risen_level)
-_rising_rate = inlined()(_friction_law.rising_rate)
+# Helpers, for what is inlined at many places takes numba long to go through.
+_risen_level = helper()(_friction_law.risen_level)
+_rising_rate = helper()(_friction_law.rising_rate)
 
 
 @helper()

@@ -45,8 +45,9 @@ _MOST_SWEEPS = 16
 _NO_STEP = 1e-9  # of a step: a first one so short is none
 _SETTLED = 1e-12  # change of the Stribeck friction, of its level at breakaway
 
-_risen_level = inlined()(_friction_law.risen_level)
-_stribeck_friction = inlined()(_friction_law.stribeck_friction)
+# Helpers, for what is inlined at many places takes numba long to go through.
+_risen_level = helper()(_friction_law.risen_level)
+_stribeck_friction = helper()(_friction_law.stribeck_friction)
 
 
 @helper()
