@@ -104,7 +104,7 @@ class SlipProblem(ObservedSlips):
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
-        return np.full(self.count, math.exp(parameters[INERTIA])) if self.normalised else self._gains[:, 0]
+        return np.full(self.count, math.exp(parameters[INERTIA])) if self.normalised else self._gains[:, 0].copy()
 
     def natural_frequency(self, parameters: FloatArray) -> float:
         """ω [1/s] with the largest gain; that of the slips' duration where there is no stiffness."""
