@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from random_joints import random_joint
@@ -14,6 +14,8 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.outcome import is_steady
+from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 
@@ -74,14 +76,20 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     squared = (inertia * limits.bandwidth) ** 2 + viscous**2 - (stiffnesses / limits.bandwidth) ** 2
     wanted = 1.0 + limits.wanted_margin
     feasible = (damping >= 0) & (ratio >= wanted * critical[:, None]) & (ratio <= limits.damping_ratio_range[1])
+    if limits.steady_sliding:
+        # Without this none of the candidates would do.
+        feasible &= ratio >= np.asarray(sliding_damping_ratio(groups))[:, None]
     changes = np.hypot(*np.meshgrid(softer, damped, indexing="ij"))
     feasible &= (damping**2 <= squared) & (changes < within)
     order = sorted(np.argwhere(feasible).tolist(), key=lambda index: changes[tuple(index)])
     for row, column in order[:_CANDIDATES]:
         # With a margin, the cycle dies with less damping too; a critical ratio is only known to a thousandth.
         less = wanted if limits.condition is Criterion.EXACT else 1.0
-        trial = Gains(stiffness=stiffnesses[row, column], damping=totals[row, column] / less - viscous)
-        point = replace(dimensionless_groups(joint, trial, case.velocity))
-        if cycle_persists(point) == 0.0:
+        stiffness, total = stiffnesses[row, column], totals[row, column]
+        trial = Gains(stiffness=stiffness, damping=total / less - viscous)
+        steady = not limits.steady_sliding or is_steady(
+            dimensionless_groups(joint, Gains(stiffness=stiffness, damping=total - viscous), case.velocity)
+        )
+        if steady and cycle_persists(dimensionless_groups(joint, trial, case.velocity)) == 0.0:
             return float(changes[row, column])
     return math.inf

@@ -33,6 +33,7 @@ from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 STICKING = Gains(stiffness=630.0)
 SPEED = 0.0058
+PAPER = AdviceLimits(condition=Criterion.PAPER, steady_sliding=False)
 
 
 def reserve(joint: Joint, gains: Gains, velocity: float) -> float:
@@ -58,7 +59,7 @@ def test_every_variant_reaches_the_wanted_margin(
     )
     joint = Joint(inertia=inertia, friction=friction)
     gains = Gains(stiffness=momentum * frequency, damping=2 * ratio * momentum)
-    advice = recommend(joint, gains, 0.01 * speed, AdviceLimits(wanted_margin=wanted))
+    advice = recommend(joint, gains, 0.01 * speed, replace(PAPER, wanted_margin=wanted))
     assert [variant.kind for variant in advice.variants] == list(Kind)
     assert advice[Kind.LEAST_CHANGE].found
     for variant in advice.variants:
@@ -114,7 +115,7 @@ def test_margin_at_every_speed_needed(puma: Joint, condition: Criterion) -> None
 @pytest.mark.parametrize("condition", list(Criterion))
 def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: a bound moves the advice; where none is left, the bounds in the way and the best are said."""
-    base = AdviceLimits(condition=condition, damping_ratio_range=(0.0, math.inf))
+    base = AdviceLimits(condition=condition, steady_sliding=False, damping_ratio_range=(0.0, math.inf))
     free = recommend(puma, STICKING, SPEED, base)[Kind.LEAST_CHANGE]
     assert free.stiffness > 2000.0
     bound = recommend(puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 2000.0)))
@@ -260,9 +261,9 @@ def test_learnt_friction_is_not_trusted_far_away() -> None:
         inertia=np.full(4, 0.1),
         friction=friction.changed({name: np.full(4, value) for name, value in friction.numbers.items()}),
     )
-    far = recommend(joint, gains, 0.001)
+    far = recommend(joint, gains, 0.001, PAPER)
     assert max(far[Kind.LEAST_CHANGE].stiffness_factor, far[Kind.LEAST_CHANGE].damping_factor) > 100.0
-    near = recommend(joint, gains, 0.001, uncertainty=Uncertainty(joint=draws, stiffness=np.ones(4)))
+    near = recommend(joint, gains, 0.001, PAPER, uncertainty=Uncertainty(joint=draws, stiffness=np.ones(4)))
     assert not near[Kind.LEAST_CHANGE].found
     assert "learnt" in near[Kind.LEAST_CHANGE].reason
 
@@ -300,7 +301,7 @@ def test_where_a_condition_does_not_apply_there_is_no_advice(puma: Joint) -> Non
         (replace(STICKING, integral=10.0), SPEED, "integral action"),
         (Gains(stiffness=0.0), SPEED, "stiffness is not positive"),
     ):
-        advice = recommend(puma, gains, velocity)
+        advice = recommend(puma, gains, velocity, PAPER)
         assert not any(variant.found for variant in advice.variants)
         assert word in advice[Kind.LEAST_CHANGE].reason
     nothing = recommend(puma, STICKING, 0.0, AdviceLimits(condition=Criterion.EXACT))
@@ -342,12 +343,12 @@ def test_limits_that_cannot_be(values: dict[str, object], text: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("condition", list(Criterion))
 def test_steady_sliding(condition: Criterion) -> None:
-    """Issue 5, item 1: where it is asked for, no joint is left swinging about its speed; where not, it is said."""
+    """Issue 19: no joint is left swinging about its speed; where that is not asked for, it is said."""
     rng = np.random.default_rng(11)
     swings, told = [], []
     for _ in range(12):
         case = random_case(rng, condition)
-        limits = AdviceLimits(condition=condition)
+        limits = AdviceLimits(condition=condition, steady_sliding=False)
         plain = recommend(case.joint, case.gains, case.velocity, limits)[Kind.LEAST_CHANGE]
         steady = recommend(case.joint, case.gains, case.velocity, replace(limits, steady_sliding=True))
         best = steady[Kind.LEAST_CHANGE]
@@ -357,9 +358,8 @@ def test_steady_sliding(condition: Criterion) -> None:
         assert best.change >= plain.change * (1 - 1e-3)
         told.append(bool(plain.slides_steadily) == (swing(case.joint, plain.gains, case.velocity) < 0.1))
         swings.append(swing(case.joint, best.gains, case.velocity))
-    # The criterion is of small disturbances, and of a level of friction that a later slip may not reach.
-    assert np.mean(np.array(swings) < 0.1) >= 0.9
-    assert np.mean(told) >= 0.8
+    assert max(swings) < 0.1
+    assert np.mean(told) >= 0.8  # steady from a stuck start alone is not called steady
 
 
 def swing(joint: Joint, gains: Gains, velocity: float) -> float:

@@ -41,8 +41,8 @@ class AdviceLimits:
     wanted_margin : by how much the damping ratio shall exceed the critical one, e.g. 0.2 for 20 %.
     confidence : probability with which it shall, where the joint is known with errors only.
     condition : the critical damping ratio of Eq. (43), or the exact one; see :func:`criterion_for`.
-    steady_sliding : whether a joint that does not stick shall not swing about its speed either; see
-        :mod:`stickslip_ros.model.steady_sliding`.
+    steady_sliding : whether a joint that does not stick shall not swing about its speed either, from whatever start;
+        see :mod:`stickslip_ros.model.outcome`.
     slowest_velocity : the joint shall be smooth from this speed on [rad/s]; None: at the commanded speed.
     stiffness_range, damping_range : least and largest gain [N·m/rad], [N·m·s/rad].
     damping_ratio_range : least and largest damping ratio ρ. With less than a tenth a joint that does not stick rings
@@ -60,8 +60,8 @@ class AdviceLimits:
 
     wanted_margin: float = 0.2
     confidence: float = 0.9
-    condition: Criterion = Criterion.PAPER
-    steady_sliding: bool = False
+    condition: Criterion = Criterion.EXACT
+    steady_sliding: bool = True
     slowest_velocity: float | None = field(default=None, metadata={"unit": "rad/s"})
     stiffness_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m/rad"})
     damping_range: tuple[float, float] = field(default=_ANY, metadata={"unit": "N·m·s/rad"})

@@ -9,6 +9,7 @@ friction together, k_v + F_v, of which what lies below a damping ratio of 0.01 c
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import islice
@@ -16,21 +17,26 @@ from itertools import islice
 import numpy as np
 
 from stickslip_ros.model.dimensionless import dimensionless_groups
-from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
+from stickslip_ros.model.exact import (
+    cycle_persists,
+    exact_critical_damping_ratio,
+    exact_lowest_smooth_velocity,
+)
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
-from stickslip_ros.model.steady_sliding import sliding_damping_ratio
+from stickslip_ros.model.outcome import Outcome, is_steady
 from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
-from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
-from stickslip_ros.monitoring.advice.search import AdviceSearch, Obstruction
+from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
-_MORE_DAMPING = 1.25  # asked for besides, where the integration refutes what a search has found
+_MORE_DAMPING = 1.06  # asked for besides, where the integration refutes what a search has found
 _MOST_DAMPING = 10.0
 _TRIES, _PATIENT_TRIES, _A_LITTLE = 12, 2, 2e-3
 _MOST_TRIED = 1500
+_SLACK = 1.02  # by so much more damping than the least that will do
 _TOLERANCE = 1e-4
 
 
@@ -53,8 +59,7 @@ class Variant:
     reason : one sentence for a person.
     energy_margin : of Eq. (43) with these gains [M x˙_s²].
     reserve : ρ/ρ_c − 1 with these gains, by the condition asked for.
-    exactly_smooth : whether stick slip dies out when Eqs (4)-(6) are integrated; None without an answer.
-    slides_steadily : whether the joint, once it slides after a long rest, settles at its speed instead of swinging.
+    outcome : what becomes of the joint when Eqs (4)-(6) are integrated, from the worst start; None without an answer.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
     change : √(ln² of the one + ln² of the other).
@@ -66,8 +71,7 @@ class Variant:
     reason: str
     energy_margin: float = math.nan
     reserve: float = math.nan
-    exactly_smooth: bool | None = None
-    slides_steadily: bool | None = None
+    outcome: Outcome | None = None
     stiffness_factor: float = math.nan
     damping_factor: float = math.nan
     change: float = math.nan
@@ -76,6 +80,16 @@ class Variant:
     def found(self) -> bool:
         """Whether there are gains to recommend."""
         return math.isfinite(self.stiffness)
+
+    @property
+    def exactly_smooth(self) -> bool | None:
+        """Whether stick slip dies out, integrated from the worst start; None without an answer."""
+        return None if self.outcome is None else self.outcome is not Outcome.STICKS
+
+    @property
+    def slides_steadily(self) -> bool | None:
+        """Whether it moves steadily in the end, from the worst start; None without an answer."""
+        return None if self.outcome is None else self.outcome is Outcome.STEADY
 
     @property
     def gains(self) -> Gains:
@@ -153,7 +167,7 @@ def recommend(
     if obstacle:
         return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
     case = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known)
-    return case.recommendation(velocity)
+    return case.recommendation()
 
 
 class _Case:
@@ -171,34 +185,30 @@ class _Case:
         gains_known: bool,
     ) -> None:
         self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
-        self._loop, self._uncertainty = loop, uncertainty
-        self._gains_known = gains_known
+        self._loop, self._gains_known, self._learnt = loop, gains_known, uncertainty is not None
         self._exact = limits.condition is Criterion.EXACT
-        self._sure: list[Requirement] = []
         self._beyond = self._exact and (bool(gains.integral != 0) or loop.conditions.controller_period > 0)
-
-    def recommendation(self, velocity: float) -> Recommendation:
-        joint, limits = self._joint, self._limits
         # Exact draws take too long for a search: it is made for the joint itself, and the draws are asked afterwards,
         # by every law that the data do not exclude; Eq. (43) is of the paper's law alone.
-        requirement = Requirement(joint, velocity, limits, None if self._exact else self._uncertainty)
-        if self._uncertainty is not None:
-            asked = [self._uncertainty] if self._exact else []
-            exactly = replace(limits, condition=Criterion.EXACT)
-            self._sure = [Requirement(joint, velocity, exactly, law) for law in (*asked, *self._uncertainty.others)]
-        steady = [SteadySliding(joint, requirement.speeds)] if limits.steady_sliding else []
-        search = AdviceSearch(
-            joint,
-            self._gains,
-            limits,
-            self._loop,
-            [requirement, *steady],
-            learnt=self._uncertainty is not None,
+        self._requirement = Requirement(joint, slowest, limits, None if self._exact else uncertainty)
+        laws = [] if uncertainty is None else [uncertainty, *uncertainty.others]
+        exactly = replace(limits, condition=Criterion.EXACT)
+        self._sure = [Requirement(joint, slowest, exactly, law) for law in (laws if self._exact else laws[1:])]
+        self._steady = (
+            SteadySliding(joint, self._requirement.speeds, laws, limits.confidence) if limits.steady_sliding else None
         )
+
+    def recommendation(self) -> Recommendation:
+        joint = self._joint
+        conditions: list[Condition] = [
+            Interpolated(self._requirement, joint) if self._exact else self._requirement,
+            *([self._steady] if self._steady is not None else []),
+        ]
+        search = AdviceSearch(joint, self._gains, self._limits, self._loop, conditions, learnt=self._learnt)
         answer = Recommendation(
             variants=(),
             velocity=self._slowest,
-            condition=limits.condition,
+            condition=self._limits.condition,
             gains_known=self._gains_known,
             reserve=self._reserve(self._gains),
         )
@@ -239,20 +249,40 @@ class _Case:
             Kind.DAMPING_ONLY: AdviceSearch.damping_only,
             Kind.STIFFNESS_ONLY: AdviceSearch.stiffness_only,
         }[kind]
+        more, too_little = 1.0, 0.0
         for number in range(_TRIES):
-            gains = way(search)
+            gains = way(search.with_more_damping(more))
             if gains is None:
                 return None
             missing = self._missing(gains)
             if missing == 1.0:
-                return gains
-            if number == 0 and not self._exact:
+                return gains if too_little == 0.0 else self._least_enough(way, search, too_little, more, gains)
+            if number == 0 and not self._exact and self._steady is None:
                 exact = replace(self._limits, condition=Criterion.EXACT, wanted_margin=0.0)
                 search = search.with_requirement(Requirement(self._joint, self._slowest, exact))
             else:
                 # Draws ask for less where there is more damping, so that what is missing shrinks slowly.
-                search = search.with_more_damping(missing ** (1 if number < _PATIENT_TRIES else 2) * (1.0 + _A_LITTLE))
+                too_little = more
+                more *= missing ** (1 if number < _PATIENT_TRIES else 2) * (1.0 + _A_LITTLE)
         return None
+
+    def _least_enough(
+        self,
+        way: Callable[[AdviceSearch], Gains | None],
+        search: AdviceSearch,
+        too_little: float,
+        enough: float,
+        found: Gains,
+    ) -> Gains:
+        """What is found with as little more damping as will do, between two factors."""
+        while enough > _SLACK * too_little:
+            middle = math.sqrt(too_little * enough)
+            gains = way(search.with_more_damping(middle))
+            if gains is not None and self._missing(gains) == 1.0:
+                enough, found = middle, gains
+            else:
+                too_little = middle
+        return found
 
     def _none_alone(self, kind: Kind, search: AdviceSearch) -> str:
         """Why damping or stiffness alone does not do."""
@@ -275,25 +305,45 @@ class _Case:
         return 1.0 if self._holds(gains) else _MORE_DAMPING
 
     def _holds(self, gains: Gains) -> bool:
-        """Whether stick slip dies out with these gains, exactly, and with less damping by the wanted margin too."""
-        gains = replace(gains, integral=self._gains.integral) if self._beyond else replace(gains, integral=0.0)
-        conditions = self._loop.conditions if self._beyond else None
-        trials = [gains]
+        """Whether the integration agrees: the joint is smooth, or steady, at every speed, with the margin if exact."""
         if self._beyond:
-            viscous = float(self._joint.friction.viscous)
-            less = (float(gains.damping) + viscous) / (1.0 + self._limits.wanted_margin) - viscous
-            trials.append(replace(gains, damping=less))
+            return self._holds_beyond(gains)
+        gains = replace(gains, integral=0.0)
+        if self._exact and not self._reaches(self._requirement, gains):
+            return False
+        groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
+        if self._steady is not None:
+            return bool(np.all(is_steady(groups)))
         # Where there is no answer there is nothing that would refute the margin.
-        return all(exactly_smooth(self._joint, trial, self._slowest, conditions) is not False for trial in trials)
+        return not np.any(np.asarray(cycle_persists(groups)) == 1.0)
+
+    def _holds_beyond(self, gains: Gains) -> bool:
+        """The same with integral action or sampled control, at the slowest speed."""
+        if self._steady is not None and not self._reaches(self._steady, gains):
+            return False
+        viscous = float(self._joint.friction.viscous)
+        less = (float(gains.damping) + viscous) / (1.0 + self._limits.wanted_margin) - viscous
+        for one in (gains, replace(gains, damping=less)):
+            trial = replace(one, integral=self._gains.integral)
+            if exactly_smooth(self._joint, trial, self._slowest, self._loop.conditions) is False:
+                return False
+        return self._steady is None or self._outcome(gains) in (Outcome.STEADY, None)
+
+    @staticmethod
+    def _reaches(condition: Condition, gains: Gains) -> bool:
+        return bool(condition.reached(np.array([float(gains.stiffness)]), np.array([float(gains.damping)]))[0])
+
+    def _outcome(self, gains: Gains) -> Outcome | None:
+        """What becomes of the joint with these gains, and the integral action of now if that counts."""
+        gains = replace(gains, integral=self._gains.integral if self._beyond else 0.0)
+        conditions = self._loop.conditions if self._beyond else None
+        return exact_verdict(self._joint, gains, self._slowest, conditions, limits=False).outcome
 
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains
         margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
-        groups = dimensionless_groups(joint, gains, self._slowest)
         viscous = float(joint.friction.viscous)
         total, before = float(gains.damping) + viscous, float(present.damping) + viscous
-        conditions = self._loop.conditions if self._beyond else None
-        integral = present.integral if self._beyond else 0.0
         return Variant(
             kind=kind,
             stiffness=float(gains.stiffness),
@@ -301,8 +351,7 @@ class _Case:
             reason=reason or self._in_words(gains),
             energy_margin=float(margin.energy_margin),
             reserve=self._reserve(gains),
-            exactly_smooth=exactly_smooth(joint, replace(gains, integral=integral), self._slowest, conditions),
-            slides_steadily=bool(groups.damping_ratio >= sliding_damping_ratio(groups)),
+            outcome=self._outcome(gains),
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
             change=AdviceSearch.change(joint, present, gains),

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,9 @@ _EXACT_DRAWS = 32
 _SPEEDS, _EXACT_SPEEDS = 16, 8
 _FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
 _STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
-_LARGEST_LAG = 2.0 * math.pi
+_NODES_APART, _NODES_ERROR = 0.25, 5e-3  # of the logarithms of stiffness and of damping
+_ROUGH = 1.0  # difference of the logarithms of damping between nodes, from which on nothing is interpolated
+_LARGEST_LAG = 2.0 * math.pi  # of τ*
 
 
 class Requirement:
@@ -78,38 +80,124 @@ class Requirement:
             stiffnesses = stiffness[:, None, None] * self._ratios[None, :, None]
             less = np.maximum(damping[:, None, None] + viscous, 0.0) / self._wanted - viscous
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses, damping=less), self.speeds)
-            dies = np.all(np.asarray(cycle_persists(groups)) == 0.0, axis=2)
+            persists = _where_lag_is_short(groups, lambda few: np.asarray(cycle_persists(few), dtype=float), 1.0)
+            dies = np.all(persists == 0.0, axis=2)
         return np.asarray(np.mean(dies, axis=1) >= self._share)
 
     def _critical(self, groups: DimensionlessGroups) -> FloatArray:
-        if self.exact:
-            return np.asarray(exact_critical_damping_ratio(groups, tolerance=0.5 * _EXACT_TOLERANCE), dtype=float)
-        critical = np.asarray(critical_damping_ratio(groups), dtype=float)
-        return np.where(np.asarray(groups.lag) <= _LARGEST_LAG, critical, math.nan)
+        if not self.exact:
+            critical = np.asarray(critical_damping_ratio(groups), dtype=float)
+            return np.where(np.asarray(groups.lag) <= _LARGEST_LAG, critical, math.nan)
+        return _where_lag_is_short(
+            groups,
+            lambda few: np.asarray(exact_critical_damping_ratio(few, tolerance=0.5 * _EXACT_TOLERANCE), dtype=float),
+            math.nan,
+        )
+
+
+class Interpolated:
+    """An exact requirement at a few stiffnesses, and between them by the logarithms: for searches, not for verdicts.
+
+    Parameters
+    ----------
+    requirement : exact, of ``joint``; where it needs no damping at all, or none will do, it is asked itself.
+    """
+
+    exact = True
+
+    def __init__(self, requirement: Requirement, joint: Joint) -> None:
+        self._requirement, self._viscous = requirement, float(joint.friction.viscous)
+        self._known: dict[int, float] = {}
+
+    def damping(self, stiffness: FloatArray) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), to about a per cent."""
+        places = np.log(stiffness) / _NODES_APART
+        below = np.floor(places).astype(int)
+        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._known]
+        if missing:
+            needed = self._requirement.damping(np.exp(_NODES_APART * np.array(missing, dtype=float)))
+            self._known.update(zip(missing, np.log(needed + self._viscous).tolist(), strict=True))
+        low, high = (np.array([self._known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
+        share = places - below
+        found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - self._viscous
+        with np.errstate(invalid="ignore"):
+            rough = ~(np.abs(high - low) < _ROUGH)
+        if rough.any():
+            found[rough] = self._requirement.damping(stiffness[rough])
+        return np.asarray(found)
+
+    def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
+        """Whether gains of shape (n,) have it, without any interpolation."""
+        return self._requirement.reached(stiffness, damping)
 
 
 class SteadySliding:
-    """Least damping with which steady sliding is stable, for the joint itself whatever its errors.
+    """Least damping with which small disturbances of steady sliding decay.
+
+    It is a necessary condition of steady motion, and nearly always a sufficient one, at a thousandth of the exact
+    condition's work.
 
     Parameters
     ----------
     joint : of scalars. speeds : of shape (m,) [rad/s].
+    uncertainties : under each of them it is to hold in the share ``confidence`` of the draws.
     """
 
     exact = False
 
-    def __init__(self, joint: Joint, speeds: FloatArray) -> None:
-        self._joint, self._speeds = joint, speeds
+    def __init__(
+        self, joint: Joint, speeds: FloatArray, uncertainties: Sequence[Uncertainty] = (), confidence: float = 1.0
+    ) -> None:
+        self._joint, self._speeds, self._confidence = joint, speeds, confidence
+        self._uncertainties = [_thinned(one) for one in uncertainties]
 
     def damping(self, stiffness: FloatArray) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
-        groups = dimensionless_groups(self._joint, Gains(stiffness=stiffness[:, None]), self._speeds)
-        ratios = np.max(np.asarray(sliding_damping_ratio(groups)), axis=1)
-        return np.asarray(damping_for_ratio(self._joint, stiffness, _STEADY * ratios))
+        needed = self._of(self._joint, np.ones(1), stiffness)
+        several = [
+            np.quantile(self._of(one.joint, one.stiffness, stiffness), self._confidence, axis=1, method="higher")
+            for one in self._uncertainties
+        ]
+        return np.asarray(np.max([needed[:, 0], *several], axis=0))
+
+    def _of(self, joint: Joint, ratios: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """Of each draw, with an axis of them behind."""
+        stiffnesses = stiffness[:, None, None] * ratios[None, :, None]
+        draws = _with_axis(joint)
+        with np.errstate(all="ignore"):
+            groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses), self._speeds)
+            ratio = _STEADY * np.asarray(sliding_damping_ratio(groups))
+            found = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
+        return np.asarray(np.where(np.isnan(found), math.inf, found))
 
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains of shape (n,) have it."""
         return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
+
+
+def _where_lag_is_short(
+    groups: DimensionlessGroups, answer: Callable[[DimensionlessGroups], FloatArray], otherwise: float
+) -> FloatArray:
+    """The answer where the lag is at most a natural period: nobody has compared it with brute force beyond that."""
+    shape = np.broadcast_shapes(*(np.shape(value) for value in groups.numbers))
+
+    def spread(value: Real) -> FloatArray:
+        return np.broadcast_to(np.asarray(value, dtype=float), shape)
+
+    short = spread(groups.lag) <= _LARGEST_LAG
+    found = np.full(short.shape, otherwise)
+    if short.any():
+        few = DimensionlessGroups(
+            natural_frequency=spread(groups.natural_frequency)[short],
+            damping_ratio=spread(groups.damping_ratio)[short],
+            stribeck=spread(groups.stribeck)[short],
+            velocity=spread(groups.velocity)[short],
+            lag=spread(groups.lag)[short],
+            rise_time=spread(groups.rise_time)[short],
+            law=groups.law,
+        )
+        found[short] = answer(few)
+    return found
 
 
 def speeds_needed(joint: Joint, velocity: float, limits: AdviceLimits) -> FloatArray:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, ObservedLoop, bounds_at
-from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
 from stickslip_ros.monitoring.samples import FloatArray
 
 _REACH = 1e4  # times the present stiffness, either way
@@ -35,6 +35,7 @@ _LOOKS, _NARROWER = 3, 0.3
 _ZOOM_POINTS, _ZOOMS, _VALLEYS = 9, 4, 3
 _BISECTIONS, _EXACT_BISECTIONS = 40, 12
 _INSIDE = 1e-12
+Condition = Requirement | Interpolated | SteadySliding
 _LEARNT = "what was learnt of the friction"
 
 
@@ -73,7 +74,7 @@ class AdviceSearch:
         gains: Gains,
         limits: AdviceLimits,
         loop: ObservedLoop,
-        requirements: Sequence[Requirement | SteadySliding],
+        requirements: Sequence[Condition],
         *,
         learnt: bool,
         more: float = 1.0,
@@ -97,7 +98,7 @@ class AdviceSearch:
         """The same search, where more total damping is required by this factor."""
         return self._again(self._requirements, self._more * factor)
 
-    def _again(self, requirements: Sequence[Requirement | SteadySliding], more: float) -> AdviceSearch:
+    def _again(self, requirements: Sequence[Condition], more: float) -> AdviceSearch:
         return AdviceSearch(
             self._joint, self._gains, self._limits, self._loop, requirements, learnt=self._learnt, more=more
         )
@@ -283,7 +284,11 @@ class AdviceSearch:
 
     def _reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         less = (damping + self._viscous) / self._more - self._viscous
-        return np.asarray(np.all([one.reached(stiffness, less) for one in self._requirements], axis=0))
+        reached = np.ones(stiffness.shape, dtype=np.bool_)
+        # What is quick to tell comes first, and the rest is asked where it matters.
+        for one in sorted(self._requirements, key=lambda one: one.exact):
+            reached[reached] = one.reached(stiffness[reached], less[reached]) if reached.any() else False
+        return reached
 
     def _within_bounds(self, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
         return _joined(list(self._bounds(stiffness).values()), stiffness.shape)
