@@ -26,6 +26,7 @@ from stickslip_ros.analysis.fleet_table import (
 )
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.output.wording import OUTCOME_WORDS
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _WIDTH = 120
@@ -85,7 +86,7 @@ def _joints_table(joints: Sequence[JointAnalysis], headings: Sequence[str]) -> T
 
 
 def _cells(joint: JointAnalysis) -> dict[str, str]:
-    exactly = {True: "[green]smooth[/]", False: "[red]sticks[/]", None: "-"}[joint.exact.smooth]
+    exactly = "-" if joint.exact.outcome is None else OUTCOME_WORDS[joint.exact.outcome.value]
     return {
         "joint\n": escape(joint.name),
         "status\n": _status(joint.status.value),

@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -20,6 +20,7 @@ from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
 from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import margin_json
+from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 # What is needed comes first, what cancels last.
@@ -27,6 +28,8 @@ _FRICTION = sorted(FRICTION_PARAMETERS, key=lambda one: (one.name == "coulomb", 
 _NOTES = {"coulomb": "; cancels from the result"}
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
+_WORTH_TELLING = 1e3  # a factor on a gain or the speed that somebody might set
+_FASTEST = 1e4  # [rad/s]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,6 +88,11 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
         If something is missing or cannot be; the text names the option.
     """
     known: KnownJoint | None = load_joint(options.joint) if options.joint else None
+    if known is None:
+        missing = [name for name in ("inertia", "stiffness", "velocity", *_REQUIRED) if getattr(options, name) is None]
+        if missing:
+            needed = ", ".join(f"--{name.replace('_', '-')}" for name in missing)
+            raise StickSlipError(f"what is judged is not known: give {needed}, or a --joint that has them")
 
     def value(name: str, fallback: Any) -> float:
         given = getattr(options, name)
@@ -109,56 +117,92 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
         damping=value("damping", known.gains.damping if known else 0.0),
         integral=value("integral", known.gains.integral if known else 0.0),
     )
-    return joint, gains, value("velocity", known.velocity if known else None)
+    velocity = value("velocity", known.velocity if known else None)
+    if abs(velocity) > _FASTEST:
+        raise InvalidParameterError("--velocity", f"at most {_FASTEST:g} rad/s", velocity)
+    return joint, gains, velocity
 
 
 def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
     console = Console(highlight=False, soft_wrap=True)
+    console.print(f"[dim]{_judged(joint, gains)}[/]")
+    exact = result["exact"]
+    if exact["outcome"] is None:
+        console.print(f"[yellow]Integrated, there is {exact['reason']}.[/]")
+    else:
+        text = f"At {velocity:g} rad/s the joint {OUTCOME_WORDS[exact['outcome']]}, by integration of Eqs (4)-(6)"
+        if exact["reason"]:
+            text += f" ({exact['reason']})"
+        console.print(f"{text}.")
+        if exact["depends_on_start"]:
+            console.print("[yellow]It depends on how it starts: this is the worst.[/]")
     if not result["applicable"]:
         console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
-        _print_exact(console, result["exact"])
+    if result["applicable"] or exact["critical_damping_ratio"] is not None:
+        console.print(_side_by_side(result))
+    if not result["applicable"]:
         return
-    verdict = "[green]smooth[/]" if result["smooth"] else "[red]stick slip[/]"
-    console.print(f"At {velocity:g} rad/s Eq. (43) predicts {verdict}.")
-    table = Table(show_header=False, box=None, padding=(0, 2))
-    rows = (
-        ("energy margin", "energy_margin", "M·x˙_s²", "positive means smooth"),
-        ("damping ratio", "damping_ratio", "", "ρ, controller and viscous friction together"),
-        ("critical damping ratio", "critical_damping_ratio", "", "ρ at which the margin is zero"),
-        ("reduction factor", "reduction_factor", "", "h of Eq. (32)"),
-        ("steady Stribeck friction", "steady_stribeck", "N·m", "F_s,ss of Eq. (39)"),
-        ("lowest smooth velocity", "lowest_smooth_velocity", "rad/s", "smooth at this and every higher speed"),
-    )
-    for label, key, unit, note in rows:
-        value = "none" if result[key] is None else f"{result[key]:.4g}"
-        table.add_row(label, value, unit, f"[dim]{note}[/]")
-    console.print(table)
-    _print_exact(console, result["exact"])
     factors = change_factors(joint, gains, velocity)
     words = {"stiffness": "stiffness", "damping": "damping", "velocity": "speed"}
     parts = [
         f"{words[name]} × {float(value):.3g}"
         for name, value in factors.items()
-        if math.isfinite(float(value)) and float(value) > 0
+        if 1.0 / _WORTH_TELLING < float(value) < _WORTH_TELLING
     ]
     if parts:
-        console.print(f"By Eq. (43) the verdict changes at {', or '.join(parts)}.")
+        console.print(f"[dim]By Eq. (43) the verdict changes at {', or '.join(parts)}.[/]")
 
 
-def _print_exact(console: Console, exact: dict[str, Any]) -> None:
-    if exact["smooth"] is None:
-        console.print(f"[yellow]Integrated exactly: {exact['reason']}[/]")
-        return
-    word = "[green]smooth[/]" if exact["smooth"] else "[red]stick slip[/]"
-    if exact["reason"]:
-        word += f" ({exact['reason']})"
-    details = [
-        f"{label} {exact[key]:.4g}{unit}"
-        for label, key, unit in (
-            ("critical damping ratio", "critical_damping_ratio", ""),
-            ("lowest smooth velocity", "lowest_smooth_velocity", " rad/s"),
-            ("least smooth stiffness", "least_smooth_stiffness", " N·m/rad"),
-        )
-        if exact[key] is not None
+def _judged(joint: Joint, gains: Gains) -> str:
+    """What the verdict is on, in the order of Eqs (1)-(6)."""
+    friction = joint.friction
+    parts = [
+        f"M {float(joint.inertia):.4g} kg·m²",
+        f"k_p {float(gains.stiffness):.4g} N·m/rad",
+        f"k_v {float(gains.damping):.4g} N·m·s/rad",
+        *([f"k_i {float(gains.integral):.4g} N·m/(rad·s)"] if gains.integral else []),
+        f"Stribeck friction {float(friction.stribeck):.4g} N·m at {float(friction.stribeck_velocity):.4g} rad/s",
+        f"lag {float(friction.lag):.4g} s",
+        f"rise time {float(friction.rise_time):.4g} s",
+        f"viscous {float(friction.viscous):.4g} N·m·s/rad",
+        *([] if friction.of_the_paper else [f"law {friction.law}"]),
     ]
-    console.print("; ".join([f"Integrated exactly: {word}", *details]) + ".")
+    return f"Judged: {', '.join(parts)}."
+
+
+def _side_by_side(result: dict[str, Any]) -> Table:
+    exact = result["exact"]
+    table = Table(box=None, padding=(0, 2))
+    table.add_column("")
+    for heading in ("integrated", "Eq. (43)"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("", style="dim")
+    paper = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: "-"}[result["smooth"]]
+    outcome = "-" if exact["outcome"] is None else OUTCOME_WORDS[exact["outcome"]]
+    table.add_row("the joint", outcome, paper, "sticks, swings about its speed, or moves steadily")
+
+    def number(value: float | None, unit: str = "") -> str:
+        return "-" if value is None else f"{value:.4g}{unit}"
+
+    rows = (
+        ("damping ratio ρ", number(result["damping_ratio"]), "", "controller and viscous friction together"),
+        (
+            "ρ_c", number(exact["critical_damping_ratio"]), number(result["critical_damping_ratio"]),
+            "from which on stick slip dies out",
+        ),
+        ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "from which on it moves steadily from every start"),
+        (
+            "lowest smooth speed", number(exact["lowest_smooth_velocity"], " rad/s"),
+            number(result["lowest_smooth_velocity"], " rad/s"), "no stick slip at this and every higher speed",
+        ),
+        (
+            "least smooth stiffness", number(exact["least_smooth_stiffness"], " N·m/rad"), "-",
+            "no stick slip, with this damping",
+        ),
+        ("energy margin", "-", number(result["energy_margin"], " M·x˙_s²"), "of Eq. (43): positive is smooth"),
+        ("reduction factor", "-", number(result["reduction_factor"]), "h of Eq. (32)"),
+        ("steady Stribeck friction", "-", number(result["steady_stribeck"], " N·m"), "F_s,ss of Eq. (39)"),
+    )  # fmt: skip
+    for row in rows:
+        table.add_row(*row)
+    return table

@@ -23,8 +23,10 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, Obse
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
 from stickslip_ros.output.as_json import margin_json, recommendation_json
+from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
 
+_LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
 _WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
 
 
@@ -36,14 +38,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     wanted.add_argument(
         "--condition",
         choices=[one.value for one in Criterion],
-        default="paper",
-        help="Eq. (43), or the exact one, which it is for another friction law than the paper's",
+        default=defaults.condition.value,
+        help="by integration (exact, the default), or Eq. (43) (paper), which is of the paper's friction law alone",
     )
     wanted.add_argument(
         "--wanted-margin", type=float, metavar="R", default=defaults.wanted_margin,
         help="damping in excess of the critical one (default %(default)s)",
     )  # fmt: skip
-    wanted.add_argument("--steady-sliding", action="store_true", help="and no swinging about the speed either")
+    wanted.add_argument(
+        "--steady-sliding", action=argparse.BooleanOptionalAction, default=defaults.steady_sliding,
+        help="no swinging about the speed either (the default)",
+    )  # fmt: skip
     wanted.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
     bounds = parser.add_argument_group("bounds")
     for name, unit, (least, largest) in (
@@ -166,18 +171,21 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
     console.print(f"By {name}{speed}: [{colour}]{first.reason}[/].")
     if first.found and not advice.keep:
         table = Table(box=None, padding=(0, 1))
-        for heading in ("", "stiffness", "×", "damping", "× total", "reserve", "integrated"):
-            table.add_column(heading, justify="left" if heading in ("", "integrated") else "right", no_wrap=True)
+        for heading in ("", "stiffness", "×", "damping", "× total", "reserve", "integrated, it"):
+            table.add_column(heading, justify="left" if heading in ("", "integrated, it") else "right", no_wrap=True)
         table.add_row("[dim]present", *_gains_row(joint, gains, gains, advice), "", "")
         for variant in advice.variants:
-            table.add_row(*_variant_row(variant, joint, gains, advice))
+            table.add_row(variant.kind.value.replace("_", " "), *_variant_row(variant, joint, gains, advice))
+        if advice.beside is not None:
+            name = "by Eq. (43)" if advice.condition is Criterion.EXACT else "integrated"
+            table.add_row(f"[dim]{name}", *_variant_row(advice.beside, joint, gains, advice))
         console.print(table)
         units = "Stiffness in N·m/rad, damping in N·m·s/rad; " if advice.gains_known else ""
         console.print(f"[dim]{units}× total: of controller's and joint's damping.[/]")
-    if first.slides_steadily is False and not advice.keep:
+    if first.slides_steadily is False:
         console.print(
-            "[yellow]After a long rest the joint may go on swinging about its speed without sticking; "
-            "--steady-sliding asks for the damping that ends that.[/]"
+            "[yellow]The joint may go on swinging about its speed without sticking; "
+            "--steady-sliding asks for what ends that.[/]"
         )
     if first.found and 0 < advice.slowest_smooth_velocity < math.inf:
         console.print(f"With these gains the joint is smooth from {advice.slowest_smooth_velocity:.3g} rad/s on.")
@@ -208,12 +216,11 @@ def _gains_row(joint: Joint, gains: Gains, present: Gains, advice: Recommendatio
 
 
 def _variant_row(variant: Variant, joint: Joint, present: Gains, advice: Recommendation) -> list[str]:
-    name = variant.kind.value.replace("_", " ")
     if not variant.found:
-        return [name, "[yellow]none[/]", "", "", "", "", ""]
-    reserve = "∞" if math.isinf(variant.reserve) else f"{100 * variant.reserve:.0f} %"
-    verdict = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: ""}[variant.exactly_smooth]
-    return [name, *_gains_row(joint, variant.gains, present, advice), reserve, verdict]
+        return ["[yellow]none[/]", "", "", "", "", ""]
+    reserve = f"{100 * variant.reserve:.0f} %" if variant.reserve < _LARGEST_RESERVE else "∞"
+    verdict = "" if variant.outcome is None else OUTCOME_WORDS[variant.outcome.value]
+    return [*_gains_row(joint, variant.gains, present, advice), reserve, verdict]
 
 
 def _print_what_if(result: dict[str, Any]) -> None:
@@ -232,5 +239,6 @@ def _print_what_if(result: dict[str, Any]) -> None:
         table.add_row(label, *("none" if one[key] is None else f"{one[key]:.4g}" for one in (now, then)))
     words = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: "no answer"}
     table.add_row("Eq. (43)", words[now["smooth"]], words[then["smooth"]])
-    table.add_row("integrated", words[now["exact"]["smooth"]], words[then["exact"]["smooth"]])
+    outcomes = [one["exact"]["outcome"] for one in (now, then)]
+    table.add_row("integrated, it", *("no answer" if one is None else OUTCOME_WORDS[one] for one in outcomes))
     console.print(table)

@@ -50,6 +50,7 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
         **told.ADVICE.for_json(advice),
         **told.ADVICE_REACHES.for_json(advice),
         "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
+        "by_the_other_condition": None if advice.beside is None else _variant_json(advice.beside),
         "obstruction": None
         if obstruction is None
         else {

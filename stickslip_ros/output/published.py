@@ -271,6 +271,7 @@ ADVISED_ANSWERS = Section(
     (
         _row(value=lambda variant: variant.exactly_smooth, diagnostics="exact smooth", json="exactly_smooth"),
         _row(value=lambda variant: variant.slides_steadily, diagnostics="slides steadily", json="slides_steadily"),
+        _row(value=lambda variant: variant.outcome, diagnostics="outcome", json="outcome"),
     ),
 )
 ADVISED_FACTORS = Section(
@@ -291,8 +292,11 @@ TRIAL_MARGIN = _on_trial(
 )
 TRIAL_EXACT = Section(
     lambda known: known.trial,
-    (_row(value=lambda exact: exact.smooth, diagnostics="trial exact smooth", margins=_field(24, "trial_exact_smooth")),
-     ),
+    (
+        _row(value=lambda exact: exact.smooth, diagnostics="trial exact smooth",
+             margins=_field(24, "trial_exact_smooth")),
+        _row(value=lambda exact: exact.outcome, diagnostics="trial exact outcome"),
+    ),
 )  # fmt: skip
 CYCLES = Section(
     lambda known: known.assessment.cycles,

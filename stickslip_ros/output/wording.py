@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from stickslip_ros.model.controlled import HUNTING
+from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.detection.status import (
     Finding,
     Hunting,
@@ -22,6 +23,14 @@ from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 
 _MINUTE = 60.0  # [s]
+
+
+# For a terminal; the colours are rich's.
+OUTCOME_WORDS = {
+    Outcome.STEADY.value: "[green]moves steadily[/]",
+    Outcome.SWINGS.value: "[yellow]swings[/]",
+    Outcome.STICKS.value: "[red]sticks[/]",
+}
 
 
 def friction_change_text(change: FrictionChange | None) -> str:

@@ -36,6 +36,7 @@ _MORE_DAMPING = 1.06  # asked for besides, where the integration refutes what a 
 _MOST_DAMPING = 10.0
 _TRIES, _PATIENT_TRIES, _A_LITTLE = 12, 2, 2e-3
 _MOST_TRIED = 1500
+_AROUND = (0.97, 1.0, 1.1, 1.25)  # times the total damping
 _SLACK = 1.02  # by so much more damping than the least that will do
 _TOLERANCE = 1e-4
 
@@ -111,6 +112,8 @@ class Recommendation:
     obstruction : what is in the way where no gains are found, and the best within reach.
     slowest_smooth_velocity : from which on the joint is smooth with the advised gains, or with the best within
         reach [rad/s]; NaN if unknown.
+    beside : the least change by the other condition, Eq. (43) with nothing said of swinging, or the exact one; None
+        where the other one has no answer.
     """
 
     variants: tuple[Variant, ...]
@@ -121,6 +124,7 @@ class Recommendation:
     keep: bool = False
     obstruction: Obstruction | None = None
     slowest_smooth_velocity: float = math.nan
+    beside: Variant | None = None
 
     def __getitem__(self, kind: Kind) -> Variant:
         return self.variants[list(Kind).index(kind)]
@@ -166,8 +170,14 @@ def recommend(
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
         return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
-    case = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known)
-    return case.recommendation()
+    answer = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known).recommendation()
+    if answer.keep or not joint.friction.of_the_paper or gains.integral != 0 or loop.conditions.controller_period > 0:
+        return answer
+    other = replace(limits, condition=Criterion.EXACT)
+    if exact:
+        other = replace(limits, condition=Criterion.PAPER, steady_sliding=False)
+    beside = _Case(joint, gains, slowest, other, loop, uncertainty, gains_known=gains_known).least_change()
+    return replace(answer, beside=beside)
 
 
 class _Case:
@@ -198,13 +208,22 @@ class _Case:
             SteadySliding(joint, self._requirement.speeds, laws, limits.confidence) if limits.steady_sliding else None
         )
 
-    def recommendation(self) -> Recommendation:
-        joint = self._joint
+    def _search(self) -> AdviceSearch:
         conditions: list[Condition] = [
-            Interpolated(self._requirement, joint) if self._exact else self._requirement,
+            Interpolated(self._requirement, self._joint, self._steady) if self._exact else self._requirement,
             *([self._steady] if self._steady is not None else []),
         ]
-        search = AdviceSearch(joint, self._gains, self._limits, self._loop, conditions, learnt=self._learnt)
+        return AdviceSearch(self._joint, self._gains, self._limits, self._loop, conditions, learnt=self._learnt)
+
+    def least_change(self) -> Variant | None:
+        """The first variant alone, by Eq. (43) whatever the integration says of it; None if there are no such gains."""
+        search = self._search()
+        gains = self._found(Kind.LEAST_CHANGE, search) if self._exact else search.least_change()
+        return None if gains is None else self._variant(Kind.LEAST_CHANGE, gains, "")
+
+    def recommendation(self) -> Recommendation:
+        """All variants, or what is in the way."""
+        search = self._search()
         answer = Recommendation(
             variants=(),
             velocity=self._slowest,
@@ -259,7 +278,8 @@ class _Case:
                 return gains if too_little == 0.0 else self._least_enough(way, search, too_little, more, gains)
             if number == 0 and not self._exact and self._steady is None:
                 exact = replace(self._limits, condition=Criterion.EXACT, wanted_margin=0.0)
-                search = search.with_requirement(Requirement(self._joint, self._slowest, exact))
+                requirement = Requirement(self._joint, self._slowest, exact)
+                search = search.with_requirement(Interpolated(requirement, self._joint))
             else:
                 # Draws ask for less where there is more damping, so that what is missing shrinks slowly.
                 too_little = more
@@ -311,9 +331,13 @@ class _Case:
         gains = replace(gains, integral=0.0)
         if self._exact and not self._reaches(self._requirement, gains):
             return False
-        groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
         if self._steady is not None:
+            # Steady with a little less damping, and with more: beside gains at which it happens to be.
+            viscous = float(self._joint.friction.viscous)
+            around = (float(gains.damping) + viscous) * np.array(_AROUND)[:, None] - viscous
+            groups = dimensionless_groups(self._joint, replace(gains, damping=around), self._requirement.speeds)
             return bool(np.all(is_steady(groups)))
+        groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
         # Where there is no answer there is nothing that would refute the margin.
         return not np.any(np.asarray(cycle_persists(groups)) == 1.0)
 

@@ -27,6 +27,8 @@ _SPEEDS, _EXACT_SPEEDS = 16, 8
 _FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
 _STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
 _NODES_APART, _NODES_ERROR = 0.25, 5e-3  # of the logarithms of stiffness and of damping
+_SEARCH_TOLERANCE = 5e-3
+_FINER, _CLOSEST = 0.2, 0.1
 _ROUGH = 1.0  # difference of the logarithms of damping between nodes, from which on nothing is interpolated
 _LARGEST_LAG = 2.0 * math.pi  # of τ*
 
@@ -54,13 +56,16 @@ class Requirement:
         self._factor = self._wanted * (1.0 + (_EXACT_TOLERANCE if self.exact else _ROUNDING))
         self.speeds = speeds_needed(joint, velocity, limits)
 
-    def damping(self, stiffness: FloatArray) -> FloatArray:
-        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,); infinite where no damping will do."""
+    def damping(self, stiffness: FloatArray, tolerance: float = 0.5 * _EXACT_TOLERANCE) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,); infinite where no damping will do.
+
+        ``tolerance`` : relative, of what is bisected.
+        """
         stiffnesses = stiffness[:, None, None] * self._ratios[None, :, None]
         draws = _with_axis(self._joint)
         with np.errstate(all="ignore"):
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses), self.speeds)
-            critical = self._critical(groups)
+            critical = self._critical(groups, tolerance)
             ratio = np.maximum(self._factor * critical, _LEAST_RATIO)
             needed = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         needed = np.where(np.isnan(needed), math.inf, needed)
@@ -84,51 +89,15 @@ class Requirement:
             dies = np.all(persists == 0.0, axis=2)
         return np.asarray(np.mean(dies, axis=1) >= self._share)
 
-    def _critical(self, groups: DimensionlessGroups) -> FloatArray:
+    def _critical(self, groups: DimensionlessGroups, tolerance: float) -> FloatArray:
         if not self.exact:
             critical = np.asarray(critical_damping_ratio(groups), dtype=float)
             return np.where(np.asarray(groups.lag) <= _LARGEST_LAG, critical, math.nan)
         return _where_lag_is_short(
             groups,
-            lambda few: np.asarray(exact_critical_damping_ratio(few, tolerance=0.5 * _EXACT_TOLERANCE), dtype=float),
+            lambda few: np.asarray(exact_critical_damping_ratio(few, tolerance=tolerance), dtype=float),
             math.nan,
         )
-
-
-class Interpolated:
-    """An exact requirement at a few stiffnesses, and between them by the logarithms: for searches, not for verdicts.
-
-    Parameters
-    ----------
-    requirement : exact, of ``joint``; where it needs no damping at all, or none will do, it is asked itself.
-    """
-
-    exact = True
-
-    def __init__(self, requirement: Requirement, joint: Joint) -> None:
-        self._requirement, self._viscous = requirement, float(joint.friction.viscous)
-        self._known: dict[int, float] = {}
-
-    def damping(self, stiffness: FloatArray) -> FloatArray:
-        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), to about a per cent."""
-        places = np.log(stiffness) / _NODES_APART
-        below = np.floor(places).astype(int)
-        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._known]
-        if missing:
-            needed = self._requirement.damping(np.exp(_NODES_APART * np.array(missing, dtype=float)))
-            self._known.update(zip(missing, np.log(needed + self._viscous).tolist(), strict=True))
-        low, high = (np.array([self._known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
-        share = places - below
-        found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - self._viscous
-        with np.errstate(invalid="ignore"):
-            rough = ~(np.abs(high - low) < _ROUGH)
-        if rough.any():
-            found[rough] = self._requirement.damping(stiffness[rough])
-        return np.asarray(found)
-
-    def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
-        """Whether gains of shape (n,) have it, without any interpolation."""
-        return self._requirement.reached(stiffness, damping)
 
 
 class SteadySliding:
@@ -173,6 +142,80 @@ class SteadySliding:
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains of shape (n,) have it."""
         return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
+
+
+class Interpolated:
+    """An exact requirement for searches: asked at a few stiffnesses, interpolated by the logarithms, and remembered.
+
+    Parameters
+    ----------
+    requirement : exact, of ``joint``.
+    floor : what is required besides: where its damping is enough for the requirement too, no more is asked.
+    apart : logarithms of the stiffnesses asked. Where there is a jump between two, they are taken closer together.
+    """
+
+    exact = True
+
+    def __init__(
+        self, requirement: Requirement, joint: Joint, floor: SteadySliding | None = None, apart: float = _NODES_APART
+    ) -> None:
+        self._requirement, self._floor, self._viscous = requirement, floor, float(joint.friction.viscous)
+        self._apart = apart
+        self._finer = Interpolated(requirement, joint, floor, apart * _FINER) if apart > _CLOSEST else None
+        self._known: dict[int, float] = {}
+        # Between two nodes, total damping that is too little, and that is enough.
+        self._too_little: dict[int, float] = {}
+        self._enough: dict[int, float] = {}
+
+    def damping(self, stiffness: FloatArray) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), to about a per cent."""
+        places = np.log(stiffness) / self._apart
+        below = np.floor(places).astype(int)
+        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._known]
+        if missing:
+            needed = self._exactly(np.exp(self._apart * np.array(missing, dtype=float)))
+            self._known.update(zip(missing, (needed + self._viscous).tolist(), strict=True))
+        share = places - below
+        with np.errstate(all="ignore"):
+            low, high = (np.log([self._known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
+            found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - self._viscous
+            rough = ~(np.abs(high - low) < _ROUGH)
+        # Where both need more than there is, or nothing, so does what lies between.
+        alike = low == high
+        found[alike] = np.exp(low[alike]) - self._viscous
+        rough &= ~alike
+        if rough.any():
+            highest = np.exp(np.maximum(low, high)[rough]) - self._viscous
+            found[rough] = highest if self._finer is None else self._finer.damping(stiffness[rough])
+        return np.asarray(found)
+
+    def _exactly(self, stiffness: FloatArray) -> FloatArray:
+        if self._floor is None:
+            return self._requirement.damping(stiffness, _SEARCH_TOLERANCE)
+        needed = self._floor.damping(stiffness)
+        more = ~self._requirement.reached(stiffness, needed)
+        if more.any():
+            needed[more] = self._requirement.damping(stiffness[more], _SEARCH_TOLERANCE)
+        return needed
+
+    def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
+        """Whether gains of shape (n,) have it, by what is known of the stiffnesses around; asked where nothing is."""
+        total = damping + self._viscous
+        below = np.floor(np.log(stiffness) / self._apart).astype(int)
+        found = np.zeros(stiffness.shape, dtype=np.bool_)
+        for index, node in enumerate(below.tolist()):
+            here = slice(index, index + 1)
+            if node in self._known and node + 1 in self._known:
+                found[here] = damping[here] >= self.damping(stiffness[here]) * (1.0 - _ROUNDING)
+            elif total[index] >= self._enough.get(node, math.inf):
+                found[index] = True
+            elif total[index] > self._too_little.get(node, -math.inf):
+                found[here] = self._requirement.reached(stiffness[here], damping[here])
+                if found[index]:
+                    self._enough[node] = float(total[index])
+                else:
+                    self._too_little[node] = float(total[index])
+        return found
 
 
 def _where_lag_is_short(

@@ -90,7 +90,7 @@ class AdviceSearch:
         self._domain = self._allowed_domain()
         self._bisections = _EXACT_BISECTIONS if self._exact else _BISECTIONS
 
-    def with_requirement(self, requirement: Requirement) -> AdviceSearch:
+    def with_requirement(self, requirement: Condition) -> AdviceSearch:
         """The same search with one requirement more."""
         return self._again([*self._requirements, requirement], self._more)
 
