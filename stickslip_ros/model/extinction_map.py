@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Where in the plane of speed and stiffness a joint sticks: the paper's boundary and the exact one."""
+"""Where in the plane of speed and stiffness a joint sticks, swings or moves steadily, exactly and by the paper."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from stickslip_ros.model.dimensionless import dimensionless_groups, stiffness_of
 from stickslip_ros.model.exact import Progress, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 
 _VELOCITIES = (0.05, 5.0)  # of the Stribeck velocity
 _STIFFNESSES = (0.01, 1.0)  # of M (F_s∞/(M x˙_s))², where F*_s∞ is 10 and 1
@@ -32,6 +33,8 @@ class ExtinctionMap:
     paper_damping, exact_damping : total damping k_v + F_v [N·m·s/rad] at which stick slip ends, by Eq. (43) and by
         integration (to 1 %), shape (m, n); 0 where it ends undamped, NaN where there is no answer, as Eq. (43) has none
         of another friction law than the paper's.
+    steady_damping : from which on small disturbances of steady sliding decay, and stick slip has ended; of that shape.
+        In one of a hundred cases a large swing goes on beyond it: :mod:`stickslip_ros.model.outcome` knows.
     viscous : F_v of the joint [N·m·s/rad].
     """
 
@@ -39,6 +42,7 @@ class ExtinctionMap:
     stiffness: NDArray[np.float64]
     paper_damping: NDArray[np.float64]
     exact_damping: NDArray[np.float64]
+    steady_damping: NDArray[np.float64]
     viscous: float
 
     @property
@@ -96,5 +100,6 @@ def extinction_map(
         stiffness=stiffness,
         paper_damping=unit * np.asarray(critical_damping_ratio(groups)),
         exact_damping=unit * np.asarray(exact),
+        steady_damping=unit * np.maximum(np.asarray(exact), np.asarray(sliding_damping_ratio(groups))),
         viscous=float(joint.friction.viscous),
     )

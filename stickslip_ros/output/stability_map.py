@@ -13,7 +13,7 @@ from stickslip_ros.model.exact import Progress
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map, map_axes
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.output.plotting import BLUE, GREEN, RED, Curve, Figure, Panel, Region, boundary, png
+from stickslip_ros.output.plotting import BLUE, GREEN, ORANGE, RED, Curve, Figure, Panel, Region, boundary, png
 
 _FEW_POINTS = 600  # a second's work
 _SAME_DAMPING = 1e-3  # of the total; below it the advised boundary would lie on the other one
@@ -74,22 +74,26 @@ def map_of(subject: MapSubject, points: int, *, workers: int = 1, progress: Prog
 
 
 def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "stability_map") -> Figure:
-    """The map at the gains' damping, with both boundaries, the operating point, and where the advice would put it."""
+    """The map at the gains' damping: three regions, the operating point, and where the advice would put it."""
     total = float(subject.gains.damping) + float(subject.joint.friction.viscous)
     x, y = 1e3 * computed.velocity, computed.stiffness
     stiffness_unit, damping_unit = ("1/s²", "1/s") if subject.per_inertia else ("N·m/rad", "N·m·s/rad")
     exact_inside = computed.exact_damping - total
-    curves = [boundary("exact boundary", x, y, exact_inside, GREEN, "--")]
+    steady_inside = computed.steady_damping - total
+    curves = [
+        boundary("stick slip ends (integrated)", x, y, exact_inside, RED, "-"),
+        boundary("moves steadily from here on", x, y, steady_inside, GREEN, "-"),
+    ]
     said = f"(4)-(6) integrated at {computed.exact_damping.size} points; "
     if subject.joint.friction.of_the_paper:
-        curves.insert(0, boundary("boundary of Eq. (43)", x, y, computed.paper_damping - total, BLUE, "-"))
+        curves.append(boundary("stick slip ends by Eq. (43)", x, y, computed.paper_damping - total, BLUE, ":"))
         share = 100 * computed.conservative
         said += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."
     else:
         said += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law}."
     if subject.advised_damping is not None:
-        inside = computed.exact_damping - subject.advised_damping
-        curves.append(boundary("exact, with the advised damping", x, y, inside, GREEN, ":"))
+        inside = computed.steady_damping - subject.advised_damping
+        curves.append(boundary("steadily, with the advised damping", x, y, inside, GREEN, "--"))
     note = "There is no operating point: it needs a speed and a stiffness."
     if subject.on_the_map:
         speed = 1e3 * abs(subject.velocity)
@@ -110,15 +114,18 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         x_label="commanded velocity [mrad/s]",
         y_label=f"stiffness $k_p$ [{stiffness_unit}{', per inertia' if subject.per_inertia else ''}]",
         curves=tuple(curves),
-        regions=(Region(x=x, y=y, inside=exact_inside, colour=RED),),
+        regions=(
+            Region(x=x, y=y, inside=steady_inside, colour=ORANGE),
+            Region(x=x, y=y, inside=exact_inside, colour=RED),
+        ),
         logarithmic=True,
         legend="below",
-        words=((0.03, 0.04, "shaded: stick slip"),),
+        words=((0.03, 0.04, "red: sticks, orange: swings, white: moves steadily"),),
         right=None if subject.per_inertia else ("$k_p/M$ [1/s²]", 1.0 / float(subject.joint.inertia)),
     )
     return Figure(
         name=name,
-        title=f"Where {subject.name} sticks and slips at $k_v$ = {float(subject.gains.damping):.3g} {damping_unit}",
+        title=f"Where {subject.name} sticks, swings and moves steadily at $k_v$ = {float(subject.gains.damping):.3g} {damping_unit}",
         note=f"{said}\n{note}",
         panels=(panel,),
     )

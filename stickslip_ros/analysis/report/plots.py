@@ -280,9 +280,17 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
         ticks = _round_numbers(float(values[0]), float(values[-1]))
         axis.ticker = FixedTicker(ticks=ticks)
         axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
+    sticks, swings = found.exact_damping - total, found.steady_damping - total
+    for field, colour in ((swings, ORANGE), (sticks, RED)):
+        if np.nanmax(field, initial=0.0) > 0:
+            plot.contour(
+                x=velocities, y=stiffnesses, z=np.nan_to_num(field), levels=[0.0, 2.0 * float(np.nanmax(field))],
+                fill_color=[colour], fill_alpha=0.12, line_color=None,
+            )  # fmt: skip
     for name, field, colour, dash in (
-        ("boundary of Eq. (43)", found.paper_damping - total, BLUE, "solid"),
-        ("exact boundary", found.exact_damping - total, GREEN, "dashed"),
+        ("stick slip ends", sticks, RED, "solid"),
+        ("moves steadily from here on", swings, GREEN, "solid"),
+        ("stick slip ends by Eq. (43)", found.paper_damping - total, BLUE, "dotted"),
     ):
         lines = _boundary(velocities, stiffnesses, field)
         if lines:
@@ -295,12 +303,12 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     if subject.advised is not None:
         target = float(subject.advised.stiffness)
         if subject.advised_damping is not None:
-            lines = _boundary(velocities, stiffnesses, found.exact_damping - subject.advised_damping)
+            lines = _boundary(velocities, stiffnesses, found.steady_damping - subject.advised_damping)
             if lines:
                 xs, ys = zip(*lines, strict=True)
                 plot.multi_line(
                     [_small(x) for x in xs], [_small(y) for y in ys],
-                    color=GREEN, line_dash="dotted", line_width=2, legend_label="exact, as advised",
+                    color=GREEN, line_dash="dashed", line_width=2, legend_label="steadily, with the advised damping",
                 )  # fmt: skip
         plot.scatter([speed], [target], size=12, color=GREEN, marker="star", legend_label="advised")
         words.append(f"the star is where the advice puts it, at {target:.4g}")
@@ -309,8 +317,9 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     return Plot(
         plot,
         "Where it sticks",
-        f"Beneath the lines the joint sticks and slips at its present damping; the dot is the joint now, at "
-        f"{speed:.3g} rad/s and {stiffness:.4g}{'; ' + words[0] if words else ''}.",
+        f"At its present damping the joint sticks in the red part, swings about its speed in the orange one, and moves "
+        f"steadily in the white one. The dot is the joint now, at {speed:.3g} rad/s and {stiffness:.4g}"
+        f"{'; ' + words[0] + ', with the damping of the dashed line' if words else ''}.",
     )
 
 
