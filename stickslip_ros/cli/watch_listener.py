@@ -117,8 +117,9 @@ class WatchListener:
         silent = time.monotonic() - heard.at
         gone = silent > _STALE_AFTER
         # A joint whose friction has no time to rise needs no damping: its reserve is boundless.
-        ratios = (heard.number("damping_ratio [1]"), heard.number("critical_damping_ratio [1]"))
-        reserve = float(damping_reserve(*ratios))
+        exactly = heard.number("exact critical_damping_ratio [1]")
+        critical = heard.number("critical_damping_ratio [1]") if math.isnan(exactly) else exactly
+        reserve = float(damping_reserve(heard.number("damping_ratio [1]"), critical))
         known = heard.values.get("margin applicable") == "true"
         return JointView(
             name=name,
@@ -126,6 +127,7 @@ class WatchListener:
             status="no monitor" if gone else heard.values.get("status", "no data"),
             message=_silence(silent) if gone else heard.message,
             velocity=heard.number("velocity [rad/s]"),
+            outcome="" if gone else heard.values.get("exact outcome", ""),
             reserve=reserve if known else math.nan,
             cycles=int(heard.values.get("cycles [1]", "0")),
             slip=heard.number("last slip_distance [rad]"),

@@ -18,11 +18,12 @@ from stickslip_ros.output.diagnosis import Level
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _LEAST_WIDTH, _MOST_WIDTH = 12, 60  # of a sparkline
-_OTHER_COLUMNS, _LONGEST_NAME = 48, 28
+_OTHER_COLUMNS, _LONGEST_NAME = 57, 28
 _STYLES = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "bold red", Level.STALE: "dim"}
 _MARKS = {Level.OK: "●", Level.WARN: "▲", Level.ERROR: "■", Level.STALE: "○"}
 _WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
 _FRAME = 7  # lines of the view that are no joint's
+_OUTCOMES = {"steady": "green", "swings": "yellow", "sticks": "red"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,8 @@ class JointView:
     Attributes
     ----------
     message : a summary for a person. velocity : commanded [rad/s]. slip : the last one's distance [rad].
-    reserve : relative damping reserve ρ/ρ_c − 1 by Eq. (43) [1]; NaN if unknown.
+    outcome : what becomes of it by integration: sticks, swings or steady; "" if unknown.
+    reserve : relative damping reserve ρ/ρ_c − 1 [1], by integration if that is known, else by Eq. (43); NaN if unknown.
     history : times [s] and positions [rad] of late, of shape (n, 2).
     """
 
@@ -41,6 +43,7 @@ class JointView:
     status: str
     message: str
     velocity: float
+    outcome: str
     reserve: float
     cycles: int
     slip: float
@@ -84,6 +87,7 @@ def view(
     table.add_column("status", no_wrap=True)
     table.add_column(f"speed,\nlast {duration:g} s", no_wrap=True, min_width=line)
     table.add_column("told\n\\[rad/s]", justify="right", no_wrap=True)
+    table.add_column("by\nphysics", no_wrap=True)
     table.add_column("reserve\n\\[%]", justify="right", no_wrap=True)
     table.add_column("cycles\n\\[1]", justify="right", no_wrap=True)
     table.add_column("slip\n\\[rad]", justify="right", no_wrap=True)
@@ -95,6 +99,7 @@ def view(
             Text(f"{_MARKS[joint.level]} {joint.status}", style=style),
             Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
             _number(joint.velocity),
+            Text(joint.outcome or "-", style=_OUTCOMES.get(joint.outcome, "")),
             _reserve(joint.reserve),
             str(joint.cycles),
             _number(joint.slip),
@@ -119,7 +124,7 @@ def _number(value: float) -> str:
 
 
 def _reserve(value: float) -> Text:
-    """Whether, by Eq. (43), there is more damping than is needed, in per cent."""
+    """Whether there is more damping than ends stick slip, in per cent."""
     if math.isnan(value):
         return Text("-")
     text = f"{100 * value:+.0f}" if value < 10 else "> 1000"

@@ -125,7 +125,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
     )
     return Figure(
         name=name,
-        title=f"Where {subject.name} sticks, swings and moves steadily at $k_v$ = {float(subject.gains.damping):.3g} {damping_unit}",
+        title=f"What {subject.name} does at $k_v$ = {float(subject.gains.damping):.3g} {damping_unit}",
         note=f"{said}\n{note}",
         panels=(panel,),
     )

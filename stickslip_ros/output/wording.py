@@ -25,12 +25,10 @@ from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 _MINUTE = 60.0  # [s]
 
 
-# For a terminal; the colours are rich's.
-OUTCOME_WORDS = {
-    Outcome.STEADY.value: "[green]moves steadily[/]",
-    Outcome.SWINGS.value: "[yellow]swings[/]",
-    Outcome.STICKS.value: "[red]sticks[/]",
-}
+OUTCOME_TEXTS = {Outcome.STEADY: "moves steadily", Outcome.SWINGS: "swings", Outcome.STICKS: "sticks"}
+_COLOURS = {Outcome.STEADY: "green", Outcome.SWINGS: "yellow", Outcome.STICKS: "red"}  # rich's
+# For a terminal, by what JSON calls it.
+OUTCOME_WORDS = {outcome.value: f"[{_COLOURS[outcome]}]{text}[/]" for outcome, text in OUTCOME_TEXTS.items()}
 
 
 def friction_change_text(change: FrictionChange | None) -> str:

@@ -30,7 +30,15 @@ COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch"]
 
 def joint(name: str, level: Level = Level.OK, **more: object) -> JointView:
     history = np.array([[0.0, 0.0], [10.0, 0.1]])
-    plain = {"status": "smooth", "message": "", "velocity": 0.01, "reserve": 0.5, "cycles": 0, "slip": math.nan}
+    plain = {
+        "status": "smooth",
+        "message": "",
+        "velocity": 0.01,
+        "outcome": "steady",
+        "reserve": 0.5,
+        "cycles": 0,
+        "slip": math.nan,
+    }
     return JointView(**{"name": name, "level": level, "history": history, **plain, **more})
 
 

@@ -15,6 +15,8 @@ import stickslip_ros
 from stickslip_ros.analysis.words import percent
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
+from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.output.wording import OUTCOME_TEXTS
 
 YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
 
@@ -66,6 +68,7 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) 
         "anchor": _anchor,
         "file_name": _file_name,
         "percent": _percent,
+        "outcome": _outcome,
     }
     environment.tests["finite"] = math.isfinite
     # The marked ones are this package's own, and bokeh's; all else is escaped.
@@ -85,6 +88,10 @@ def _number(value: float | None, form: str = ".3g", unit: str = "") -> str:
 
 def _words(status: str) -> str:
     return status.replace("_", " ")
+
+
+def _outcome(exact: ExactVerdict) -> str:
+    return "–" if exact.outcome is None else OUTCOME_TEXTS[exact.outcome]
 
 
 def _percent(share: float | None) -> str:
