@@ -12,6 +12,7 @@ from enum import IntEnum
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.margin import StabilityMargin
+from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.limits import Criterion
@@ -245,6 +246,8 @@ def _summary(
     if _advised_exactly(assessment):
         if exact.smooth is False:
             return Level.WARN, f"{text}; integrated, the joint would stick"
+        if exact.outcome is Outcome.SWINGS:
+            return Level.OK, f"{text}; integrated, the joint swings about its speed"
     elif margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
         return Level.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
     return Level.OK, text

@@ -315,9 +315,11 @@ class _Case:
 
     def _missing(self, gains: Gains) -> float:
         """The factor by which the total damping falls short of what draws and integration ask for; 1 if it does not."""
-        if self._sure:
+        # Whether draws have enough is asked at a tenth of the work of how much they need.
+        lacking = [requirement for requirement in self._sure if not self._reaches(requirement, gains)]
+        if lacking:
             stiffness = np.array([float(gains.stiffness)])
-            needed = max(float(requirement.damping(stiffness)[0]) for requirement in self._sure)
+            needed = max(float(requirement.damping(stiffness)[0]) for requirement in lacking)
             if not needed <= float(gains.damping) * (1.0 + 1e-9):
                 viscous = float(self._joint.friction.viscous)
                 factor = (needed + viscous) / max(float(gains.damping) + viscous, 1e-300)
