@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """Random joints, and how often the exact verdict is right about them by brute force.
 
-``python test/model/random_points.py`` prints the tables (minutes on one core).
+``python test/model/random_points.py 1000`` prints the tables (minutes on one core); a second number is the seed.
 """
 
 from __future__ import annotations
@@ -14,18 +14,22 @@ from dataclasses import dataclass
 
 import brute_force
 import numpy as np
-from brute_force import FROM_REST, OUTCOMES, STEADY, STICKS, motion, outcomes
+from brute_force import FROM_REST, OUTCOMES, STEADY, STICKS, SWINGS, UNDECIDED, outcomes
 
 from stickslip_ros.model.dimensionless import DimensionlessGroups
-from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
+from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.steady_sliding import sliding_damping_ratio
+from stickslip_ros.model.outcome import Outcome, steady_damping_ratio
+from stickslip_ros.model.outcome import outcomes as verdict_outcomes
 
 LAG_BANDS = (0.0, 1.0, 2.0, 3.1, 4.0, 5.0, 2 * np.pi)
-STARTS = (FROM_REST, 2.0, 3.0, 10.0)
+SLIDING = (1.15, 2.0, 3.0)  # times the commanded speed
 _LONGEST_LAG = 2 * np.pi
 _LISTED = 25
-_LEAST_RATIO = 0.01  # in the place of a critical damping ratio of zero
+_LEAST_RATIO = 0.01  # in the place of a boundary that is less
+_MOST_PERIODS = 20000
+_NUMBERS = {Outcome.STICKS: STICKS, Outcome.SWINGS: SWINGS, Outcome.STEADY: STEADY, None: UNDECIDED}
+_FROM_WORST = (STICKS, UNDECIDED, SWINGS, STEADY)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,14 +104,9 @@ def random_joints(count: int, seed: int) -> RandomJoints:
 
 
 def groups_of(points: np.ndarray) -> DimensionlessGroups:
-    """The kernel's form of rows of brute_force.POINT."""
-    columns = dict(zip(brute_force.POINT, points.T, strict=True))
+    """The kernel's form of rows of brute_force.POINT, or of one."""
+    columns = dict(zip(brute_force.POINT, points.T if points.ndim > 1 else map(float, points), strict=True))
     return DimensionlessGroups(natural_frequency=1.0, **columns)
-
-
-def sliding_ratios(points: np.ndarray) -> np.ndarray:
-    """Damping ratio from which on steady sliding is stable, for each row."""
-    return np.array([sliding_damping_ratio(groups_of(row)) for row in points])
 
 
 def at(points: np.ndarray, damping_ratios) -> np.ndarray:
@@ -123,141 +122,109 @@ def _by_band(lags: np.ndarray) -> list[tuple[str, np.ndarray]]:
     return [*bands, ("all", np.ones(len(lags), dtype=bool))]
 
 
-def _tally(found: np.ndarray) -> str:
-    return "/".join(f"{np.count_nonzero(found == outcome)}" for outcome in range(len(OUTCOMES)))
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What was said of joints, and what is true, both by start: from rest, and the worst of those that slide.
+
+    Attributes
+    ----------
+    points : rows of brute_force.POINT.
+    said, true : outcomes (joints, 2), numbers of brute_force.
+    doubtful : where steps half as long lead brute force to another outcome, (joints, 2).
+    """
+
+    points: np.ndarray
+    said: np.ndarray
+    true: np.ndarray
+    doubtful: np.ndarray
+
+    def errors(self) -> dict[str, np.ndarray]:
+        """Which answers are wrong, by kind; where brute force knows no answer either, none is."""
+        said, true = self.said, np.where(self.doubtful, UNDECIDED, self.true)
+        known = true != UNDECIDED
+        return {
+            "steady, is not": (said == STEADY) & known & (true != STEADY),
+            "smooth, sticks": (said != STICKS) & (said != UNDECIDED) & (true == STICKS),
+            "sticks, does not": (said == STICKS) & known & (true != STICKS),
+            "swings, is steady": (said == SWINGS) & (true == STEADY),
+            "no answer": said == UNDECIDED,
+            "referee unsure": ~known,
+        }
 
 
-def verdict_table(points: np.ndarray, exact: np.ndarray) -> None:
-    """How often the exact verdict is wrong at 0.94 and 1.06 times its own boundary, by band of τ*."""
-    print("verdict of the kernel against brute force from rest, at 0.94 and 1.06 rho_c; s/w/t/u are counts of")
-    print("sticks/swings/steady/undecided. wrong smooth: smooth but sticks; wrong sticks: sticks but does not")
-    print(
-        f"{'tau*':>9} {'n':>5} {'smooth':>7} {'s/w/t/u':>18} {'wrong':>7}   {'sticks':>6} {'s/w/t/u':>18} {'wrong':>7}"
-    )
-    rows = np.concatenate([at(points, np.where(exact > 0, exact, _LEAST_RATIO) * share) for share in (0.94, 1.06)])
-    persists = np.asarray(cycle_persists(groups_of(rows)))
-    found = outcomes(rows)
-    for name, band in _by_band(rows[:, 3]):
-        smooth, sticks = band & (persists == 0.0), band & (persists == 1.0)
-        wrong_smooth = np.mean(found[smooth] == STICKS) if smooth.any() else np.nan
-        wrong_sticks = np.mean(found[sticks] != STICKS) if sticks.any() else np.nan
-        print(
-            f"{name:>9} {band.sum():5d} {smooth.sum():7d} {_tally(found[smooth]):>18} {wrong_smooth:7.2%}   "
-            f"{sticks.sum():6d} {_tally(found[sticks]):>18} {wrong_sticks:7.2%}"
-        )
+def judge(points: np.ndarray) -> Judged:
+    """Ask the verdict and brute force; what they disagree on is simulated for 20000 periods, at two steps."""
+    said = np.array([_said(point) for point in points])
+    true = _truth(points, periods=brute_force.PERIODS, most=brute_force.MOST_PERIODS, sticking=brute_force.MOST_PERIODS)
+    doubtful = np.zeros(true.shape, dtype=bool)
+    odd = np.flatnonzero(np.any(said != true, axis=1))
+    long = {"periods": _MOST_PERIODS, "most": _MOST_PERIODS, "sticking": _MOST_PERIODS}
+    if odd.size:
+        true[odd] = _truth(points[odd], **long)
+        doubtful[odd] = _truth(points[odd], **long, refinement=2.0) != true[odd]
+    return Judged(points=points, said=said, true=true, doubtful=doubtful)
 
 
-def starts_table(points: np.ndarray, ratios: np.ndarray, title: str) -> None:
-    """How often a joint is steady from one start and not from another."""
-    print(f"\n{title}: what becomes of it, by start (0: from rest), and pairs of starts")
-    for share in (0.94, 1.06, 1.2):
-        rows = at(points, share * ratios)
-        found = {factor: outcomes(rows, factor) for factor in STARTS}
-        print(f"  at {share}: " + ", ".join(f"{factor:g}: {_tally(found[factor])}" for factor in STARTS))
-        steady = {factor: found[factor] == STEADY for factor in STARTS}
-        for factor in STARTS[1:]:
-            better = np.count_nonzero(steady[FROM_REST] & ~steady[factor])
-            worse = np.count_nonzero(~steady[FROM_REST] & steady[factor])
-            print(f"    steady from rest, not from {factor:g}: {better}; the reverse: {worse}")
-        rest_2_3 = steady[FROM_REST] & steady[2.0] & steady[3.0]
-        only = np.count_nonzero(rest_2_3 & ~steady[10.0])
-        print(f"    steady from rest, 2 and 3, not from 10: {only} of {len(rows)}")
-        print(f"    steady from 10, not from rest, 2 or 3: {np.count_nonzero(~rest_2_3 & steady[10.0])}", flush=True)
+def _said(point: np.ndarray) -> tuple[int, int]:
+    found = verdict_outcomes(groups_of(point))
+    return _NUMBERS[found.stuck], _NUMBERS[found.sliding]
 
 
-def boundary_table(points: np.ndarray, ratios: np.ndarray) -> None:
-    """How many joints are not steady above the boundary, by band of τ* and start."""
-    print("\nnot steady above the larger of rho_c and the sliding ratio, by start (of them sticking)")
-    print(f"{'tau*':>9} {'n':>5} " + " ".join(f"{f'{share} from {f:g}':>12}" for share in (1.06, 1.2) for f in STARTS))
-    found = [outcomes(at(points, share * ratios), factor) for share in (1.06, 1.2) for factor in STARTS]
-    for name, band in _by_band(points[:, 3]):
-        counts = [f"{np.sum(one[band] != STEADY)} ({np.sum(one[band] == STICKS)})" for one in found]
-        print(f"{name:>9} {band.sum():5d} " + " ".join(f"{count:>12}" for count in counts))
+def _truth(points: np.ndarray, **how) -> np.ndarray:
+    """By brute force: from rest, and the worst of those that slide."""
+    order = np.array([_FROM_WORST.index(outcome) for outcome in range(len(OUTCOMES))])
+    sliding = np.array([order[outcomes(points, factor, **how)] for factor in SLIDING]).min(axis=0)
+    return np.column_stack([outcomes(points, FROM_REST, **how), np.array(_FROM_WORST)[sliding]])
 
 
-def scan_table(points: np.ndarray, ratios: np.ndarray, factor: float) -> None:
-    """How often more damping is worse again: 40 damping ratios from 0.02 to three times the boundary."""
-    patterns, last = [], np.zeros(len(points))
-    for index, (point, ratio) in enumerate(zip(points, ratios, strict=True)):
-        scan = np.geomspace(0.02, max(3.0 * ratio, 0.06), 40)
-        found = outcomes(
-            at(np.repeat(point[np.newaxis], len(scan), axis=0), scan), factor, sticking=brute_force.PERIODS
-        )
-        patterns.append("".join("swt?"[outcome] for outcome in found))
-        last[index] = np.max(scan[found != STEADY], initial=0.0) / ratio
-    worse = np.array(["t" in pattern and pattern.rstrip("t").find("t") >= 0 for pattern in patterns])
-    sticks_again = np.array(["s" in pattern.lstrip("s") for pattern in patterns])
-    print(
-        f"\nscan of rho, 40 values from 0.02 to 3 rho_b (the larger of rho_c and the sliding ratio), start {factor:g}"
-    )
-    print("worse: steady, and not at more damping; again: sticks, does not, sticks at more damping; last: largest rho")
-    print("that is not steady, as a share of rho_b (steps of up to 1.2): median, 95 %, most, share above 1.06")
-    print(f"{'tau*':>9} {'n':>5} {'worse':>6} {'again':>6} {'median':>7} {'95 %':>6} {'most':>6} {'> 1.06':>7}")
-    for name, band in _by_band(points[:, 3]):
-        if band.any():
-            of_band = last[band]
-            print(
-                f"{name:>9} {band.sum():5d} {worse[band].sum():6d} {sticks_again[band].sum():6d} "
-                f"{np.median(of_band):7.2f} {np.quantile(of_band, 0.95):6.2f} {of_band.max():6.2f} "
-                f"{np.mean(of_band > 1.06):7.1%}"
-            )
-    odd = np.flatnonzero(worse | sticks_again)
-    for index in odd[:_LISTED]:
-        numbers = " ".join(f"{number:.3g}" for number in points[index, 1:])
-        print(f"    {patterns[index]}  F*, velocity, lag, rise time: {numbers}; rho_b {ratios[index]:.3g}")
+def judge_table(judged: Judged, title: str) -> None:
+    """How many answers are wrong, by band of τ*."""
+    errors = judged.errors()
+    print(f"\n{title}")
+    print(f"{'tau*':>9} {'answers':>8} " + " ".join(f"{name:>17}" for name in errors))
+    for name, band in _by_band(judged.points[:, 3]):
+        counts = " ".join(f"{np.count_nonzero(wrong[band]):17d}" for wrong in errors.values())
+        print(f"{name:>9} {judged.said[band].size:8d} {counts}")
+    called = [np.count_nonzero(judged.said == outcome) for outcome in range(len(OUTCOMES))]
+    print("said: " + ", ".join(f"{name} {count}" for name, count in zip(OUTCOMES, called, strict=True)), flush=True)
 
 
-def settled_table(points: np.ndarray, ratios: np.ndarray, share: float) -> None:
-    """After how many periods the outcome is that of 4800."""
-    counts = [40, 80, 160, 300, 600, 1200, 2400]
-    agree = {factor: np.zeros(len(counts)) for factor in (FROM_REST, 3.0)}
-    last = {factor: [] for factor in agree}
-    for factor in agree:
-        for row in at(points, share * ratios):
-            found = motion(row, factor, periods=4800)
-            final = found.outcome()
-            agree[factor] += [found.outcome(count) == final for count in counts]
-            if final != STICKS:
-                last[factor].append(0.0 if np.isnan(found.last_arrest) else found.last_arrest)
-    print(f"\nat {share}: share of joints whose class after so many periods is that after 4800")
-    for factor, numbers in agree.items():
-        print(
-            f"  start {factor:g}: "
-            + ", ".join(f"{n}: {x / len(points):.1%}" for n, x in zip(counts, numbers, strict=True))
-        )
-        if last[factor]:
-            print(
-                f"    last arrest of those that do not stick, 50/95/99/100 %: "
-                f"{np.quantile(last[factor], [0.5, 0.95, 0.99, 1.0]).round(1)} periods"
-            )
+def list_errors(judged: Judged) -> None:
+    """Every joint of which something is wrong, to be looked at."""
+    for name, wrong in judged.errors().items():
+        for index, start in np.argwhere(wrong)[:_LISTED]:
+            numbers = ", ".join(f"{number:.6g}" for number in judged.points[index])
+            said, true = OUTCOMES[judged.said[index, start]], OUTCOMES[judged.true[index, start]]
+            print(f"    {name}: from {('rest', 'sliding')[start]}, said {said}, true {true}: [{numbers}]")
+
+
+def both(parts: list[Judged]) -> Judged:
+    """All of them in one."""
+    fields = ("points", "said", "true", "doubtful")
+    return Judged(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
 
 
 def main() -> None:
     """Print the tables."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 20261122
     began = time.monotonic()
-    points = random_joints(count, seed=20261122).points(0.0)
-    exact = np.asarray(exact_critical_damping_ratio(groups_of(points)))
-    sliding = sliding_ratios(points)
-    print(
-        f"{count} joints; rho_c zero: {np.sum(exact == 0)}, refused: {np.sum(np.isnan(exact))}; "
-        f"sliding ratio above rho_c: {np.sum(sliding > exact)}"
-    )
-    known = np.isfinite(exact)
-    points, exact, sliding = points[known], exact[known], sliding[known]
-    verdict_table(points, exact)
-    print(f"{time.monotonic() - began:.0f} s", flush=True)
-    both = np.maximum(np.maximum(exact, sliding), _LEAST_RATIO)
-    starts_table(points, both, "rho at the larger of rho_c and the sliding ratio")
-    boundary_table(points, both)
-    print(f"{time.monotonic() - began:.0f} s", flush=True)
-    if "--short" in sys.argv:
-        return
-    settled_table(points[:300], both[:300], 1.06)
-    print(f"{time.monotonic() - began:.0f} s", flush=True)
-    for factor in (FROM_REST, 3.0):
-        scan_table(points[:200], both[:200], factor)
-        print(f"{time.monotonic() - began:.0f} s", flush=True)
+    points = random_joints(count, seed=seed).points(0.0)
+    boundaries = {
+        "rho_c": np.asarray(exact_critical_damping_ratio(groups_of(points))),
+        "rho_steady": np.asarray(steady_damping_ratio(groups_of(points))),
+    }
+    print(f"{count} joints, seed {seed}; a boundary under {_LEAST_RATIO} is taken to be there, one unknown left out")
+    parts = []
+    for name, ratios in boundaries.items():
+        print(f"{name}: under {_LEAST_RATIO}: {np.sum(ratios < _LEAST_RATIO)}, unknown: {np.sum(np.isnan(ratios))}")
+        known = np.isfinite(ratios)
+        for share in (0.94, 1.06):
+            parts.append(judge(at(points, np.maximum(ratios, _LEAST_RATIO) * share)[known]))
+            judge_table(parts[-1], f"at {share} {name}")
+            list_errors(parts[-1])
+            print(f"{time.monotonic() - began:.0f} s", flush=True)
+    judge_table(both(parts), "all")
 
 
 if __name__ == "__main__":
