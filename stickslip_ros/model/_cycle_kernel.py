@@ -37,6 +37,7 @@ _ATTRACTS = 0.95  # slope of the map at a fixed point
 _AT_REST = 1e-7
 _SECANT_STEPS = 8
 _BISECTIONS = 8
+_MOST_NARROWINGS = 40
 
 
 @helper()
@@ -119,7 +120,10 @@ def _gain(level, point, prepared, nothing):
 
 @helper()
 def persists(level, point, prepared, nothing):
-    """Whether breakaway levels, begun with this one, come to rest, or go up and down for ever; and the last level.
+    """Whether breakaway levels, begun with this one, come to rest, or go up and down for ever.
+
+    With it the last level, and one that is followed by it or by lower ones and still ends in an arrest; NaN if the last
+    level itself was met, and not looked ahead to.
 
     Levels near a fixed point of the map converge geometrically. Two looks ahead replace most of the cycles:
     where they contract, the limit of the geometric series is found, and taken if it attracts; where they hardly
@@ -128,18 +132,19 @@ def persists(level, point, prepared, nothing):
     """
     oldest = older = newest = np.nan
     oldest_gain = older_gain = newest_gain = np.nan
-    plain, turns, time = 3, 0, 0.0
+    plain, turns, time, above = 3, 0, 0.0, np.nan
     for _ in range(_MOST_CYCLES):
         if time > _LONGEST:
             break
         oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
         ends, duration, _, _, _, following, _ = cycle(level, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
         if ends != ARRESTED:
-            return (UNKNOWN if ends == UNDECIDED else DIES), level
+            return (UNKNOWN if ends == UNDECIDED else DIES), level, above
         time += duration
+        above = np.nan
         newest, newest_gain = level, following - level
         if abs(newest_gain) <= _FIXED * newest:
-            return PERSISTS, level
+            return PERSISTS, level, np.nan
         level = following
         plain -= 1
         if plain > 0:
@@ -147,21 +152,40 @@ def persists(level, point, prepared, nothing):
         ratio = newest_gain / older_gain
         turns += ratio < 0.0
         if turns > _MOST_TURNS:
-            return PERSISTS, level
+            return PERSISTS, level, np.nan
         if abs(ratio) < _CONTRACTS:
             if _converges(newest, newest_gain, ratio, point, prepared, nothing):
-                return PERSISTS, level
+                return PERSISTS, level, np.nan
             plain = 2
         elif ratio > 0.0 and newest_gain < 0.0:
             closest, gain = _closest_approach(
                 oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared, nothing
             )
             if gain >= 0.0:
-                return PERSISTS, level
+                return PERSISTS, level, np.nan
             plain = 4
             if 2.0 * closest > newest:
-                level = 2.0 * closest - newest
-    return PERSISTS, level
+                level, above = 2.0 * closest - newest, closest
+    return PERSISTS, level, np.nan
+
+
+@helper()
+def last_level(level, above, point, prepared, nothing):
+    """Level of the slip that is not ended by an arrest, where levels fall to it from ``above``, beyond ``level``.
+
+    How a joint swings depends on it: one that is less than a cycle below the levels that still end in an arrest.
+    """
+    following = cycle(above, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)[5]
+    for _ in range(_MOST_NARROWINGS):
+        if not level < following < above:
+            break
+        middle = 0.5 * (level + above)
+        ends, _, _, _, _, after, _ = cycle(middle, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
+        if ends == ARRESTED:
+            above, following = middle, after
+        else:
+            level = middle
+    return following if following < above else level
 
 
 @inlined()

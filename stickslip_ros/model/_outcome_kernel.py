@@ -20,6 +20,7 @@ from stickslip_ros.model._cycle_kernel import (
     VERDICT_TOLERANCE,
     cycle,
     feasible,
+    last_level,
     persists,
 )
 from stickslip_ros.model._slip_kernel import ARRESTED, prepare
@@ -62,9 +63,11 @@ def _outcome(point, above, prepared, nothing):
             return _outcome_of(ends)
         level = following
     for _ in range(_MOST_RETURNS):
-        verdict, level = persists(level, point, prepared, nothing)
+        verdict, level, above = persists(level, point, prepared, nothing)
         if verdict != DIES:
             return STICKS if verdict == PERSISTS else UNDECIDED
+        if not np.isnan(above):
+            level = last_level(level, above, point, prepared, nothing)
         ends, _, _, _, _, following, _ = cycle(level, point, 0.0, True, prepared, VERDICT_TOLERANCE, nothing)
         if ends != ARRESTED:
             return _outcome_of(ends)

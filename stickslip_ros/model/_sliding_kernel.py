@@ -26,6 +26,7 @@ _STEADY = 0.1  # of the commanded speed
 _SHRINKING = 2  # windows in a row
 _CONVERGES = 0.85  # ratio of successive changes, up to which their limit is tried
 _SAME_LIMIT = 0.1  # of what is left to it: by so much may it differ from the one of the window before
+_NEAR_LIMIT = 0.1  # of a swing may be left to its limit; further away one that decays looks alike
 _ROUNDING = 1e-3
 _SURE_SWING = (0.12, 0.97)  # more than is steady, less than a stop
 _WINDOWS_A_BLOCK = 25
@@ -76,6 +77,7 @@ def look(watched, time, velocity, slope, damping_ratio, lag, follow):
             watched[_STABLE] = 1.0 if damping_ratio > stable_ratio(slope, lag) else 0.0
         if watched[_STABLE] == 1.0:
             return SETTLES
+    same &= abs(limit - size) < _NEAR_LIMIT * size
     if lag <= _SHORT_LAG and same and _SURE_SWING[0] < limit < _SURE_SWING[1]:
         return SWINGS_ON
     if watched[_WINDOWS] % _WINDOWS_A_BLOCK == 0.0:

@@ -131,12 +131,14 @@ class Judged:
     points : rows of brute_force.POINT.
     said, true : outcomes (joints, 2), numbers of brute_force.
     doubtful : where steps half as long lead brute force to another outcome, (joints, 2).
+    late : where a swing takes more than 600 periods to become steady, (joints, 2).
     """
 
     points: np.ndarray
     said: np.ndarray
     true: np.ndarray
     doubtful: np.ndarray
+    late: np.ndarray
 
     def errors(self) -> dict[str, np.ndarray]:
         """Which answers are wrong, by kind; where brute force knows no answer either, none is."""
@@ -146,7 +148,8 @@ class Judged:
             "steady, is not": (said == STEADY) & known & (true != STEADY),
             "smooth, sticks": (said != STICKS) & (said != UNDECIDED) & (true == STICKS),
             "sticks, does not": (said == STICKS) & known & (true != STICKS),
-            "swings, is steady": (said == SWINGS) & (true == STEADY),
+            "swings, is steady": (said == SWINGS) & (true == STEADY) & ~self.late,
+            "steady later": (said == SWINGS) & (true == STEADY) & self.late,
             "no answer": said == UNDECIDED,
             "referee unsure": ~known,
         }
@@ -156,13 +159,14 @@ def judge(points: np.ndarray) -> Judged:
     """Ask the verdict and brute force; what they disagree on is simulated for 20000 periods, at two steps."""
     said = np.array([_said(point) for point in points])
     true = _truth(points, periods=brute_force.PERIODS, most=brute_force.MOST_PERIODS, sticking=brute_force.MOST_PERIODS)
-    doubtful = np.zeros(true.shape, dtype=bool)
+    doubtful, late = np.zeros((2, *true.shape), dtype=bool)
     odd = np.flatnonzero(np.any(said != true, axis=1))
     long = {"periods": _MOST_PERIODS, "most": _MOST_PERIODS, "sticking": _MOST_PERIODS}
     if odd.size:
         true[odd] = _truth(points[odd], **long)
         doubtful[odd] = _truth(points[odd], **long, refinement=2.0) != true[odd]
-    return Judged(points=points, said=said, true=true, doubtful=doubtful)
+        late[odd] = _truth(points[odd], most=brute_force.PERIODS, sticking=brute_force.PERIODS) != STEADY
+    return Judged(points=points, said=said, true=true, doubtful=doubtful, late=late)
 
 
 def _said(point: np.ndarray) -> tuple[int, int]:
@@ -200,7 +204,7 @@ def list_errors(judged: Judged) -> None:
 
 def both(parts: list[Judged]) -> Judged:
     """All of them in one."""
-    fields = ("points", "said", "true", "doubtful")
+    fields = ("points", "said", "true", "doubtful", "late")
     return Judged(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
 
 
