@@ -28,16 +28,19 @@ PERSISTS, DIES, UNKNOWN = 1, 0, -1
 _SHARPEST = 3000.0
 LARGEST_DAMPING_RATIO = 20.0
 VERDICT_TOLERANCE = 1e-6
-_MOST_CYCLES = 500
-_LONGEST = 1000.0 * 2.0 * np.pi  # of slips in a row: with a long lag levels may wander for ever
-_MOST_TURNS = 60  # levels that go up and down so often go on doing so
+_MOST_CYCLES = 1000
+_LONGEST = 3000.0 * 2.0 * np.pi  # of slips in a row: with a long lag levels may wander for ever
+_MOST_TURNS = 400  # levels that go up and down so often are taken to go on doing so
 _FIXED = 1e-11  # relative change of the level that counts as none
+_ORBIT = 8  # levels that may take turns
+_RETURNS, _APART = 1e-8, 1e-4  # relative: so near an earlier level comes back, while the last one is so far away
 _CONTRACTS = 0.8  # ratio of successive changes up to which their limit is tried
 _ATTRACTS = 0.95  # slope of the map at a fixed point
 _AT_REST = 1e-7
 _SECANT_STEPS = 8
 _BISECTIONS = 8
 _MOST_NARROWINGS = 40
+_MOST_PLAIN = 500
 
 
 @helper()
@@ -122,8 +125,8 @@ def _gain(level, point, prepared, nothing):
 def persists(level, point, prepared, nothing):
     """Whether breakaway levels, begun with this one, come to rest, or go up and down for ever.
 
-    With it the last level, and one that is followed by it or by lower ones and still ends in an arrest; NaN if the last
-    level itself was met, and not looked ahead to.
+    With it the last level, whether it was looked ahead to, not met cycle by cycle, and if so by the last look a level
+    above it that still ends in an arrest, or NaN.
 
     Levels near a fixed point of the map converge geometrically. Two looks ahead replace most of the cycles:
     where they contract, the limit of the geometric series is found, and taken if it attracts; where they hardly
@@ -132,49 +135,64 @@ def persists(level, point, prepared, nothing):
     """
     oldest = older = newest = np.nan
     oldest_gain = older_gain = newest_gain = np.nan
-    plain, turns, time, above = 3, 0, 0.0, np.nan
-    for _ in range(_MOST_CYCLES):
+    plain, turns, time, jumped, above = 3, 0, 0.0, False, np.nan
+    earlier = np.full(_ORBIT, np.nan)
+    for count in range(_MOST_CYCLES):
         if time > _LONGEST:
             break
         oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
         ends, duration, _, _, _, following, _ = cycle(level, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
         if ends != ARRESTED:
-            return (UNKNOWN if ends == UNDECIDED else DIES), level, above
+            return (UNKNOWN if ends == UNDECIDED else DIES), level, jumped, above
         time += duration
         above = np.nan
         newest, newest_gain = level, following - level
         if abs(newest_gain) <= _FIXED * newest:
-            return PERSISTS, level, np.nan
+            return PERSISTS, level, jumped, np.nan
         level = following
+        if abs(newest_gain) > _APART * level:
+            for other in range(_ORBIT):
+                if abs(level - earlier[other]) <= _RETURNS * level:
+                    return PERSISTS, level, jumped, np.nan
+        earlier[count % _ORBIT] = level
         plain -= 1
         if plain > 0:
             continue
         ratio = newest_gain / older_gain
         turns += ratio < 0.0
         if turns > _MOST_TURNS:
-            return PERSISTS, level, np.nan
+            return PERSISTS, level, jumped, np.nan
         if abs(ratio) < _CONTRACTS:
             if _converges(newest, newest_gain, ratio, point, prepared, nothing):
-                return PERSISTS, level, np.nan
+                return PERSISTS, level, jumped, np.nan
             plain = 2
         elif ratio > 0.0 and newest_gain < 0.0:
             closest, gain = _closest_approach(
                 oldest, oldest_gain, older, older_gain, newest, newest_gain, point, prepared, nothing
             )
             if gain >= 0.0:
-                return PERSISTS, level, np.nan
+                return PERSISTS, level, jumped, np.nan
             plain = 4
             if 2.0 * closest > newest:
-                level, above = 2.0 * closest - newest, closest
-    return PERSISTS, level, np.nan
+                level, jumped, above = 2.0 * closest - newest, True, closest
+    return PERSISTS, level, jumped, np.nan
 
 
 @helper()
-def last_level(level, above, point, prepared, nothing):
-    """Level of the slip that is not ended by an arrest, where levels fall to it from ``above``, beyond ``level``.
+def last_level(first, level, above, point, prepared, nothing):
+    """Level of the slip that is not ended by an arrest, by which a joint swings, where a look ahead led to ``level``.
 
-    How a joint swings depends on it: one that is less than a cycle below the levels that still end in an arrest.
+    By plain cycles from the first level, if they are not too many; if they are, a level that is less than a cycle below
+    those that still end in an arrest.
     """
+    plain = first
+    for _ in range(_MOST_PLAIN):
+        ends, _, _, _, _, after, _ = cycle(plain, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
+        if ends != ARRESTED:
+            return plain
+        plain = after
+    if np.isnan(above):
+        return level
     following = cycle(above, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)[5]
     for _ in range(_MOST_NARROWINGS):
         if not level < following < above:

@@ -63,11 +63,12 @@ def _outcome(point, above, prepared, nothing):
             return _outcome_of(ends)
         level = following
     for _ in range(_MOST_RETURNS):
-        verdict, level, above = persists(level, point, prepared, nothing)
+        first = level
+        verdict, level, jumped, above = persists(first, point, prepared, nothing)
         if verdict != DIES:
             return STICKS if verdict == PERSISTS else UNDECIDED
-        if not np.isnan(above):
-            level = last_level(level, above, point, prepared, nothing)
+        if jumped:
+            level = last_level(first, level, above, point, prepared, nothing)
         ends, _, _, _, _, following, _ = cycle(level, point, 0.0, True, prepared, VERDICT_TOLERANCE, nothing)
         if ends != ARRESTED:
             return _outcome_of(ends)
