@@ -73,7 +73,7 @@ class Outcomes:
 
 
 def outcomes(groups: DimensionlessGroups) -> Outcomes:
-    """What becomes of one joint (scalars): a millisecond, tens of them close to a boundary.
+    """What becomes of one joint (scalars): a millisecond; close to a boundary tens, with a long lag hundreds of them.
 
     ``STEADY`` keeps within 10 % of the commanded speed in the end; ``SWINGS`` does not, and does not stop.
 
