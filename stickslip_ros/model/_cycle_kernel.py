@@ -24,6 +24,7 @@ from stickslip_ros.model._slip_kernel import (
 SLIP_DURATION, SLIP_DISTANCE, DWELL, BREAKAWAY_LEVEL, ARREST_LEVEL = range(5)
 CYCLE_COLUMNS = 5
 PERSISTS, DIES, UNKNOWN = 1, 0, -1
+PATIENT, HASTY = 1.0, 0.15
 
 _SHARPEST = 3000.0
 LARGEST_DAMPING_RATIO = 20.0
@@ -122,8 +123,10 @@ def _gain(level, point, prepared, nothing):
 
 
 @helper()
-def persists(level, point, prepared, nothing):
+def persists(level, point, patience, prepared, nothing):
     """Whether breakaway levels, begun with this one, come to rest, or go up and down for ever.
+
+    With a long lag levels may wander for long before they die; ``patience``, up to 1, shortens how long is waited.
 
     With it the last level, whether it was looked ahead to, not met cycle by cycle, and if so by the last look a level
     above it that still ends in an arrest, or NaN.
@@ -137,8 +140,8 @@ def persists(level, point, prepared, nothing):
     oldest_gain = older_gain = newest_gain = np.nan
     plain, turns, time, jumped, above = 3, 0, 0.0, False, np.nan
     earlier = np.full(_ORBIT, np.nan)
-    for count in range(_MOST_CYCLES):
-        if time > _LONGEST:
+    for count in range(int(patience * _MOST_CYCLES)):
+        if time > patience * _LONGEST:
             break
         oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
         ends, duration, _, _, _, following, _ = cycle(level, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
@@ -160,7 +163,7 @@ def persists(level, point, prepared, nothing):
             continue
         ratio = newest_gain / older_gain
         turns += ratio < 0.0
-        if turns > _MOST_TURNS:
+        if turns > patience * _MOST_TURNS:
             return PERSISTS, level, jumped, np.nan
         if abs(ratio) < _CONTRACTS:
             if _converges(newest, newest_gain, ratio, point, prepared, nothing):

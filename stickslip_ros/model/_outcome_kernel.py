@@ -15,6 +15,8 @@ from stickslip_ros.compilation import helper, inlined, kernel
 from stickslip_ros.model import _friction_law
 from stickslip_ros.model._cycle_kernel import (
     DIES,
+    HASTY,
+    PATIENT,
     PERSISTS,
     UNKNOWN,
     VERDICT_TOLERANCE,
@@ -28,7 +30,7 @@ from stickslip_ros.model._slip_kernel import STEADY as _SETTLED
 from stickslip_ros.model._slip_kernel import SWINGS as _SWUNG
 from stickslip_ros.model._stability_kernel import stable_ratio
 
-PERSISTENCE, CRITICAL_RATIO, OUTCOME, STEADY_RATIO = range(4)  # questions
+PERSISTENCE, GLANCE, CRITICAL_RATIO, OUTCOME, STEADY_RATIO = range(5)  # questions
 STEADY, SWINGS, UNDECIDED, STICKS = range(4)  # the better the less
 STARTS = 2  # columns: stuck, and the worst of those that slide
 _ABOVE = (1.0, 2.0)  # times the commanded speed, more than that
@@ -37,6 +39,7 @@ _A_LITTLE = 0.15
 _LEAST_RATIO = 1e-6  # a damping ratio that is none
 _LEAST_STEADY = 0.01  # a damping ratio with less than which a joint swings for tens of periods
 _STEP = 0.75
+_CONFIRMED, _MOST_CONFIRMED = 0.98, 10
 _MOST_RETURNS = 10
 
 _stribeck_slope = inlined()(_friction_law.stribeck_slope)
@@ -64,7 +67,7 @@ def _outcome(point, above, prepared, nothing):
         level = following
     for _ in range(_MOST_RETURNS):
         first = level
-        verdict, level, jumped, above = persists(first, point, prepared, nothing)
+        verdict, level, jumped, above = persists(first, point, PATIENT, prepared, nothing)
         if verdict != DIES:
             return STICKS if verdict == PERSISTS else UNDECIDED
         if jumped:
@@ -92,20 +95,20 @@ def _from_above(point, prepared, nothing):
 
 
 @helper()
-def _sticks(point, nothing):
+def _sticks(point, patience, nothing):
     if not feasible(point[0], point[1], point[2], point[3]):
         return UNKNOWN
-    return persists(point[1], point, prepare(point[0], point[1], point[2], point[3], 1.0), nothing)[0]
+    return persists(point[1], point, patience, prepare(point[0], point[1], point[2], point[3], 1.0), nothing)[0]
 
 
 @inlined()
 def _critical(point, guess, largest, tolerance, nothing):
-    undamped = _sticks(_with_ratio(0.0, point), nothing)
+    undamped = _sticks(_with_ratio(0.0, point), PATIENT, nothing)
     if undamped != PERSISTS:
         return 0.0 if undamped == DIES else np.nan
     low, high = 0.0, min(guess, largest)
     while True:
-        verdict = _sticks(_with_ratio(high, point), nothing)
+        verdict = _sticks(_with_ratio(high, point), HASTY, nothing)
         if verdict == UNKNOWN or (verdict == PERSISTS and high >= largest):
             return np.nan
         if verdict == DIES:
@@ -113,13 +116,19 @@ def _critical(point, guess, largest, tolerance, nothing):
         low, high = high, min(2.0 * high, largest)
     while high - low > tolerance * high and high > _LEAST_RATIO:
         middle = 0.5 * (low + high)
-        verdict = _sticks(_with_ratio(middle, point), nothing)
+        verdict = _sticks(_with_ratio(middle, point), HASTY, nothing)
         if verdict == UNKNOWN:
             return np.nan
         if verdict == PERSISTS:
             low = middle
         else:
             high = middle
+    # Just below the boundary the haste may have been too great.
+    for _ in range(_MOST_CONFIRMED):
+        below = _CONFIRMED * low
+        if below <= _LEAST_RATIO or _sticks(_with_ratio(below, point), PATIENT, nothing) != DIES:
+            break
+        low, high = _CONFIRMED * below, below
     return 0.5 * (low + high)
 
 
@@ -158,7 +167,7 @@ def _steady_ratio(point, guess, largest, tolerance, nothing):
 def answer(question, damping_ratios, stribecks, velocities, lags, rise_times, law, guesses, largest, tolerance, found):
     """Fill ``found`` (points, 2), or its first column. One kernel for all questions is compiled in the time of one.
 
-    PERSISTENCE : PERSISTS, DIES or UNKNOWN of a joint that is stuck to begin with.
+    PERSISTENCE : PERSISTS, DIES or UNKNOWN of a joint that is stuck to begin with. GLANCE : the same in haste.
     CRITICAL_RATIO : damping ratio at which the cycle just dies out, bisected to a relative tolerance. 0 where it dies
         undamped, NaN where even ``largest`` does not end it or the integration is refused; ``guesses`` > 0 say where
         to look first.
@@ -169,8 +178,8 @@ def answer(question, damping_ratios, stribecks, velocities, lags, rise_times, la
     nothing = np.empty((0, 4))
     for i in range(stribecks.shape[0]):
         point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
-        if question == PERSISTENCE:
-            found[i, 0] = _sticks(point, nothing)
+        if question <= GLANCE:
+            found[i, 0] = _sticks(point, PATIENT if question == PERSISTENCE else HASTY, nothing)
         elif question == CRITICAL_RATIO:
             found[i, 0] = _critical(point, guesses[i], largest, tolerance, nothing)
         elif question == STEADY_RATIO:

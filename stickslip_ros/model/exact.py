@@ -43,8 +43,11 @@ _SCAN_STEPS_A_DECADE = 12
 Progress = Callable[[int, int], None]
 
 
-def cycle_persists(groups: DimensionlessGroups) -> float | NDArray[np.float64]:
+def cycle_persists(groups: DimensionlessGroups, *, patient: bool = True) -> float | NDArray[np.float64]:
     """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever.
+
+    With a long lag it may take thousands of natural periods to die out; who is not ``patient`` takes what goes on for
+    hundreds to go on for ever.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def cycle_persists(groups: DimensionlessGroups) -> float | NDArray[np.float64]:
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
     shape, points = point_arrays(groups)
-    verdicts = ask(kernel.PERSISTENCE, points, groups.law)[:, 0]
+    verdicts = ask(kernel.PERSISTENCE if patient else kernel.GLANCE, points, groups.law)[:, 0]
     answers = np.where(verdicts == UNKNOWN, np.nan, verdicts == PERSISTS)
     return float(answers[0]) if shape == () else answers.reshape(shape)
 

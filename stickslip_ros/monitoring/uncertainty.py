@@ -63,7 +63,7 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
             rise_time=rise_time,
             law=groups.law,
         )
-        persists = np.asarray(cycle_persists(some))
+        persists = np.asarray(cycle_persists(some, patient=False))
         known = np.isfinite(persists)
         if known.any():
             total += law.weight * float(persists[known].mean())
