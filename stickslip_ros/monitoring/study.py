@@ -23,6 +23,7 @@ from stickslip_ros.monitoring.friction.estimation import (
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.trend import lasting_knowledge
 from stickslip_ros.monitoring.samples import FloatArray
 
 
@@ -32,7 +33,8 @@ class Learnt:
 
     Attributes
     ----------
-    parameters : logarithms, by the law of the estimate.
+    parameters : logarithms, by the law of the estimate. drifts : whether friction changes steadily; all is then as it
+        is at the last slip.
     spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
     """
 
@@ -49,6 +51,7 @@ class Learnt:
     remains: float
     widening: FloatArray
     spread: FloatArray
+    drifts: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,18 +99,20 @@ def _study(question: StudyQuestion) -> Learnt | None:
         return None
     problem, solution = fits[0].problem, fits[0].solution
     fit = solution.fit
-    narrow = spread_of(covariance_of(fit.information, solution.prior))
+    information, prior = lasting_knowledge(problem, fit.information, solution.prior)
+    narrow = spread_of(covariance_of(information, prior))
     covariance = covariance_over_laws(fits)
-    spread = spread_of(covariance)
+    lasting, of_balance = problem.lasting
+    spread = spread_of(covariance)[np.concatenate([lasting, len(fit.parameters) + of_balance])]
     estimate = friction_estimate(fits, covariance, configured=configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(
         estimate=estimate,
-        parameters=fit.parameters,
-        kinetic=fit.kinetic,
-        information=fit.information,
-        prior=solution.prior,
+        parameters=fit.parameters[lasting],
+        kinetic=fit.kinetic[of_balance],
+        information=information,
+        prior=prior,
         balance_error=solution.balance_error,
         stray=problem.stray,
         tolerance=solution.tolerance,
@@ -116,6 +121,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         remains=_remains(fit),
         widening=spread / np.maximum(narrow, 1e-300),
         spread=spread,
+        drifts=problem.trend,
     )
 
 

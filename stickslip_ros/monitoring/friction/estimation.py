@@ -41,6 +41,7 @@ from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighe
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.samples import FloatArray
 
 LEAST_SLIPS = 3
@@ -92,7 +93,7 @@ def fitted_laws(
             solution = search(problem, known, start)
     if solution is None:
         return []
-    fits = weighed_laws(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
+    fits = weighed_laws(with_trend(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known), known)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 
@@ -219,9 +220,12 @@ def estimate_from(
     covariance: FloatArray,
 ) -> FrictionEstimate:
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
-    covariance (p + k, p + k).
+    covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
     parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
+    lasting, of_balance = problem.lasting
+    chosen = np.concatenate([lasting, len(parameters) + of_balance])
+    parameters, kinetic, covariance = parameters[lasting], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]
     coulomb = load = together = UNKNOWN
     if not estimate.normalised:
         size = len(parameters)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
@@ -49,7 +50,9 @@ def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> Float
         seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
         factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), 1e-300)))
         covariance = covariance * np.outer(factors, factors)
-    return np.asarray(covariance + _by_discrepancy(problem, fit, narrow) + _by_sampling(problem, fit))
+    return np.asarray(
+        covariance + _by_discrepancy(problem, fit, narrow) + _by_sampling(problem, fit) + _by_trend(problem, fit)
+    )
 
 
 def repeating_residual(problem: SlipProblem, fit: SlipFit) -> float:
@@ -83,6 +86,14 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit) -> FloatArray:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
         variances[:PARAMETERS] = angle**4
         variances[size] = (0.5 * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
+    return np.diag(variances)
+
+
+def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
+    """Covariance of what a trend of viscous friction unlike that of the Stribeck friction makes of the former."""
+    variances = np.zeros(fit.information.shape[0])
+    if problem.trend:
+        variances[VISCOUS] = float(fit.parameters[-1] ** 2 * np.mean(problem.since**2))
     return np.diag(variances)
 
 

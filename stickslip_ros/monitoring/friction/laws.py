@@ -62,12 +62,12 @@ def weighed_laws(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
     fits = [first]
     if int(first.problem.usable.sum()) >= LEAST_SLIPS:
         fits += [fit for law in LAWS if law != first.law and (fit := _fitted(law, first, known)) is not None]
-    misfits = [_misfit(fit.problem, fit.solution) for fit in fits]
+    misfits = [misfit_of(fit.problem, fit.solution) for fit in fits]
     best = int(np.argmin(misfits))
     again = _fitted(first.law, fits[best], known) if best > 0 else None
-    if again is not None and _misfit(again.problem, again.solution) < misfits[0]:
+    if again is not None and misfit_of(again.problem, again.solution) < misfits[0]:
         # The first one had been caught in a wrong valley, out of which the other law's fit shows the way.
-        fits[0], misfits[0] = again, _misfit(again.problem, again.solution)
+        fits[0], misfits[0] = again, misfit_of(again.problem, again.solution)
         best = int(np.argmin(misfits))
     weights = np.exp(-0.5 * (np.array(misfits) - misfits[best]) / _repeated(fits[best].problem, fits[best].solution))
     weights /= weights.sum()
@@ -110,7 +110,7 @@ def _is_hopeless(problem: SlipProblem, start: FloatArray, known: Solution) -> bo
     return looked.cost > far
 
 
-def _misfit(problem: SlipProblem, solution: Solution) -> float:
+def misfit_of(problem: SlipProblem, solution: Solution) -> float:
     """Twice the negative logarithm of the likelihood, but for a constant."""
     fit = solution.fit
     used = problem.weights > 0

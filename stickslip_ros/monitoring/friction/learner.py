@@ -109,11 +109,15 @@ class FrictionLearner:
         self.studied_in_vain = 0
 
     def wants(self, cycle: Cycle) -> bool:
-        """Whether there is something to learn from a slip: not if many like it came before, and one just now."""
+        """Whether there is something to learn from a slip: not if many like it came before, and one just now.
+
+        Of friction that drifts every slip tells something.
+        """
         last = self._last
         if (
             last is None
             or self._wanted < _EVERY_SLIP
+            or (self._state is not None and self._state.drifts)
             or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
             or any(
                 abs(float(getattr(cycle, name)) - float(getattr(last, name))) > _LIKE * abs(float(getattr(last, name)))

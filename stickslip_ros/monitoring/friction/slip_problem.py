@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
@@ -37,6 +38,7 @@ _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
 _DELAY = 1.5  # sample intervals, that a controller may be late
+_TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
 _LEAST_INERTIA = 0.1  # share that a delay leaves
 _LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
 
@@ -56,9 +58,13 @@ class SlipProblem(ObservedSlips):
     law : of the Stribeck friction, by its number in ``model._friction_law``.
     delay_shows : whether the controller's delay is unknown too; by default where the gains are not the same throughout,
         for a delay τ is as good as damping of -k_p τ and inertia of -k_v τ.
+    trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
+        those at the last one. Where only speeds are known there is none.
 
     ``more_errors`` are prior standard deviations of what stands beyond the parameters: the reference's speeds, where
-    only they are known, relative; the controller's delay, in sample intervals, where it shows.
+    only they are known, relative; the controller's delay, in sample intervals, where it shows; last the share by which
+    Stribeck and viscous friction grow in the time of the slips, if there is a trend. That of the kinetic friction is
+    the last column of ``balance``.
     """
 
     def __init__(
@@ -69,6 +75,7 @@ class SlipProblem(ObservedSlips):
         both_directions: bool = False,
         law: int = HESS_SOOM,
         delay_shows: bool | None = None,
+        trend: bool = False,
     ) -> None:
         super().__init__(windows)
         self.law = law
@@ -94,6 +101,11 @@ class SlipProblem(ObservedSlips):
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
         self._drives = stiffness * self.references + damping * self._rates + self.forces
         self.more_errors = np.array([_DELAY]) if self.delay_shows else self.speed_errors
+        # Of the time of the slips, from -1 to 0.
+        self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
+        self.trend = trend and not self.normalised
+        if self.trend:
+            self.more_errors = np.append(self.more_errors, _TREND)
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
@@ -101,6 +113,8 @@ class SlipProblem(ObservedSlips):
             self.balance = np.stack([np.ones(self.count), self.directions], axis=1)
         else:
             self.balance = np.ones((self.count, 1))
+        if self.trend:
+            self.balance = np.column_stack([self.balance, self.since])
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
@@ -145,15 +159,25 @@ class SlipProblem(ObservedSlips):
             speeds = stiffness[:, None] * self.speeds * np.exp(parameters[:, PARAMETERS:])
             drives = speeds[:, self.groups[self._slip_of_node]] * (self.times - self.times[0])
         starts = unknowns.copy()
-        starts[:, :, LEVEL] = np.exp(unknowns[:, :, LEVEL])
-        lighter = None
+        starts[:, :, LEVEL] = levels = np.exp(unknowns[:, :, LEVEL])
+        lighter = more = None
+        if self.trend:
+            # Levels are those that Eq. (6) would have without the trend.
+            more = parameters[:, -1:] * self.since
+            starts[:, :, LEVEL] *= 1.0 + more
+            gains = np.repeat(gains, len(plants), axis=0)
+            gains[:, :, 1] += more * plants[:, VISCOUS, None]
         if self.delay_shows:
             # The force of a time ago is that of now less its rate; by the inertia left, all that is per inertia grows.
             delay = parameters[:, PARAMETERS, None] * self.sample_interval
             stiffness, damping = self._gains.T
             lighter = np.maximum(1.0 - delay * damping / plants[:, INERTIA, None], _LEAST_INERTIA)
             viscous = plants[:, VISCOUS, None]
-            gains = np.stack([stiffness / lighter, (damping - delay * stiffness + viscous) / lighter - viscous], axis=2)
+            damping = gains[:, :, 1]
+            gains = np.stack(
+                np.broadcast_arrays(stiffness / lighter, (damping - delay * stiffness + viscous) / lighter - viscous),
+                axis=2,
+            )
             late = (delay * stiffness)[:, self._slip_of_node] * self._rates
             drives = (self._drives - late) / lighter[:, self._slip_of_node]
             starts[:, :, LEVEL] /= lighter
@@ -165,6 +189,8 @@ class SlipProblem(ObservedSlips):
         )  # fmt: skip
         if lighter is not None:
             found[:, :, kernel.HELD] *= lighter
+        if more is not None:
+            found[:, :, kernel.HELD] -= more * levels
         return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
@@ -189,10 +215,22 @@ class SlipProblem(ObservedSlips):
 
     def with_law(self, law: int) -> SlipProblem:
         """The problem of the same slips under another friction law; what was found of the stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=law, delay_shows=self.delay_shows)
+        other = SlipProblem(self.windows, self.before, law=law, delay_shows=self.delay_shows, trend=self.trend)
         other.balance = self.balance
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
+
+    def with_trend(self) -> SlipProblem:
+        """The problem of the same slips with friction that changes steadily; what was found of the stamps is kept."""
+        other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=self.delay_shows, trend=True)
+        other.take_up(stray=self.stray, tolerance=0.0)
+        return other
+
+    @property
+    def lasting(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Indices of the parameters, and of the kinetic friction, that are not those of a trend."""
+        parameters, kinetic = PARAMETERS + len(self.more_errors), self.balance.shape[1]
+        return np.arange(parameters - self.trend), np.arange(kinetic - self.trend)
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Friction that changes steadily while slips are observed, as a joint's does that warms up.
+
+Fitted where the balance of forces shows it, and kept where it explains more than its two parameters are worth (BIC):
+the kinetic friction grows by so much from the first slip to the last, Stribeck and viscous friction by a share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from stickslip_ros.monitoring.friction.laws import FittedLaw, misfit_of
+from stickslip_ros.monitoring.friction.slip_fit import Prior
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_solution import GOOD, fit_near
+from stickslip_ros.monitoring.samples import FloatArray
+
+_LEAST_SLIPS = 12
+_PARAMETERS = 2  # of a trend
+
+
+def with_trend(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
+    """The same law with friction that changes steadily, where that explains the slips better; else as it was.
+
+    Parameters
+    ----------
+    known : mean and standard deviation of parameters' logarithms, by index.
+    """
+    problem, solution = first.problem, first.solution
+    if problem.normalised or solution.tolerance > 0 or not _shows(first):
+        return first
+    changing = problem.with_trend()
+    try:
+        found = fit_near(changing, solution.fit.parameters, solution.fit, known)
+    except LinAlgError:
+        return first
+    gain = misfit_of(problem, solution) - misfit_of(changing, found)
+    if found.mean_square >= GOOD or gain < _PARAMETERS * math.log(problem.count):
+        return first
+    return FittedLaw(law=first.law, problem=changing, solution=found)
+
+
+def lasting_knowledge(problem: SlipProblem, information: FloatArray, prior: Prior) -> tuple[FloatArray, Prior]:
+    """Information on parameters and kinetic friction, (p + k, p + k), and prior, without those of a trend.
+
+    These are at the last slip what they are; the trend itself is as uncertain as it was and says no more.
+    """
+    if not problem.trend:
+        return information, prior
+    lasting, of_balance = problem.lasting
+    size = len(prior.mean)
+    kept = np.concatenate([lasting, size + of_balance])
+    left = np.setdiff1d(np.arange(len(information)), kept)
+    own = information[np.ix_(left, left)].copy()
+    own[0, 0] += prior.information[size - 1, size - 1]
+    between = information[np.ix_(kept, left)]
+    return (
+        information[np.ix_(kept, kept)] - between @ np.linalg.pinv(own, hermitian=True) @ between.T,
+        Prior(
+            mean=prior.mean[lasting],
+            information=prior.information[np.ix_(lasting, lasting)],
+            lower=prior.lower[lasting],
+            upper=prior.upper[lasting],
+        ),
+    )
+
+
+def _shows(first: FittedLaw) -> bool:
+    """Whether a straight line over time explains enough of the kinetic friction for a trend to be tried."""
+    problem, used = first.problem, first.problem.usable
+    count = int(used.sum())
+    if count < _LEAST_SLIPS:
+        return False
+    misfits, columns = first.solution.fit.misfits[used], problem.balance[used]
+    steady, changing = (
+        misfits - one @ np.linalg.lstsq(one, misfits, rcond=None)[0]
+        for one in (columns, np.column_stack([columns, problem.since[used]]))
+    )
+    return bool(float(steady @ steady) > count ** (1.0 / count) * float(changing @ changing))
