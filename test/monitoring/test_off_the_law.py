@@ -20,7 +20,10 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
 from stickslip_ros.monitoring.advice.requirement import Requirement
 from stickslip_ros.monitoring.belief import believed
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate, LawAlternative
+from stickslip_ros.monitoring.friction.estimation import fitted_laws
+from stickslip_ros.monitoring.friction.laws import misfit_of
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
@@ -63,6 +66,19 @@ def test_an_exponential_curve_is_told_from_the_papers(seed: int) -> None:
     _, papers = learnt("base", seed)
     assert papers.law == "hess_soom"
     assert not papers.alternatives
+
+
+def test_what_the_slips_do_not_show_does_not_weigh_between_laws() -> None:
+    """Where all slips dwell as long, F_s∞ may be anything: a law must not win by a small one."""
+    recording = random_recording(20, CONDITIONS["base"])
+    monitor = JointMonitor(None, recording.gains, studies_at_once=True)
+    monitor.process(recording.batch)
+    monitor.finish()
+    fitted = fitted_laws(monitor.learner._kept.windows, None)[0]
+    parameters = fitted.solution.fit.parameters.copy()
+    parameters[STRIBECK] += 2.0
+    other = replace(fitted.solution, fit=replace(fitted.solution.fit, parameters=parameters))
+    assert misfit_of(fitted.problem, other) == pytest.approx(misfit_of(fitted.problem, fitted.solution), abs=1e-6)
 
 
 def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:

@@ -18,16 +18,16 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_near
+from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_near, usual_level
 from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law that the data exclude
 LEAST_SLIPS = 8  # that tell laws apart
-# No model is better than so of kinetic friction, as a share of the Stribeck friction, and of levels.
+# No model is better than so of kinetic friction, as a share of the usual level, and of levels.
 _LEAST_BALANCE, _LEAST_LINK = 2e-3, 1e-3
 _WHITE = 2.0  # residuals in a run of one sign, if they are independent
 _FITS = 1.08  # mean square of residuals, up to which a law leaves nothing over
@@ -116,7 +116,8 @@ def misfit_of(problem: SlipProblem, solution: Solution) -> float:
     used = problem.weights > 0
     share = len(used) / max(int(used.sum()), 1)
     total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.errors[used]).sum()))
-    least = _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK])
+    # Of what the slips show: F_s∞ may be anything where they all dwell as long, and must not weigh.
+    least = _LEAST_BALANCE * usual_level(fit)
     for values, error in (
         (fit.misfits[problem.usable], max(solution.balance_error, least)),
         (fit.link_misfits[problem.linked], max(solution.link_error, _LEAST_LINK)),
