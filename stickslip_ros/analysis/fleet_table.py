@@ -168,7 +168,7 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     # What has no unit is an answer, if it is no text.
     flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
     kinds = dict.fromkeys(flags | {f"{name}_identified" for name in (*NAMES, COULOMB_AND_LOAD)}, pyarrow.bool_())
-    kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "worst_status", "error"), text)
+    kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "worst_status", "exact_outcome", "error"), text)
     kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole)
     # Types by name, not by what happens to be there: tables of many runs fit together.
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in (rows[0] if rows else ["bag"])])

@@ -78,7 +78,11 @@ class MarginPrediction:
             # Worked out with the advice, if at all: an integration is too long for every batch of samples.
             if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
                 reserves[:] = self._advice.recommendation.reserve
-            return reserves, condition
+                return reserves, condition
+            if self.belief is None or not self.belief.joint.friction.of_the_paper:
+                return reserves, condition
+            # Eq. (43) is the first answer, until there is the exact one.
+            condition = Criterion.PAPER
         known = np.isfinite(velocities)
         if self.belief is not None and known.any():
             margin = stability_margin(self.belief.joint, self.belief.gains, velocities[known])

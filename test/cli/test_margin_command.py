@@ -39,7 +39,10 @@ def test_the_papers_joint(capsys: pytest.CaptureFixture[str]) -> None:
     assert result["lowest_smooth_velocity"] == pytest.approx(0.012927, abs=1e-6)
     assert result["exact"] == {
         "smooth": False,
+        "outcome": "sticks",
+        "depends_on_start": False,
         "reason": None,
+        "steady_damping_ratio": pytest.approx(0.577, rel=0.01),
         "critical_damping_ratio": pytest.approx(0.1628, rel=0.005),
         "lowest_smooth_velocity": pytest.approx(0.010478, rel=0.002),
         "least_smooth_stiffness": pytest.approx(3983.3, rel=0.002),
@@ -82,7 +85,8 @@ def test_beyond_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("margin --joint puma560_joint1 --control-delay", "'--controller-period' must be > 0 where there is a control"),
         ("margin --joint nothing", "unknown joint 'nothing'; known joints: dynamixel_mx106, "),
-        ("margin --inertia 6.3", "'--stribeck' must be given"),
+        ("margin --inertia 6.3", "give --stiffness, --velocity, --stribeck, --stribeck-velocity, or a --joint"),
+        ("margin --joint puma560_joint1 --velocity 1e300", "'--velocity' must be at most 10000 rad/s"),
         ("margin --joint puma560_joint1 --inertia -1", "'--inertia' must be finite and > 0: -1.0"),
         ("margin --joint puma560_joint1 --velocity nan", "'--velocity' must be a finite number"),
     ],
@@ -109,6 +113,8 @@ def test_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 2: without --json a verdict, numbers with units, and what would change it."""
     assert main(PAPER.replace(" --json", "").split()) == 0
     text = capsys.readouterr().out
-    assert "predicts stick slip" in text
+    assert text.startswith("Judged: M 6.3 kg·m², k_p 2016 N·m/rad, k_v 0 N·m·s/rad, ")
+    assert "At 0.00493 rad/s the joint sticks" in text
+    assert "ρ_steady" in text
     assert "N·m" in text
     assert "stiffness × 2.7" in text

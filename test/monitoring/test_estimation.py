@@ -310,7 +310,7 @@ def test_slips_that_teach_nothing_are_told(puma: Joint) -> None:
 def test_slider_on_a_spring() -> None:
     """Issue 4, show 6: friction from 42 and 1100 µm/s predicts the cycles there; at 4300 µm/s nothing is sure.
 
-    The slider does not obey the law: the estimate says so, and its errors hold the known mass.
+    The slider does not obey the law: the estimate says so and calls nothing identified; its mass is right to a quarter.
     """
     parts = []
     for speed in (42, 1100):
@@ -320,7 +320,7 @@ def test_slider_on_a_spring() -> None:
     assert estimate is not None
     assert estimate.mismatch.startswith(DOES_NOT_FIT)
     inertia = estimate["inertia"]
-    assert abs(inertia.value - 0.0307) < 2.0 * inertia.std
+    assert inertia.value == pytest.approx(0.0307, rel=0.25)
     assert not inertia.identified
     joint, gains = estimate.joint(), Gains(stiffness=168.0)
     for speed, way in ((42e-6, 69e-6), (1100e-6, 139e-6)):  # and the median slip observed [m]
