@@ -2,8 +2,9 @@
 # Copyright 2026 The stickslip_ros developers
 """Standard errors of a fit that hold where the model does not: what the residuals show beside the sensor's noise.
 
-Four things widen the errors of least squares. That a controller acts on samples, in steps, as much as its samples are
-apart. Slips that nothing explains, and residuals larger than they should be.
+Five things widen the errors of least squares. That a controller acts on samples, in steps, as much as its samples are
+apart. Static friction that may have risen by then, or not. Slips that nothing explains, and residuals larger than they
+should be.
 The scatter of what each slip says about the parameters, which shows errors that differ from slip to slip. And a
 residual that repeats from slip to slip: more slips then say the same wrong thing, and no scatter shows it. Such a
 pattern is taken for what is seen of a discrepancy between model and machine, as large in what the fit could absorb as
@@ -13,9 +14,11 @@ Statistical Society B 63, 2001).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
+from stickslip_ros.monitoring.friction._window_kernel import RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
@@ -24,6 +27,9 @@ from stickslip_ros.monitoring.samples import FloatArray
 _UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
 _FEW = 8  # slips more than parameters, before their scatter says something
 _TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much more widens the errors
+_RISEN, _LONGER = 0.1, 2.0  # of the usual rest: a rise time that has long passed; a rest that is longer
+_ANY = 1.5  # of a logarithm: an error that leaves it open
+_CONFIGURED = 0.5  # information of a prior that knows the rise time
 _ABSORBED = 8  # of the parts of a slip: as many freedoms a fit has in each
 
 
@@ -51,7 +57,11 @@ def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> Float
         factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), 1e-300)))
         covariance = covariance * np.outer(factors, factors)
     return np.asarray(
-        covariance + _by_discrepancy(problem, fit, narrow) + _by_sampling(problem, fit) + _by_trend(problem, fit)
+        covariance
+        + _by_discrepancy(problem, fit, narrow)
+        + _by_sampling(problem, fit)
+        + _by_trend(problem, fit)
+        + _by_no_rise(problem, fit, prior)
     )
 
 
@@ -94,6 +104,22 @@ def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     variances = np.zeros(fit.information.shape[0])
     if problem.trend:
         variances[VISCOUS] = float(fit.parameters[-1] ** 2 * np.mean(problem.since**2))
+    return np.diag(variances)
+
+
+def _by_no_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
+    """Covariance of F_s∞ where static friction seems to have risen before every slip, but for slips after long rests.
+
+    Slips after rests that are alike are explained by friction that has risen long before, or that rises for long from
+    an arrest that leaves little of it. Slips after longer rests tell; where these do not fit, the explanation is the
+    wrong one, F_s∞ can be any more than what is seen, and least squares about the one know nothing of the other.
+    """
+    variances = np.zeros(len(fit.information))
+    usual = float(np.median(problem.dwells[problem.usable])) if problem.usable.any() else math.inf
+    risen = fit.parameters[RISE_TIME] < math.log(_RISEN * usual)
+    contradicted = np.any(problem.dwells[~problem.usable] > _LONGER * usual)
+    if risen and contradicted and prior.information[RISE_TIME, RISE_TIME] < _CONFIGURED:
+        variances[[STRIBECK, RISE_TIME]] = _ANY**2
     return np.diag(variances)
 
 
