@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 
 _NO_DAMPING = 0.01  # damping ratio that counts as none, as the advice has it
 _CANDIDATES = 40
+_AROUND = np.array([0.97, 1.0, 1.1, 1.25])  # times the total damping: advice is steady with a little less and with more
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ def random_case(rng: np.random.Generator, condition: Criterion) -> AdviceCase:
         stiffness = float(gains.stiffness)
         limits = AdviceLimits(
             condition=condition,
+            steady_sliding=condition is Criterion.EXACT,
             wanted_margin=float(rng.choice([0.0, 0.2, 0.5])),
             stiffness_range=(stiffness / rng.uniform(1.0, 20.0), stiffness * rng.uniform(1.0, 20.0)),
             damping_ratio_range=(0.0, float(rng.uniform(0.3, 3.0))),
@@ -87,9 +89,8 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
         less = wanted if limits.condition is Criterion.EXACT else 1.0
         stiffness, total = stiffnesses[row, column], totals[row, column]
         trial = Gains(stiffness=stiffness, damping=total / less - viscous)
-        steady = not limits.steady_sliding or is_steady(
-            dimensionless_groups(joint, Gains(stiffness=stiffness, damping=total - viscous), case.velocity)
-        )
+        around = Gains(stiffness=stiffness, damping=total * _AROUND - viscous)
+        steady = not limits.steady_sliding or is_steady(dimensionless_groups(joint, around, case.velocity)).all()
         if steady and cycle_persists(dimensionless_groups(joint, trial, case.velocity)) == 0.0:
             return float(changes[row, column])
     return math.inf

@@ -283,8 +283,9 @@ def test_factors_where_gains_are_unknown(puma: Joint) -> None:
     )
     unknown = recommend(per_inertia, Gains(stiffness=100.0), SPEED, limits, gains_known=False)
     for one, other in zip(known.variants, unknown.variants, strict=True):
-        assert other.stiffness_factor == pytest.approx(one.stiffness_factor, rel=1e-3)
-        assert other.damping_factor == pytest.approx(one.damping_factor, rel=1e-3)
+        # The exact condition is asked at other stiffnesses, and interpolated.
+        assert other.stiffness_factor == pytest.approx(one.stiffness_factor, rel=0.02)
+        assert other.damping_factor == pytest.approx(one.damping_factor, rel=0.02)
         assert " × " in other.reason
         assert "N·m" not in other.reason
     # Frequencies and ratios still mean something.

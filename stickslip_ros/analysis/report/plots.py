@@ -289,8 +289,8 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
             )  # fmt: skip
     for name, field, colour, dash in (
         ("stick slip ends", sticks, RED, "solid"),
-        ("moves steadily from here on", swings, GREEN, "solid"),
-        ("stick slip ends by Eq. (43)", found.paper_damping - total, BLUE, "dotted"),
+        ("steady from here on", swings, GREEN, "solid"),
+        ("the same by Eq. (43)", found.paper_damping - total, BLUE, "dotted"),
     ):
         lines = _boundary(velocities, stiffnesses, field)
         if lines:
@@ -308,7 +308,7 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
                 xs, ys = zip(*lines, strict=True)
                 plot.multi_line(
                     [_small(x) for x in xs], [_small(y) for y in ys],
-                    color=GREEN, line_dash="dashed", line_width=2, legend_label="steadily, with the advised damping",
+                    color=GREEN, line_dash="dashed", line_width=2, legend_label="steady, as advised",
                 )  # fmt: skip
         plot.scatter([speed], [target], size=12, color=GREEN, marker="star", legend_label="advised")
         words.append(f"the star is where the advice puts it, at {target:.4g}")
