@@ -74,9 +74,9 @@ def test_what_was_learnt_is_there_after_a_restart(ros_domain: int) -> None:
     path = default_path("/stickslip_monitor")
     with NodeProcess("monitor", KNOWS_GAINS) as monitor, probe() as one:
         before = learn(one)
-        assert not path.exists()
         assert monitor.stop() == 0
-    assert path.exists()
+    # On a busy machine a save of every minute may have come before; the end saves what came since.
+    assert read_state(path)["joint1"].cycles == int(before["cycles [1]"])
     with NodeProcess("monitor", KNOWS_GAINS) as monitor, probe() as one:
         one.wait_for_monitor()
         one.wait(lambda: LEARNT in one.diagnostics.get("joint1", (b"", "", {}))[2], 10.0, "what was learnt")
