@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.model.friction import Gains
 
 KINDS = ("p", "i", "d")
+_EQUAL, _NOTHING = 1e-9, 1e-12
 _INTEGER, _DOUBLE = 2, 3  # of rcl_interfaces/ParameterType
 
 
@@ -32,6 +35,51 @@ def gain_value(value: Any) -> float:
     return float(value.integer_value) if value.type == _INTEGER else math.nan
 
 
+@dataclass(frozen=True)
+class GainPair:
+    """What a ramp changes, in the controller's units: the gains p and d."""
+
+    p: float
+    d: float
+
+    @classmethod
+    def from_si(cls, gains: Gains, scale: float) -> GainPair:
+        """Those of gains in SI units; one of the controller's units is ``scale`` of these."""
+        return cls(float(gains.stiffness) / scale, float(gains.damping) / scale)
+
+    def to_si(self, scale: float) -> Gains:
+        """As gains in SI units."""
+        return Gains(stiffness=scale * self.p, damping=scale * self.d)
+
+    def same(self, other: GainPair) -> bool:
+        """Whether both are equal but for rounding."""
+        return not self.changes(other)
+
+    def changes(self, to: GainPair) -> dict[str, float]:
+        """What has to be set, of "p" and "d", to make ``to`` of these."""
+        return {kind: new for kind, new in to.values().items() if not _same(self.values()[kind], new)}
+
+    def values(self) -> dict[str, float]:
+        """By their letters."""
+        return {"p": self.p, "d": self.d}
+
+    def with_values(self, values: Mapping[str, float]) -> GainPair:
+        """The same with some of them changed."""
+        return GainPair(**{**self.values(), **values})
+
+    def between(self, one: GainPair, other: GainPair) -> bool:
+        """Whether either gain is between those of two others."""
+        ends = zip(self.values().values(), one.values().values(), other.values().values(), strict=True)
+        return all(min(a, b) <= value <= max(a, b) or _same(value, a) or _same(value, b) for value, a, b in ends)
+
+    def __str__(self) -> str:
+        return f"p {self.p:.6g}, d {self.d:.6g}"
+
+
+def _same(one: float, other: float) -> bool:
+    return math.isclose(one, other, rel_tol=_EQUAL, abs_tol=_NOTHING)
+
+
 class HeardGains:
     """The gains of joints, put together from parameters that come one by one."""
 
@@ -41,6 +89,12 @@ class HeardGains:
     def set(self, joint: str, kind: str, value: float) -> None:
         """Take one that is a finite number."""
         self._values.setdefault(joint, {})[kind] = value
+
+    def forget(self) -> list[str]:
+        """Forget all; returns the joints whose gains were known."""
+        known = [joint for joint, values in self._values.items() if "p" in values]
+        self._values.clear()
+        return known
 
     def of(self, joint: str) -> Gains | None:
         """Those of a joint, None as long as its stiffness is not known; those that are not heard are 0."""

@@ -45,6 +45,7 @@ from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
 
 _RECENT_CYCLES = 5
+_STILL_STICKING = 2.0  # mean periods since the last breakaway
 _RECENT = 1.0  # [s] over which the largest errors are taken
 _NOW = 0.1  # [s] over which the present velocity is taken
 _REMEMBERED = 50.0  # [s] before now, from which a slip is learnt
@@ -357,10 +358,12 @@ class JointMonitor:
         reference = self._motion.reference_velocity(window)
         if math.isfinite(reference):
             return reference, "reference"
-        if self._motion.judge()[0] == kernel.STICKS:
-            cycles = list(self._recent)
-            way = sum(cycle.slip_distance for cycle in cycles)
-            return way / sum(cycle.period for cycle in cycles), "mean motion"
+        way = sum(cycle.slip_distance for cycle in self._recent)
+        duration = sum(cycle.period for cycle in self._recent)
+        # In a dwell the joint rests for longer than the window; that is not to be told to stand still.
+        since = self._motion.last_time - self._noted_until
+        if self._motion.judge()[0] == kernel.STICKS or since * len(self._recent) < _STILL_STICKING * duration:
+            return way / duration, "mean motion"
         mean = self._motion.mean_velocity(window)
         return mean, "mean motion" if math.isfinite(mean) else ""
 

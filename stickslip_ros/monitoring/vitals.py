@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Whether a joint gets worse while its gains are changed: tracking error, oscillation, saturation."""
+"""Whether a joint gets worse while its gains are changed: tracking error, swinging, oscillation, saturation."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ class Vitals:
     Attributes
     ----------
     tracking_error : largest [rad].
+    swing : to and fro, where no reference tells a tracking error; see :func:`swing_of` [rad].
     oscillation : root mean square of the position above the mechanical band [rad].
     effort_oscillation : the same of the effort [N·m].
     effort : largest [N·m].
@@ -36,6 +37,7 @@ class Vitals:
     oscillation: float
     effort_oscillation: float
     effort: float
+    swing: float = math.nan
 
 
 def vitals_of(batch: Batch, band: float) -> Vitals:
@@ -67,6 +69,8 @@ def what_got_worse(
     allowed = _ERROR_GROWTH * max(softer, 1.0) * before.tracking_error + _RESOLUTIONS * resolution
     if now.tracking_error > allowed:
         return f"the tracking error grew from {before.tracking_error:.3g} to {now.tracking_error:.3g} rad"
+    if now.swing > _ERROR_GROWTH * max(softer, 1.0) * before.swing + _RESOLUTIONS * resolution:
+        return f"the joint swings to and fro by {now.swing:.3g} rad; it was {before.swing:.3g}"
     if now.oscillation > max(_OSCILLATION_GROWTH * before.oscillation, _RESOLUTIONS * resolution):
         return f"an oscillation of {now.oscillation:.3g} rad (root mean square) began; it was {before.oscillation:.3g}"
     if now.effort_oscillation > max(_OSCILLATION_GROWTH * before.effort_oscillation, _SHARE_OF_EFFORT * before.effort):
@@ -77,6 +81,38 @@ def what_got_worse(
     if now.effort >= _AT_LIMIT * effort_limit > before.effort:
         return f"the effort of {now.effort:.3g} N·m is at its limit"
     return ""
+
+
+def swing_of(batch: Batch, resolution: float) -> float:
+    """How far the joint goes to and fro [rad]: 0 as long as it turns less than three times, NaN with a reference.
+
+    A joint that sticks and slips goes one way, and one that is told to turn turns once. One whose control is unstable
+    turns again and again, sooner or later by more than it moves on in half a period.
+
+    Parameters
+    ----------
+    resolution : of the position [rad]; a turn by less than three of it is none.
+    """
+    if np.isfinite(batch.reference_position).any():
+        return math.nan
+    ways = np.abs(np.diff(_turning_points(batch.position, _RESOLUTIONS * resolution)))
+    return float(np.minimum(ways[1:], ways[:-1]).max(initial=0.0))
+
+
+def _turning_points(values: FloatArray, least: float) -> FloatArray:
+    """The highest and lowest values between which it goes to and fro by more than ``least``, without the ends."""
+    found: list[float] = []
+    low = high = float(values[0])
+    rising = 0  # not known yet
+    for value in values.tolist():
+        low, high = min(low, value), max(high, value)
+        if rising >= 0 and high - value > least:
+            found += [high] if rising else []
+            rising, low = -1, value
+        elif rising <= 0 and value - low > least:
+            found += [low] if rising else []
+            rising, high = 1, value
+    return np.array(found)
 
 
 def _largest(values: FloatArray) -> float:

@@ -179,6 +179,8 @@ class Monitor(LifecycleNode):
             return
         changes = {parameter.name: parameter for parameter in parameters}
         self._session.joints.apply(changes)
+        if "allow_apply" in changes and not changes["allow_apply"].value:
+            self._session.withdraw_permission()
         if "controller" in changes:
             self._session.follow_controllers()
 

@@ -23,9 +23,9 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
-from stickslip_ros.nodes.gains.apply_service import ApplyService, NotYetError, RefusedError
-from stickslip_ros.nodes.gains.gain_application import GainApplication
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
+from stickslip_ros.nodes.gains.ramp_service import RefusedError
+from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, reference_topic
@@ -82,7 +82,7 @@ class Session:
         self._publish_at = self._poll_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
         self._compiled = CompiledParts(self._log)
-        self._gains_waiting: deque[tuple[float, str, Gains]] = deque()
+        self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
         self._closing: list[Callable[[], object]] = [self._work.close, self._compiled.close]
         self._reference_type = str(node.get_parameter("reference_type").value)
         try:
@@ -100,8 +100,8 @@ class Session:
             self._closing.append(self._publications.close)
             self._maps = StabilityMaps(node, self._work)
             self._closing.append(self._maps.close)
-            self._apply = ApplyService(node, self._begin_applying)
-            self._closing.append(self._apply.close)
+            self._ramps = Ramps(node, self.joints, self._gains, self._why_not_yet, state_path)
+            self._closing.append(self._ramps.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
             self._closing.append(lambda: node.destroy_service(reset))
             # What cannot be had is refused now rather than when the node is activated.
@@ -118,6 +118,10 @@ class Session:
         """Follow the gains of those that the parameters name."""
         self._gains.follow(monitor_parameters.controllers(self._node))
 
+    def withdraw_permission(self) -> None:
+        """Write no more gains of what was asked for until now."""
+        self._ramps.withdraw()
+
     def activate(self) -> None:
         """Begin to listen."""
         self._references = reference_topic(
@@ -130,7 +134,7 @@ class Session:
         """Listen no more, and write no more gains; what was learnt is kept and saved."""
         if self._states is None or self._references is None:
             return
-        self._apply.stop("the monitor was deactivated")
+        self._ramps.stop("the monitor was deactivated")
         if self._compiled.ready:
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
             if self._node.context.ok():
@@ -154,7 +158,7 @@ class Session:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
             self._inputs.look(now)
-        self._apply.tick(now)
+        self._ramps.tick(now)
         self._keeper.tick(self.joints, now)
         if now >= self._publish_at - _NEARLY:
             self._publish(now)
@@ -172,12 +176,17 @@ class Session:
         if gains is not None:
             self.joints.hear_gains(joint.name, gains)
 
-    def _hear_gains(self, name: str, gains: Gains) -> None:
+    def _hear_gains(self, name: str, gains: Gains | None) -> None:
         """Take gains; they concern the samples from now on, and wait where those wait."""
         if self._gains_waiting or self._behind(monotonic()):
             self._gains_waiting.append((monotonic(), name, gains))
         else:
-            self.joints.hear_gains(name, gains)
+            self._take_gains(name, gains)
+
+    def _take_gains(self, name: str, gains: Gains | None) -> None:
+        self.joints.hear_gains(name, gains)
+        if name in self.joints:
+            self._ramps.hear_gains(self.joints[name])
 
     def _oldest(self) -> float:
         """When the oldest of what waits arrived, as a steady time [s]; infinite if nothing waits."""
@@ -203,7 +212,7 @@ class Session:
         self._take(until, now)
         while self._gains_waiting and self._gains_waiting[0][0] <= until:
             _, name, gains = self._gains_waiting.popleft()
-            self.joints.hear_gains(name, gains)
+            self._take_gains(name, gains)
 
     def _take(self, until: float, now: float) -> None:
         assert self._states is not None
@@ -284,7 +293,7 @@ class Session:
             silent_for=silence if silence > _STALE_AFTER else None,
             trouble=joint.trouble,
             missing=self._inputs.missing(joint, assessment),
-            applied=self._apply.outcomes.get(joint.name, ""),
+            applied=self._ramps.outcomes.get(joint.name, ""),
             advised=joint.advised(assessment),
         )
 
@@ -317,42 +326,18 @@ class Session:
             with self._own_change:
                 self._node.set_parameters(changed)
 
-    def _begin_applying(self) -> list[GainApplication]:
-        """The ramps that lead to the advice, for every joint that needs it."""
+    def _why_not_yet(self) -> str:
         if self._states is None:
             raise RefusedError("the monitor is not active")
         if self._behind(monotonic()):
-            raise NotYetError(self._compiled.state or "what came while the node compiled is being looked at")
-        if not self._node.get_parameter("allow_apply").value:
-            raise RefusedError("allow_apply is false; set it to true where gains may be written")
-        ramps, reasons = [], []
-        for joint in self.joints.values():
-            assessment = joint.monitor.assessment()
-            if joint.being_advised(assessment):
-                raise NotYetError(f"the advice for {joint.name} is being worked out")
-            controller = self._gains.controller_of(joint.name)
-            reason = joint.why_not_applied(assessment, has_controller=controller is not None)
-            if reason or controller is None:
-                reasons.append(reason)
-                continue
-            ramps.append(
-                GainApplication(
-                    joint,
-                    controller,
-                    rate=float(self._node.get_parameter("apply_rate").value),
-                    allowed=lambda: bool(self._node.get_parameter("allow_apply").value),
-                    log=self._log,
-                )
-            )
-        if not ramps:
-            raise RefusedError("; ".join(reasons) or "no joint is watched yet")
-        return ramps
+            return self._compiled.state or "what came while the node compiled is being looked at"
+        return ""
 
     def _own_status(self) -> Diagnosis:
         """The node's own health: what it refused, where the gains come from, how it keeps up."""
         troubles = [
             self._compiled.state,
-            f"apply_recommendation: {self._apply.state}" if self._apply.failed else "",
+            self._ramps.trouble,
             self._gains.state if self._gains.waiting else "",
             *self._inputs.troubles,
             self._self.trouble if self._self is not None else "",
@@ -366,7 +351,7 @@ class Session:
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),
             *self._inputs.values(),
-            ("apply_recommendation", self._apply.state),
+            ("apply_recommendation", self._ramps.state),
             (
                 "slips not learnt from, a study being late [1]",
                 sum(joint.monitor.learner.skipped for joint in self.joints.values()),

@@ -81,8 +81,9 @@ class LadderNode(Node):
         self._client = AsyncParameterClient(self, simulated) if simulated else None
         self._controller = TrajectoryController(self, controller, joint, largest_lag) if controller else None
 
-    def _on_gains(self, _: str, gains: Gains) -> None:
-        self.gains = gains
+    def _on_gains(self, _: str, gains: Gains | None) -> None:
+        # The experiment was made with those known last, wherever the controller is now.
+        self.gains = gains or self.gains
 
     def run(self, steps: list[Step], told: Callable[[float, str], None]) -> Batch:
         """Move through the steps and return what was recorded.

@@ -111,7 +111,7 @@ def test_bounds_hold_against_parameters_and_transitions(ros_domain: int) -> None
         )
         answer = one.answer("apply_recommendation", 60.0)
         assert not answer.success
-        assert "is outside 0 to" in answer.message
+        assert "is outside its limits 0 to" in answer.message
         assert one.get_parameters("/simulated_joint", ["gains.joint1.p", "gains.joint1.d"]) == [630.0, 0.0]
 
 

@@ -15,6 +15,7 @@ from stickslip_ros.monitoring.advice.recommendation import Recommendation, recom
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
+_COMPARABLE = 2.0  # times as fast
 _SAME_SPEED = 0.01
 _SAME_RATE = 0.05
 _SAME_ERROR = 0.2
@@ -45,6 +46,14 @@ class AdviceQuestion:
             and self.limits == other.limits
             and self.loop.conditions == other.loop.conditions
         )
+
+    def comparable(self, other: AdviceQuestion) -> bool:
+        """Whether the answer to the one is of use until the other is answered: at speeds within a factor of two.
+
+        A joint that stood still and moves now needs other gains than none.
+        """
+        slower, faster = sorted((abs(self.velocity), abs(other.velocity)))
+        return self.of_the_same_controller(other) and faster <= _COMPARABLE * slower
 
     def about_the_same(self, other: AdviceQuestion) -> bool:
         """Whether both are about the same joint, gains and limits, at whatever speed."""

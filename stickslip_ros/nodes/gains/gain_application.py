@@ -1,112 +1,203 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Advised gains written to a controller while its joint moves: step by step, read back, watched, taken back."""
+"""Gains changed in a controller while its joint moves: step by step, read back, watched, taken back.
+
+While anything is waited for, permission, the joint's motion and what others set are looked at, and once more
+immediately before each write. Permission withdrawn stops everything: nothing is written after it, not even to go back.
+The way back leads to gains that were in force, so that no bounds are in its way.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
-
-from rclpy.impl.rcutils_logger import RcutilsLogger
+from typing import Protocol
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.messages.gain_parameters import gain_name, gain_value
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.messages.gain_parameters import GainPair
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
-from stickslip_ros.monitoring.advice.recommendation import Variant
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.vitals import Vitals, vitals_of, what_got_worse
-from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.gains.gain_writer import (
+    Controller,
+    GainWriter,
+    SetByOthersError,
+    StoppedError,
+    Waiting,
+    WithdrawnError,
+)
+from stickslip_ros.nodes.gains.motion_watch import WATCH
+from stickslip_ros.nodes.gains.ramp_journal import UnfinishedRamp
 
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
 _RETREAT_PERIOD = 0.05  # [s]
-_WATCH = 1.0  # [s] of motion that is looked at; gains that were in force so long ago are good
-_LEAST_BASELINE = 2.0  # [s]
-_LONGEST_BASELINE = 20.0
-_CYCLES = 2.0  # of stick slip that the baseline has to cover
-_BAND = 5.0  # times the natural frequency, up to which the motion is the joint's own
 _LONGEST_ADVICE = 10.0  # [s] for advice on the gains in force
-_SILENCE = 1.0  # [s] without a sample, from which on there is no watching
 _REST = 10.0  # [s] at rest, after which the ramp is given up
-_LONGEST_JUDGEMENT = 10.0  # [s] for the status after the ramp
-_NEWS = 0.2  # [s] for a change of parameters to be told
-_READS = 2  # an answer can be lost
-_EQUAL = 1e-9
+_JUDGEMENT = 10.0  # [s] for the status after the ramp, and as many cycles as follow
+_CYCLES = 3.0
+_LONGEST_JUDGEMENT = 60.0
+_RANK = {Status.SMOOTH: 0, Status.AT_RISK: 1, Status.STICK_SLIP: 2}
 
-Script = Generator[None, None, None]
+Bounds = Callable[[], tuple[tuple[float, float], tuple[float, float]]]
 
 
-class StoppedError(StickSlipError):
-    """The ramp was ended before its end; the text says why, and which gains are in force."""
+class Log(Protocol):
+    """A node's log."""
+
+    def info(self, message: str) -> object:
+        """Log what is as it should be."""
+
+    def warning(self, message: str) -> object:
+        """Log what is not."""
+
+    def error(self, message: str) -> object:
+        """Log a failure."""
+
+
+class Watch(Protocol):
+    """The joint's motion, as :class:`MotionWatch` sees it."""
+
+    @property
+    def status(self) -> Status:
+        """Of now."""
+
+    @property
+    def cycles(self) -> int:
+        """Counted so far."""
+
+    def assessment(self) -> Assessment:
+        """What is known of the joint now."""
+
+    def begin(self, begin: Gains, target: Gains) -> str:
+        """Take the motion of now as the measure of that to come; returns why that cannot be, or ""."""
+
+    def objection(self, softer: float) -> str:
+        """Why the gains should not be changed further, or ""."""
+
+
+class Journal(Protocol):
+    """Remembers ramps beyond the end of the process, as :class:`RampJournal` does."""
+
+    def begin(self, ramp: UnfinishedRamp) -> None:
+        """Remember one; it raises StickSlipError if that cannot be."""
+
+    def end(self, joint: str) -> None:
+        """Forget one."""
+
+
+class _WorseError(StoppedError):
+    """Something speaks against the gains in force."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How it ended, for the answer and the diagnostics."""
+    """How it ended, for the answer and the diagnostics.
+
+    Attributes
+    ----------
+    success : whether the joint is better, or has its former gains where these were asked for.
+    """
 
     success: bool
     message: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """Where a ramp leads: the gains, the way to them, and why."""
+
+    gains: GainPair
+    ramp: GainRamp
+    reason: str
+
+
 class GainApplication:
-    """One joint's ramp. :meth:`tick` carries it on; it never waits.
+    """One joint's ramp to the advised gains, or back to former ones. :meth:`tick` carries it on; it never waits.
 
     Parameters
     ----------
-    watched : the joint, whose limits and permission count as they are at each step.
-    controller : parameters of its controller. rate : relative change a second [1/s].
-    allowed : whether gains still may be written.
+    joint : its name. controller : parameters of its controller. watch : its motion.
+    scale : one of the controller's units in SI units.
+    bounds : of p and of d, in the controller's units, as they are now.
+    rate : relative change a second [1/s].
+    allowed : whether gains may be written.
+    clock : a steady time [s].
+    back_to : a ramp that was cut off, to go back to where it began; None for a ramp to the advice.
     """
 
     def __init__(
         self,
-        watched: WatchedJoint,
-        controller: RemoteParameters,
+        joint: str,
+        controller: Controller,
+        watch: Watch,
+        journal: Journal,
         *,
+        scale: float,
+        bounds: Bounds,
         rate: float,
         allowed: Callable[[], bool],
-        log: RcutilsLogger,
+        clock: Callable[[], float],
+        log: Log,
+        back_to: UnfinishedRamp | None = None,
     ) -> None:
-        self.joint = watched.name
-        self._watched, self._monitor, self._controller = watched, watched.monitor, controller
-        self._scale = watched.settings.gain_scale
-        self._rate, self._allowed, self._log = rate, allowed, log
-        self._now = 0.0
-        self._target, self._reason = Gains(stiffness=math.nan), ""
-        self._good: list[tuple[float, Gains]] = []  # verified gains, and when they came into force
-        self._tried: list[Gains] = []
-        self._heard_before: list[Gains] = []
-        self._before: Vitals | None = None
-        self._band = math.nan
-        self.state = f"{self.joint}: beginning"
+        self.joint = joint
+        self._controller, self._watch, self._journal = controller, watch, journal
+        self._scale, self._bounds, self._rate = scale, bounds, rate
+        self._allowed, self._clock, self._log, self._back_to = allowed, clock, log, back_to
+        self._was = watch.status
+        self._withdrawn = self._running = False
+        self._writer = GainWriter(
+            joint, controller, clock=clock, allowed=self._may_write, look=self._look, answered=self._go_on
+        )
+        self._asked: GainPair | None = None
+        self._good: list[tuple[float, GainPair]] = []  # gains as read back, and when they came into force
+        self._sent: GainPair | None = None
+        self._bounded: GainPair | None = None  # on their way, and to be within the limits of now
+        self._watching = False  # the motion can be compared with that before
+        self._returning = False  # the motion has had its say
+        self.state = f"{joint}: beginning"
         self.outcome: Outcome | None = None
         self._script = self._run()
 
-    def tick(self, now: float) -> Outcome | None:
-        """Carry on; ``now`` is a steady time [s]. Returns the outcome once there is one."""
-        self._now = now
-        self._controller.poll(now)
-        if self.outcome is None:
-            try:
-                next(self._script)
-            except StopIteration:
-                pass
-            except StoppedError as stopped:
-                self._finish(success=False, message=str(stopped))
+    def tick(self) -> Outcome | None:
+        """Carry on. Returns the outcome once there is one."""
+        self._controller.poll(self._clock())
+        self._go_on()
         return self.outcome
+
+    def withdraw(self) -> None:
+        """Take the permission away for good, even if it is given again at once."""
+        self._withdrawn = True
 
     def stop(self, why: str) -> Outcome:
         """End the ramp where it is."""
-        self._script.close()
-        self._finish(success=False, message=f"{why}; {self._in_force()}")
+        if self.outcome is None:
+            self._script.close()
+            if not self._writer.written and self._back_to is None:
+                self._journal.end(self.joint)
+            self._finish(success=False, message=f"{why}; {self._gains_said()}")
         assert self.outcome is not None
         return self.outcome
 
+    def _go_on(self) -> None:
+        if self.outcome is not None or self._running:
+            return
+        self._running = True
+        try:
+            next(self._script)
+        except StopIteration:
+            pass
+        except Exception as error:
+            # The script is over, and its end must be known.
+            self._finish(success=False, message=f"an error of the monitor itself: {error!r}; {self._gains_said()}")
+            raise
+        finally:
+            self._running = False
+
     def _finish(self, *, success: bool, message: str) -> None:
+        self._writer.close()
         self.state = f"{self.joint}: {message}"
         self.outcome = Outcome(success=success, message=self.state)
         # Two lines of code: rclpy wants one severity from each.
@@ -115,244 +206,244 @@ class GainApplication:
         else:
             self._log.error(f"apply_recommendation: {self.state}")
 
-    def _run(self) -> Script:
-        begin = yield from self._read()
-        assessment, advised, joint = yield from self._advice_for(begin)
-        self._target, self._reason = advised.gains, advised.reason
-        for gains in (begin, self._target):
-            self._check_bounds(gains)
-        self._good.append((self._now, begin))
-        self._heard_before = list(self._watched.gains_heard)
-        self._begin_watch(assessment, joint, begin)
-        ramp = GainRamp.between(joint, begin, self._target)
-        was, share, steps = assessment.finding.status.value, 0.0, 0
-        last = self._now
+    def _run(self) -> Waiting[None]:
+        success, text = False, ""
+        stopped: StoppedError | None = None
+        try:
+            success, text = yield from self._lead()
+        except StoppedError as error:
+            stopped = error
+        except StickSlipError as error:
+            stopped = StoppedError(str(error))
+        while stopped is not None:
+            try:
+                text = yield from self._after(stopped, text)
+                stopped = None
+            except StoppedError as error:
+                stopped = error
+        self._returning = True
+        if not self._writer.silent:
+            try:
+                yield from self._writer.settled()
+            except StoppedError as error:
+                text += f"; {error}" if str(error) not in text else ""
+        if not self._leaves_something_undone(success):
+            self._journal.end(self.joint)
+        self._finish(success=success, message=f"{text}; {self._writer.in_force() if success else self._gains_said()}")
+
+    def _leaves_something_undone(self, success: bool) -> bool:
+        """Whether the joint has gains that are neither its former ones nor good ones, and nobody else's."""
+        last, begin = self._writer.last, self._good[0][1] if self._good else None
+        if success:
+            return False
+        if not self._writer.written or last is None or begin is None or self._asked is None:
+            return self._back_to is not None
+        if not self._writer.certain:
+            return True
+        goal = begin if self._back_to is None else self._asked
+        return last.between(begin, self._asked) and not last.same(goal)
+
+    def _gains_said(self) -> str:
+        """Before, asked, in force."""
+        said = []
+        if self._writer.written and self._good and self._asked is not None:
+            said.append(f"before {self._good[0][1]}, asked {self._asked}")
+        elif not self._writer.written:
+            said.append("no gains were changed")
+        said.append(self._writer.in_force())
+        return "; ".join(said)
+
+    def _lead(self) -> Waiting[tuple[bool, str]]:
+        """The ramp; returns whether it was worth it, and what to say."""
+        begin = yield from self._writer.read()
+        target = self._former(begin) if self._back_to is not None else (yield from self._advised(begin))
+        self._asked = target.gains
+        self._good.append((self._clock(), begin))
+        if self._back_to is None:
+            for gains in (begin, target.gains):
+                self._check_bounds(gains)
+        why_not = self._watch.begin(self._si(begin), self._si(target.gains))
+        if why_not:
+            raise StoppedError(why_not)
+        self._watching = True
+        before = self._watch.status if self._watch.status in _RANK else self._was
+        if self._back_to is None:
+            self._journal.begin(
+                UnfinishedRamp(
+                    joint=self.joint,
+                    controller=self._controller.remote,
+                    before=begin,
+                    asked=target.gains,
+                    offset=target.ramp.offset / self._scale,
+                )
+            )
+        steps = yield from self._climb(target)
+        way = f"from {begin} to {target.gains} in {steps} steps"
+        if self._back_to is not None:
+            return True, f"back {way}"
+        after = yield from self._judged()
+        if after is None:
+            return False, f"{way}; it was {before.value}, and it cannot be judged yet whether it is better"
+        return _RANK[after] < _RANK.get(before, 0), f"{way}; it was {before.value}, it is {after.value}"
+
+    def _climb(self, target: Target) -> Waiting[int]:
+        """All steps; returns how many there were."""
+        share, steps, last = 0.0, 0, self._clock()
         while share < 1.0:
-            yield from self._pause(last + _STEP_PERIOD - self._now)
-            yield from self._wait_for_motion()
-            state = self._monitor.assessment()
-            share = ramp.next_share(
+            yield from self._pause(last + _STEP_PERIOD - self._clock())
+            if self._back_to is None:
+                yield from self._wait_for_motion()
+            state = self._watch.assessment()
+            share = target.ramp.next_share(
                 share,
                 rate=self._rate,
-                elapsed=self._now - last,
+                elapsed=self._clock() - last,
                 tracking_error=state.tracking_error,
                 velocity_error=state.velocity_error,
             )
-            steps, last = steps + 1, self._now
-            yield from self._write(ramp.at(share), f"step {steps}, {100 * share:.0f} % of the way: {self._reason}")
-            self.state = f"{self.joint}: {100 * share:.0f} % of the way to {self._text(self._target)}"
-        yield from self._wait_for_a_verdict()
-        status = self._monitor.finding().status.value
-        way = f"from {self._text(begin)} to {self._text(self._target)} in {steps} steps"
-        self._finish(success=True, message=f"{way}; it was {was}, it is {status}")
+            gains = target.gains if share >= 1.0 else GainPair.from_si(target.ramp.at(share), self._scale)
+            self._bounded = gains if self._back_to is None else None
+            steps, last = steps + 1, self._clock()
+            yield from self._step(gains, f"step {steps}, {100 * share:.0f} % of the way: {target.reason}")
+            self.state = f"{self.joint}: {100 * share:.0f} % of the way to {target.gains}"
+        return steps
 
-    def _wait_for_a_verdict(self) -> Script:
-        """Watch on until the motion with the new gains can be judged."""
-        until, settled = self._now + _LONGEST_JUDGEMENT, self._now + 2.0 * _WATCH
-        cycles = self._monitor.cycle_count
-        while self._now < until:
+    def _judged(self) -> Waiting[Status | None]:
+        """The status with the new gains, None if it cannot be told in time."""
+        begun, cycles = self._clock(), self._watch.cycles
+        cycle = self._watch.assessment().last_cycle
+        patience = min(_JUDGEMENT + (_CYCLES * cycle.period if cycle is not None else 0.0), _LONGEST_JUDGEMENT)
+        while self._clock() - begun < patience:
             yield from self._pause(_STEP_PERIOD)
-            status = self._monitor.finding().status
-            sticks = status is Status.STICK_SLIP and self._monitor.cycle_count >= cycles + _CYCLES
-            if self._now >= settled and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
-                return
+            status = self._watch.status
+            # What sticks must have stuck with the new gains.
+            sticks = status is Status.STICK_SLIP and self._watch.cycles >= cycles + 2
+            if self._clock() - begun >= 2.0 * WATCH and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
+                return status
+        return None
 
-    def _advice_for(self, begin: Gains) -> Generator[None, None, tuple[Assessment, Variant, Joint]]:
-        """The advice for the gains in force, once the monitor has heard of these; and the joint that it is for."""
-        until = self._now + _LONGEST_ADVICE
+    def _advised(self, begin: GainPair) -> Waiting[Target]:
+        """The advice for the gains in force, once the monitor has heard of these."""
+        until = self._clock() + _LONGEST_ADVICE
         while True:
-            assessment = self._monitor.assessment()
-            advised = assessment.recommended
-            if assessment.gains is not None and _same(assessment.gains, begin) and advised is not None:
+            assessment = self._watch.assessment()
+            advised, gains = assessment.recommended, assessment.gains
+            if gains is not None and advised is not None and GainPair.from_si(gains, self._scale).same(begin):
                 break
-            if self._now > until:
-                raise StoppedError(f"there is no advice for the gains in force, {self._text(begin)}")
-            yield
+            if self._clock() > until:
+                raise StoppedError(f"there is no advice for the gains in force, {begin}")
+            yield from self._writer.wait()
         if assessment.joint is None or not advised.found:
             raise StoppedError(advised.reason)
-        return assessment, advised, assessment.joint
+        ramp = GainRamp.between(assessment.joint, self._si(begin), advised.gains)
+        return Target(gains=GainPair.from_si(advised.gains, self._scale), ramp=ramp, reason=advised.reason)
 
-    def _check_bounds(self, gains: Gains) -> None:
-        for name, value, (least, largest) in (
-            ("p", float(gains.stiffness) / self._scale, self._watched.bounds("stiffness_range")),
-            ("d", float(gains.damping) / self._scale, self._watched.bounds("damping_range")),
-        ):
-            slack = _EQUAL * max(abs(least), abs(value))
-            if not least - slack <= value <= largest + slack:
-                raise StoppedError(f"the gain {name} of {value:.4g} is outside {least:.4g} to {largest:.4g}")
+    def _former(self, begin: GainPair) -> Target:
+        """The gains before a ramp that was cut off."""
+        assert self._back_to is not None
+        former = self._back_to.before
+        ramp = GainRamp(begin=self._si(begin), end=self._si(former), offset=self._back_to.offset * self._scale)
+        return Target(gains=former, ramp=ramp, reason="back to the gains before the ramp that was cut off")
 
-    def _begin_watch(self, assessment: Assessment, joint: Joint, begin: Gains) -> None:
-        stiffest = max(float(begin.stiffness), float(self._target.stiffness))
-        self._band = _BAND * math.sqrt(stiffest / float(joint.inertia)) / (2.0 * math.pi)
-        cycle = assessment.last_cycle
-        longest = _CYCLES * cycle.period if cycle is not None else 0.0
-        baseline = self._monitor.recent(min(max(_LEAST_BASELINE, longest), _LONGEST_BASELINE))
-        self._before = vitals_of(baseline, self._band) if baseline is not None else None
-        if self._before is None:
-            raise StoppedError("there are no samples of the joint to watch it by")
+    def _check_bounds(self, gains: GainPair) -> None:
+        for (kind, value), (least, largest) in zip(gains.values().items(), self._bounds(), strict=True):
+            if not (least <= value <= largest or math.isclose(value, least) or math.isclose(value, largest)):
+                raise StoppedError(
+                    f"the gain {kind} of {value:.4g} is outside its limits {least:.4g} to {largest:.4g} "
+                    f"(limits.{self.joint}.{kind}_min, {kind}_max)"
+                )
 
-    def _pause(self, duration: float) -> Script:
-        """Watch for a while, at least once.
+    def _step(self, gains: GainPair, why: str) -> Waiting[None]:
+        """Write gains in the place of those that are in force."""
+        old = self._good[-1][1]
+        if gains.same(old) and self._sent is None:
+            return
+        self._log.info(f"{self._controller.remote}: {self.joint} {old} -> {gains}: {why}")
+        expected = [old] if self._sent is None else [old, self._sent]
+        self._sent = gains
+        yield from self._writer.write(gains, expected)
+        self._sent = None
+        self._good.append((self._clock(), gains))
+
+    def _may_write(self) -> bool:
+        return self._allowed() and not self._withdrawn
+
+    def _look(self) -> None:
+        """Look at everything that may end the ramp.
 
         Raises
         ------
         StoppedError
-            If something speaks against going on; gains that were good are in force again then.
+            If something does.
         """
-        until = self._now + duration
-        while True:
-            yield
-            if not self._allowed():
-                raise StoppedError(f"allow_apply was set to false; {self._in_force()}")
-            self._look_for_others()
-            why = self._objection()
+        if not self._may_write():
+            raise WithdrawnError("allow_apply was set to false, and nothing was written after that")
+        self._writer.look_for_others()
+        if self._bounded is not None and not self._returning:
+            self._check_bounds(self._bounded)
+        if self._watching and not self._returning:
+            why = self._watch.objection(softer=self._good[0][1].p / self._good[-1][1].p)
             if why:
-                yield from self._retreat(why)
-            if self._now >= until:
+                raise _WorseError(why)
+
+    def _after(self, stopped: StoppedError, said: str) -> Waiting[str]:
+        """What is done after the ramp was stopped; returns what to say."""
+        returning, self._returning = self._returning, True
+        said = f"{said}; " if said else ""
+        if isinstance(stopped, SetByOthersError):
+            return said + (yield from self._writer.restore(stopped.values))
+        if isinstance(stopped, WithdrawnError) or returning or len(self._good) == 0:
+            return f"{said}{stopped}"
+        if isinstance(stopped, _WorseError):
+            return said + (yield from self._go_back(str(stopped), self._settled_before()))
+        within = [number for number, (_, gains) in enumerate(self._good) if self._is_within_bounds(gains)]
+        outside = self._back_to is None and not self._is_within_bounds(self._good[-1][1])
+        if outside and not self._writer.silent:
+            return said + (yield from self._go_back(str(stopped), within[-1] if within else 0))
+        return f"{said}{stopped}"
+
+    def _is_within_bounds(self, gains: GainPair) -> bool:
+        try:
+            self._check_bounds(gains)
+        except StoppedError:
+            return False
+        return True
+
+    def _settled_before(self) -> int:
+        """Which were the last gains under which all was well for long enough."""
+        settled = [number for number, (since, _) in enumerate(self._good) if self._clock() - since >= WATCH]
+        return settled[-1] if settled else 0
+
+    def _go_back(self, why: str, number: int) -> Waiting[str]:
+        """Back by the steps that led away from the gains of that number."""
+        if len(self._good) - 1 > number or self._sent is not None:
+            self._log.warning(f"{self.joint}: {why}; going back to {self._good[number][1]}")
+        steps = [gains for _, gains in self._good[number : None if self._sent is not None else -1]]
+        for gains in reversed(steps):
+            try:
+                yield from self._step(gains, f"taken back: {why}")
+                yield from self._pause(_RETREAT_PERIOD)
+            except StoppedError as stopped:
+                if isinstance(stopped, SetByOthersError):
+                    raise
+                return f"{why}; on the way back {stopped}"
+        return why
+
+    def _pause(self, duration: float) -> Waiting[None]:
+        """Look on for a while, at least once."""
+        until = self._clock() + duration
+        while True:
+            yield from self._writer.wait()
+            if self._clock() >= until:
                 return
 
-    def _look_for_others(self) -> None:
-        """End the ramp if the controller has told of gains that are not the ramp's, though they may be gone again."""
-        ours = [gains for _, gains in self._good] + self._tried
-        for heard in self._watched.gains_heard:
-            if heard not in self._heard_before and not any(_same(heard, gains) for gains in ours):
-                raise StoppedError(f"somebody else set {self._text(heard)} meanwhile; {self._in_force()}")
-
-    def _objection(self) -> str:
-        """Why the ramp should not go on, or ""."""
-        if self._now - self._watched.heard > _SILENCE:
-            return f"the joint has not been heard for {_SILENCE:g} s"
-        recent = self._monitor.recent(_WATCH)
-        if recent is None or self._before is None or not self._good:
-            return ""
-        softer = float(self._good[0][1].stiffness) / float(self._good[-1][1].stiffness)
-        return what_got_worse(
-            self._before,
-            vitals_of(recent, self._band),
-            softer=softer,
-            resolution=self._monitor.resolution,
-            effort_limit=self._watched.settings.options.limits.effort,
-        )
-
-    def _wait_for_motion(self) -> Script:
+    def _wait_for_motion(self) -> Waiting[None]:
         """A joint at rest shows nothing: wait until it moves again."""
-        until = self._now + _REST
-        while self._monitor.finding().status is Status.AT_REST:
-            if self._now > until:
-                raise StoppedError(f"the joint has been at rest for {_REST:g} s; {self._in_force()}")
+        until = self._clock() + _REST
+        while self._watch.status is Status.AT_REST:
+            if self._clock() > until:
+                raise StoppedError(f"the joint has been at rest for {_REST:g} s")
             yield from self._pause(_STEP_PERIOD)
 
-    def _read(self) -> Generator[None, None, Gains]:
-        """The gains in force."""
-        names = [gain_name(self.joint, kind) for kind in ("p", "d")]
-        values = None
-        for _ in range(_READS):
-            values = yield from self._ask(lambda then: self._controller.get(names, self._now, then))
-            if values is not None:
-                break
-        if values is None:
-            raise StoppedError(f"{self._controller.remote} does not answer; {self._in_force()}")
-        stiffness, damping = (gain_value(value) for value in [*values, *values][:2])
-        if not math.isfinite(stiffness):
-            raise StoppedError(f"{self._controller.remote} has no gain {names[0]}; {self._in_force()}")
-        return Gains(
-            stiffness=self._scale * stiffness, damping=self._scale * (damping if math.isfinite(damping) else 0.0)
-        )
-
-    def _ask(self, ask: Callable[[Callable[[Any], None]], None]) -> Generator[None, None, Any]:
-        answers: list[Any] = []
-        ask(answers.append)
-        while not answers:
-            yield
-        return answers[0]
-
-    def _write(self, gains: Gains, why: str) -> Script:
-        """Write gains, and read them back.
-
-        Raises
-        ------
-        StoppedError
-            If the controller does not take them as they are; the last ones that it took are in force then.
-        """
-        self._check_bounds(gains)
-        old = self._good[-1][1]
-        values = self._values(gains, old)
-        if not values:
-            return
-        found = yield from self._read()
-        if not _same(found, old):
-            raise StoppedError(self._somebody_else(found, old))
-        self._log.info(f"{self._controller.remote}: {self.joint} {self._text(old)} -> {self._text(gains)}: {why}")
-        self._tried.append(gains)
-        result = yield from self._ask(lambda then: self._controller.set(values, self._now, then))
-        if result is not None and not result.successful:
-            raise StoppedError(
-                f"{self._controller.remote} refused {self._text(gains)}: {result.reason or 'no reason given'}; "
-                f"{self._in_force()}"
-            )
-        found = yield from self._read()
-        if _same(found, gains):
-            self._good.append((self._now, gains))
-            return
-        if _same(found, old):
-            silent = " did not answer and" if result is None else ""
-            raise StoppedError(
-                f"{self._controller.remote}{silent} took no notice of {self._text(gains)}; {self._in_force()}"
-            )
-        yield from self._put_back(gains, found)
-
-    def _put_back(self, gains: Gains, found: Gains) -> Script:
-        """The controller made something else of the gains: go back to those that it took."""
-        old = self._good[-1][1]
-        until = self._now + _NEWS
-        while self._now < until:
-            yield
-        if any(_same(heard, gains) for heard in self._watched.gains_heard):
-            # The controller had taken them, and told so, before it took others.
-            raise StoppedError(self._somebody_else(found, gains))
-        what = f"{self._controller.remote} made {self._text(found)} of {self._text(gains)}"
-        self._log.warning(f"{what}; going back to {self._text(old)}")
-        yield from self._ask(lambda then: self._controller.set(self._values(old, found), self._now, then))
-        after = yield from self._read()
-        if _same(after, old):
-            raise StoppedError(f"{what}; {self._in_force()}")
-        raise StoppedError(f"{what}, and {self._text(after)} of {self._text(old)}, which are in force now")
-
-    def _somebody_else(self, found: Gains, ours: Gains) -> str:
-        return f"somebody else set {self._text(found)} while the ramp was at {self._text(ours)}; they are left alone"
-
-    def _retreat(self, why: str) -> Script:
-        """Back to the last gains under which all was well for long enough, by the steps that led away from them."""
-        settled = [index for index, (since, _) in enumerate(self._good) if self._now - since >= _WATCH]
-        back_to = settled[-1] if settled else 0
-        self._log.warning(f"{self.joint}: {why}; going back to {self._text(self._good[back_to][1])}")
-        steps = [gains for _, gains in self._good[back_to:-1]]
-        for gains in reversed(steps):
-            yield from self._write(gains, f"taken back: {why}")
-            until = self._now + _RETREAT_PERIOD
-            while self._now < until:
-                yield
-        raise StoppedError(f"{why}; {self._in_force()}")
-
-    def _values(self, gains: Gains, old: Gains) -> dict[str, float]:
-        """The parameters that have to change, in the controller's units."""
-        pairs = (("p", gains.stiffness, old.stiffness), ("d", gains.damping, old.damping))
-        return {
-            gain_name(self.joint, kind): float(new) / self._scale
-            for kind, new, before in pairs
-            if not math.isclose(float(new), float(before), rel_tol=_EQUAL, abs_tol=0.0)
-        }
-
-    def _in_force(self) -> str:
-        if not self._good:
-            return "no gains were changed"
-        return f"the gains in force are {self._text(self._good[-1][1])}"
-
-    def _text(self, gains: Gains) -> str:
-        return f"p {float(gains.stiffness) / self._scale:.6g}, d {float(gains.damping) / self._scale:.6g}"
-
-
-def _same(one: Gains, other: Gains) -> bool:
-    return math.isclose(float(one.stiffness), float(other.stiffness), rel_tol=_EQUAL) and math.isclose(
-        float(one.damping), float(other.damping), rel_tol=_EQUAL, abs_tol=1e-12
-    )
+    def _si(self, gains: GainPair) -> Gains:
+        return gains.to_si(self._scale)

@@ -28,7 +28,8 @@ class GainIntake:
     ----------
     node : does the talking. joints : names of those watched; welcomes : whether others may join them, whose gains are
         kept until then.
-    on_gains : called with a joint's name and its gains. refuse : called with the reason for what is not taken.
+    on_gains : called with a joint's name and its gains, None once they are known no more.
+    refuse : called with the reason for what is not taken.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class GainIntake:
         node: Node,
         joints: Callable[[], Iterable[str]],
         welcomes: Callable[[], bool],
-        on_gains: Callable[[str, Gains], None],
+        on_gains: Callable[[str, Gains | None], None],
         refuse: Callable[[str], None],
     ) -> None:
         self._node, self._joints, self._on_gains, self._refuse = node, joints, on_gains, refuse
@@ -55,6 +56,7 @@ class GainIntake:
             return
         before, self._controllers = self._controllers, []
         for controller in before:
+            controller.forget()
             controller.close()
         self._controllers = [
             ControllerGains(self._node, name, partial(self._on_controller, name), self._joints) for name in names
@@ -62,7 +64,9 @@ class GainIntake:
 
     def close(self) -> None:
         """Hear no more."""
-        self.follow([])
+        for controller in self._controllers:
+            controller.close()
+        self._controllers = []
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
 
@@ -102,7 +106,12 @@ class GainIntake:
         names = ", ".join(controller.name for controller in self._controllers)
         return "; ".join(waiting) or f"{names} has no parameter gains.{joint}.p"
 
-    def _on_controller(self, name: str, joint: str, gains: Gains) -> None:
+    def _on_controller(self, name: str, joint: str, gains: Gains | None) -> None:
+        if gains is None:
+            # Of another controller that has the joint's gains too, the next reading tells.
+            if not any(one.has(joint) for one in self._controllers):
+                self._on_gains(joint, None)
+            return
         first = next(one.name for one in self._controllers if one.has(joint))
         if first == name:
             self._on_gains(joint, gains)

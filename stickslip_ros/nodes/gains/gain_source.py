@@ -20,6 +20,7 @@ _REREAD = 1.0  # [s]
 _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
 _LOOK_EVERY = 1.0  # [s] at the graph, while the controller is missing
+_SILENT_FOR_GOOD = 3  # answers missing in a row, 2 s each, after which its gains are known no more
 _NAMED = 6  # other nodes that are named where a controller is missing
 
 
@@ -30,14 +31,19 @@ class ControllerGains:
     ----------
     node : does the talking.
     controller : fully qualified name of the controller's node.
-    on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change.
+    on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change;
+        with None once the controller is gone, or has been silent for long: gains are known as long as it lives.
     joints : names of the joints to ask for.
 
     ``state`` says in words how far it has got, for diagnostics; ``waiting`` whether that is a fault.
     """
 
     def __init__(
-        self, node: Node, controller: str, on_gains: Callable[[str, Gains], None], joints: Callable[[], Iterable[str]]
+        self,
+        node: Node,
+        controller: str,
+        on_gains: Callable[[str, Gains | None], None],
+        joints: Callable[[], Iterable[str]],
     ) -> None:
         self._node = node
         self.name = controller
@@ -59,6 +65,7 @@ class ControllerGains:
         """Ask for what is not known yet; call now and then with a steady time [s]."""
         self.parameters.poll(now)
         if not self.parameters.ready():
+            self.forget()
             self._appeared_at = math.inf
             self._asked_at = -math.inf
             if math.isnan(self._missing_since):
@@ -72,7 +79,8 @@ class ControllerGains:
         self._missing_since = math.nan
         self._appeared_at = min(self._appeared_at, now)
         interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD
-        if self._busy or now - self._asked_at < interval:
+        # Where a ramp asks already, a slow controller has enough to answer.
+        if self._busy or self.parameters.busy or now - self._asked_at < interval:
             return
         self._asked_at = now
         self._busy = True
@@ -122,6 +130,8 @@ class ControllerGains:
     def _no_answer(self) -> None:
         self._busy = False
         self._silent += 1
+        if self._silent >= _SILENT_FOR_GOOD:
+            self.forget()
         self._says(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", "silent", waiting=True)
 
     def _on_values(self, names: list[str], values: list[ParameterValue] | None) -> None:
@@ -135,8 +145,9 @@ class ControllerGains:
     def on_event(self, event: ParameterEvent) -> None:
         """Take a change of parameters, if it is the controller's."""
         if event.node == self.name:
-            changes = [*event.new_parameters, *event.changed_parameters]
-            self._take((parameter.name, parameter.value) for parameter in changes)
+            changes = {one.name: one.value for one in [*event.new_parameters, *event.changed_parameters]}
+            self.parameters.hear(changes)
+            self._take(changes.items())
 
     def _take(self, parameters: Iterable[tuple[str, ParameterValue]]) -> None:
         """Remember what are gains of joints watched, and tell of each joint once."""
@@ -148,6 +159,11 @@ class ControllerGains:
                 told.append(found[0])
         for joint in dict.fromkeys(told):
             self._tell(joint)
+
+    def forget(self) -> None:
+        """Know the gains no more, and say so."""
+        for joint in self._heard.forget():
+            self._on_gains(joint, None)
 
     def _remember(self, joint: str, kind: str, value: ParameterValue) -> None:
         found = gain_value(value)

@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The parameters of another node, asked without waiting: every question has its answer, or None, in bounded time."""
+"""The parameters of another node, asked without waiting: every question has its answer, or None, in bounded time.
+
+An answer is handed over as soon as it is here, so that what is read can be acted on before it is old.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
@@ -16,6 +21,17 @@ from rclpy.task import Future
 PATIENCE = 2.0  # [s] for an answer
 
 Then = Callable[[Any], None]
+Listener = Callable[[Mapping[str, ParameterValue]], None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """One that waits for its answer until a steady time [s]."""
+
+    client: Client
+    future: Future
+    until: float
+    then: Then
 
 
 class RemoteParameters:
@@ -24,19 +40,32 @@ class RemoteParameters:
     Parameters
     ----------
     node : does the talking. remote : fully qualified name of the other one.
+
+    ``listeners`` are told of changes that the other one makes known; see :meth:`hear`.
     """
 
     def __init__(self, node: Node, remote: str) -> None:
         self._node = node
         self.remote = remote
+        self.listeners: list[Listener] = []
         self._list = node.create_client(ListParameters, f"{remote}/list_parameters")
         self._get = node.create_client(GetParameters, f"{remote}/get_parameters")
         self._set = node.create_client(SetParametersAtomically, f"{remote}/set_parameters_atomically")
-        self._waiting: list[tuple[Client, Future, float, Then]] = []
+        self._waiting: list[_Question] = []
+
+    def hear(self, changes: Mapping[str, ParameterValue]) -> None:
+        """Tell the listeners what the other node says that it has changed, all at once."""
+        for listener in list(self.listeners):
+            listener(changes)
 
     def ready(self) -> bool:
         """Whether the other node is there."""
         return bool(self._list.service_is_ready() and self._get.service_is_ready())
+
+    @property
+    def busy(self) -> bool:
+        """Whether a question waits for its answer."""
+        return bool(self._waiting)
 
     def list(self, prefix: str, now: float, then: Then) -> None:
         """Names of parameters below a prefix."""
@@ -58,22 +87,27 @@ class RemoteParameters:
         self._ask(self._set, request, now, lambda answer: then(answer and answer.result))
 
     def _ask(self, client: Client, request: Any, now: float, then: Then) -> None:
-        self._waiting.append((client, client.call_async(request), now + PATIENCE, then))
+        question = _Question(client, client.call_async(request), now + PATIENCE, then)
+        self._waiting.append(question)
+        question.future.add_done_callback(lambda _: self._hand_over(question))
+
+    def _hand_over(self, question: _Question) -> None:
+        # One that was overdue, or dropped, has had its answer.
+        if question in self._waiting:
+            self._waiting.remove(question)
+            future = question.future
+            question.then(None if future.cancelled() or future.exception() is not None else future.result())
 
     def poll(self, now: float) -> None:
-        """Hand over the answers that have come, and None for those that are overdue; ``now`` is a steady time [s]."""
-        waiting, self._waiting = self._waiting, []
-        for client, future, until, then in waiting:
-            if future.done():
-                then(None if future.cancelled() or future.exception() is not None else future.result())
-            elif now > until:
-                client.remove_pending_request(future)
-                then(None)
-            else:
-                self._waiting.append((client, future, until, then))
+        """Hand over None for the answers that are overdue; ``now`` is a steady time [s]."""
+        for question in [one for one in self._waiting if now > one.until]:
+            self._waiting.remove(question)
+            question.client.remove_pending_request(question.future)
+            question.then(None)
 
     def close(self) -> None:
         """Drop every question."""
         self._waiting.clear()
+        self.listeners.clear()
         for client in (self._list, self._get, self._set):
             self._node.destroy_client(client)

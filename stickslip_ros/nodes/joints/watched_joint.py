@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -19,7 +18,6 @@ from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.settings.parameter_table import PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings
 
-_GAINS_KEPT = 16
 WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
 
 
@@ -31,7 +29,6 @@ class WatchedJoint:
     ----------
     heard : when a sample came last, as a steady time [s].
     trouble : why nothing can be said of it, "" as long as something can.
-    gains_heard : the latest gains of the controller, in SI units, the last one in force.
     """
 
     name: str
@@ -41,7 +38,6 @@ class WatchedJoint:
     pairing: ReferencePairing = field(default_factory=ReferencePairing)
     heard: float = -math.inf
     trouble: str = ""
-    gains_heard: deque[Gains] = field(default_factory=lambda: deque(maxlen=_GAINS_KEPT))
 
     def __post_init__(self) -> None:
         self.configured_bounds.note(self.name, self.settings)

@@ -117,16 +117,14 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
             return list(self._joints.values())
         return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
 
-    def hear_gains(self, name: str, gains: Gains) -> None:
-        """Take gains in the controller's units."""
+    def hear_gains(self, name: str, gains: Gains | None) -> None:
+        """Take gains in the controller's units, None where they are known no more."""
         joint = self._joints.get(name)
         if joint is not None:
-            self.set_gains(joint, joint.settings.to_si(gains))
+            self.set_gains(joint, joint.settings.to_si(gains) if gains is not None else None)
 
     def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
         """Let a joint's monitor know its gains, in SI units."""
         if joint.monitor.gains != gains:
             joint.monitor.gains = gains
-            if gains is not None:
-                joint.gains_heard.append(gains)
-            self._node.get_logger().info(f"{joint.name}: gains are now {gains}")
+            self._node.get_logger().info(f"{joint.name}: gains are now {gains if gains is not None else 'not known'}")

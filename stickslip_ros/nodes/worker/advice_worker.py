@@ -35,6 +35,6 @@ class AdviceWorker:
                 self._asked_at[name] = now
             # Learning changes the friction with every slip, and the speed may never be the same twice: while the
             # gains are the same, the advice of a moment ago is the best there can be.
-            return known[1] if known is not None and known[0].of_the_same_controller(question) else None
+            return known[1] if known is not None and known[0].comparable(question) else None
 
         return ask

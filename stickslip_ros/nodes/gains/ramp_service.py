@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The service `~/apply_recommendation`: one joint after another, one call at a time."""
+"""Services that change gains: one joint after another, one call at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -15,6 +16,8 @@ from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
 
 _PATIENCE = 10.0  # [s] for advice that is being worked out
 
+Begin = Callable[[], list[GainApplication]]
+
 
 class RefusedError(StickSlipError):
     """There is nothing to apply, or it is not allowed; the text says why."""
@@ -24,37 +27,49 @@ class NotYetError(RefusedError):
     """The advice is being worked out; it is worth asking again in a moment."""
 
 
-class ApplyService:
+class RampService:
     """Answers when the gains have been written, or why they have not.
 
     Parameters
     ----------
-    begin : the ramps to make; it may raise :class:`RefusedError`, and :class:`NotYetError` for some seconds.
+    services : their names, and what makes the ramps of each; this may raise :class:`RefusedError`, and
+        :class:`NotYetError` for some seconds.
 
     ``state`` and ``failed`` are for the diagnostics; ``outcomes`` hold the last message on each joint.
     """
 
-    def __init__(self, node: Node, begin: Callable[[], list[GainApplication]]) -> None:
-        self._node, self._begin = node, begin
-        self._service = DeferredService(node, Trigger, "~/apply_recommendation", self._on_request)
+    def __init__(self, node: Node, services: Mapping[str, Begin]) -> None:
+        self._node = node
+        self._services = [
+            DeferredService(node, Trigger, f"~/{name}", partial(self._on_request, name, begin))
+            for name, begin in services.items()
+        ]
+        self._begin: Begin | None = None
         self._answer: Answer | None = None
         self._now = self._asked_at = 0.0
         self._queue: list[GainApplication] = []
         self._done: list[Outcome] = []
+        self._name = ""
         self.outcomes: dict[str, str] = {}
         self.state = "not asked for yet"
         self.failed = False
 
+    @property
+    def busy(self) -> bool:
+        """Whether a request is under way."""
+        return self._answer is not None
+
     def tick(self, now: float) -> None:
         """Take requests and carry on with the ramps; ``now`` is a steady time [s]."""
         self._now = now
-        self._service.take_all()
+        for service in self._services:
+            service.take_all()
         if self._answer is not None and not self._queue:
             self._try_to_begin()
         if not self._queue:
             return
         current = self._queue[0]
-        outcome = current.tick(now)
+        outcome = current.tick()
         self.state = self.outcomes[current.joint] = current.state
         if outcome is None:
             return
@@ -77,19 +92,27 @@ class ApplyService:
             self._queue.clear()
             self._end(success=False, message="; ".join(left) or f"refused: {why}")
 
-    def close(self) -> None:
-        """Take the service from the graph."""
-        self.stop("the monitor was cleaned up")
-        self._service.close()
+    def withdraw(self) -> None:
+        """Take the permission away from what is under way, for good."""
+        for ramp in self._queue:
+            ramp.withdraw()
 
-    def _on_request(self, _: Trigger.Request, answer: Answer) -> None:
+    def close(self) -> None:
+        """Take the services from the graph."""
+        self.stop("the monitor was cleaned up")
+        for service in self._services:
+            service.close()
+
+    def _on_request(self, name: str, begin: Begin, _: Trigger.Request, answer: Answer) -> None:
         if self._answer is not None:
             joint = self._queue[0].joint if self._queue else "the advice"
             answer(Trigger.Response(success=False, message=f"refused: already at work on {joint}"))
             return
+        self._name, self._begin = name, begin
         self._answer, self._done, self._asked_at = answer, [], self._now
 
     def _try_to_begin(self) -> None:
+        assert self._begin is not None
         try:
             self._queue = self._begin()
         except NotYetError as refused:
@@ -99,7 +122,7 @@ class ApplyService:
             self._end(success=False, message=f"refused: {refused}")
 
     def _end(self, *, success: bool, message: str) -> None:
-        self.state, self.failed = message, not success
+        self.state, self.failed = f"{self._name}: {message}", not success
         if self._answer is not None and self._node.context.ok():
             self._answer(Trigger.Response(success=success, message=message))
         self._answer = None

@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""One joint's gains in its controller, read and written: nothing is written but through here.
+
+A controller's parameters can be read and set, but not compared and set in one: between the answer to the last question
+and the arrival of what is written somebody else may set gains. What the controller tells of its changes shows it then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import Any, Protocol, TypeVar
+
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.messages.gain_parameters import GainPair, gain_name, gain_value, joint_and_kind
+
+PATIENCE = 2.0  # [s] for an answer
+_ASK_AGAIN = 1.4  # [s]; an answer can be lost, and a slow controller is not helped by more questions
+_OLD = 1.0  # [s]
+_NEWS = 0.2  # [s] for a change of parameters to be told
+_RESTORATIONS = 3  # in a row
+_AS_READ = "as read"
+_MOST_SENT = 64  # writes whose news may be missing
+
+T = TypeVar("T")
+Waiting = Generator[None, None, T]
+
+
+class StoppedError(StickSlipError):
+    """A change of gains cannot go on; the text says why."""
+
+
+class WithdrawnError(StoppedError):
+    """Gains may not be written any more."""
+
+
+class SetByOthersError(StoppedError):
+    """Somebody else has set gains.
+
+    Attributes
+    ----------
+    values : what they set, of "p" and "d".
+    """
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        super().__init__("somebody else set gains")
+        self.values = dict(values)
+
+
+class Controller(Protocol):
+    """The parameters of a controller, as :class:`RemoteParameters` has them."""
+
+    remote: str
+    listeners: list[Callable[[Mapping[str, Any]], None]]
+
+    def get(self, names: Sequence[str], now: float, then: Callable[[Any], None]) -> None:
+        """Ask for values, of rcl_interfaces/ParameterValue; None if there is no answer."""
+
+    def set(self, values: Mapping[str, float], now: float, then: Callable[[Any], None]) -> None:
+        """Set all or none; the answer is a SetParametersResult, or None."""
+
+    def poll(self, now: float) -> None:
+        """Give up what is overdue."""
+
+
+class GainWriter:
+    """See the module. What may take a while is a generator that waits at each ``yield``.
+
+    Parameters
+    ----------
+    joint : its name. controller : has its gains. clock : a steady time [s].
+    allowed : whether gains may be written now; asked immediately before each write.
+    look : called whenever something was waited for; what it raises ends the wait.
+    answered : called when an answer has come, to go on at once.
+
+    Attributes
+    ----------
+    last : gains as read or confirmed last, None before any. written : whether anything was.
+    silent : whether the controller was given up on, without any answer.
+    """
+
+    def __init__(
+        self,
+        joint: str,
+        controller: Controller,
+        *,
+        clock: Callable[[], float],
+        allowed: Callable[[], bool],
+        look: Callable[[], None],
+        answered: Callable[[], None],
+    ) -> None:
+        self._joint, self._controller = joint, controller
+        self._clock, self._allowed, self._look, self._answered = clock, allowed, look, answered
+        self._names = [gain_name(joint, kind) for kind in ("p", "d")]
+        self._news_due: deque[dict[str, float]] = deque(maxlen=_MOST_SENT)
+        self._others: list[dict[str, float]] = []
+        self._sent_last: dict[str, float] = {}
+        self._reading: list[Any] = []
+        self._asked_at = -math.inf
+        self._latest: GainPair | None = None
+        self._unanswered: GainPair | None = None
+        self._unanswered_since = -math.inf
+        self._checking = False
+        self.last: GainPair | None = None
+        self._how_known, self._known_at = "", 0.0
+        self.written = self.silent = False
+        controller.listeners.append(self._on_news)
+
+    def close(self) -> None:
+        """Listen no more."""
+        if self._on_news in self._controller.listeners:
+            self._controller.listeners.remove(self._on_news)
+
+    def look_for_others(self) -> None:
+        """Raise if somebody else has set gains.
+
+        Raises
+        ------
+        SetByOthersError
+            While a write is on its way nothing is raised: then what comes of it has to be read first.
+        """
+        if self._others and not self._checking:
+            raise SetByOthersError(self._take_others())
+
+    def read(self, *, blindly: bool = False) -> Waiting[GainPair]:
+        """The gains in force.
+
+        Parameters
+        ----------
+        blindly : whether to look at nothing meanwhile, since nothing is to be written.
+
+        Raises
+        ------
+        StoppedError
+            If the controller does not tell them.
+        """
+        asked = 1
+        if not blindly or self._asked_at <= self._unanswered_since or self._reading:
+            self._reading, self._asked_at, asked = [], self._clock(), 0
+        # Else the last question may yet be answered: a slow controller is not asked twice.
+        answers, begun = self._reading, self._asked_at
+        while True:
+            waited = self._clock() - begun
+            if answers and (blindly or waited < PATIENCE):
+                break
+            # To write by an answer that lay about while this process had no time is to write by none.
+            if waited >= PATIENCE:
+                raise self._silence(answers)
+            if waited >= asked * _ASK_AGAIN:
+                asked += 1
+                self._controller.get(self._names, self._clock(), lambda answer: self._take(answer, answers))
+                continue
+            yield
+            if not blindly:
+                self._look()
+        p, d = [*(gain_value(value) for value in answers[0]), math.nan, math.nan][:2]
+        if math.isnan(p):
+            raise StoppedError(f"{self._controller.remote} has no gain {self._names[0]}")
+        # When the controller looked is not told: no earlier than it was asked.
+        return self._note(GainPair(p, 0.0 if math.isnan(d) else d), _AS_READ, begun)
+
+    def write(self, new: GainPair, expected: Sequence[GainPair]) -> Waiting[None]:
+        """Write gains where expected ones are in force, and read them back.
+
+        Raises
+        ------
+        SetByOthersError
+            If others are in force, or were set meanwhile.
+        WithdrawnError
+            If it is not allowed.
+        StoppedError
+            If the controller does not take them as they are.
+        """
+        yield from self._last_answer()
+        if self._unanswered is not None:
+            raise self._silence(())
+        old = yield from self.read()
+        if not any(old.same(one) for one in expected):
+            raise SetByOthersError(old.values())
+        # The answer has just come: what was read cannot be younger. So once more, now.
+        self._look()
+        if old.same(new):
+            return
+        self._checking = True
+        try:
+            yield from self._write_and_check(old, new)
+        finally:
+            self._checking = False
+        self.look_for_others()
+
+    def _write_and_check(self, old: GainPair, new: GainPair) -> Waiting[None]:
+        sent = old.changes(new)
+        result = yield from self._sent(sent, new)
+        if result.successful:
+            self._note(new, "as confirmed, not read back", self._unanswered_since)
+        found = yield from self.read()
+        if found.same(new):
+            return
+        # What became of it is told a little later than it is answered.
+        until = self._clock() + _NEWS
+        while self._clock() < until and not (self._told(sent) or self._others):
+            yield from self.wait()
+        remote = self._controller.remote
+        if result.successful and not self._told(sent):
+            if found.same(old):
+                raise StoppedError(f"{remote} took no notice of {new}")
+            if found.between(old, new):
+                self._others.clear()
+                yield from self._put_back(old, new, found)
+        if result.successful or self._others or not found.same(old):
+            raise SetByOthersError(self._take_others() or found.values())
+        raise StoppedError(f"{remote} refused {new}: {result.reason or 'no reason given'}")
+
+    def _told(self, sent: dict[str, float]) -> bool:
+        """Whether the controller has made a write known."""
+        return not any(due is sent for due in self._news_due)
+
+    def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Waiting[None]:
+        """The controller made something else of the gains: go back to those that it took."""
+        yield from self._sent(found.changes(old), old)
+        after = yield from self.read()
+        made = f"{self._controller.remote} made {found} of {new}"
+        raise StoppedError(made if after.same(old) else f"{made}, and {after} of {old}")
+
+    def restore(self, values: Mapping[str, float]) -> Waiting[str]:
+        """Put back what somebody else set and a write of ours may have undone; returns what was done, for people.
+
+        Raises
+        ------
+        StoppedError
+            If the controller does not answer.
+        """
+        self._checking = True
+        said = ""
+        for _ in range(_RESTORATIONS):
+            found = yield from self.settled()
+            if self._unanswered is not None:
+                raise self._silence(())
+            values = {**values, **self._take_others()}
+            theirs = ", ".join(f"{kind} {value:.6g}" for kind, value in values.items())
+            # What is neither theirs nor ours was set later, by whomever.
+            ours = self._latest.values() if self._latest is not None else {}
+            wanted = found.changes(found.with_values(values))
+            undone = {kind: value for kind, value in wanted.items() if found.values()[kind] == ours.get(kind)}
+            if not undone:
+                return said or f"somebody else set {theirs}; that is left alone"
+            said = f"somebody else set {theirs}, which a write of the ramp undid"
+            try:
+                yield from self._sent(undone, found.with_values(undone))
+            except WithdrawnError:
+                return f"{said}; it was not put back, as allow_apply was set to false"
+            said += "; it was put back"
+            # They may have set more meanwhile, which is told a little later.
+            until = self._clock() + _NEWS
+            while self._clock() < until:
+                yield
+        return said
+
+    def settled(self) -> Waiting[GainPair]:
+        """The gains in force once what was sent is answered, or overdue; nothing is looked at meanwhile."""
+        yield from self._last_answer(blindly=True)
+        return (yield from self.read(blindly=True))
+
+    def _last_answer(self, *, blindly: bool = False) -> Waiting[None]:
+        """Wait until what was sent is answered, or overdue: read before that, it may come into force after it."""
+        while self._unanswered is not None and self._clock() - self._unanswered_since < PATIENCE:
+            yield
+            if not blindly:
+                self._look()
+
+    @property
+    def certain(self) -> bool:
+        """Whether the gains last known were read after all that was sent."""
+        return self._unanswered is None and self._how_known == _AS_READ
+
+    def in_force(self) -> str:
+        """The gains in force, as far as is known, for people."""
+        if self.last is None:
+            return "the gains in force are not known"
+        ago = self._clock() - self._known_at
+        old = f" {ago:.1f} s ago" if ago > _OLD else ""
+        text = f"the gains in force are {self.last}, {self._how_known}{old}"
+        if self._unanswered is not None:
+            text += f"; {self._unanswered} was sent and not answered, and may come into force"
+        return text
+
+    def wait(self) -> Waiting[None]:
+        """Wait a little, and look."""
+        yield
+        self._look()
+
+    def _sent(self, values: dict[str, float], new: GainPair) -> Waiting[Any]:
+        """Write, and wait for the answer; the only place at which anything is written."""
+        if not self._allowed():
+            raise WithdrawnError("allow_apply was set to false, and nothing was written after that")
+        answers: list[Any] = []
+        self._news_due.append(values)
+        self._sent_last = values
+        self._latest = self._unanswered = new
+        self._unanswered_since, self.written = self._clock(), True
+
+        def answered(answer: Any) -> None:
+            if self._unanswered is new and answer is not None:
+                self._unanswered = None
+            self._take(answer, answers)
+
+        named = {gain_name(self._joint, kind): value for kind, value in values.items()}
+        self._controller.set(named, self._clock(), answered)
+        while True:
+            if self._clock() - self._unanswered_since >= PATIENCE:
+                raise self._silence(answers)
+            if answers:
+                return answers[0]
+            yield from self.wait()
+
+    def _silence(self, too_late: Sequence[Any]) -> StoppedError:
+        self.silent = not too_late
+        return StoppedError(f"{self._controller.remote} has not answered for {PATIENCE:g} s")
+
+    def _take(self, answer: Any, answers: list[Any]) -> None:
+        if answer is not None:
+            answers.append(answer)
+            self._answered()
+
+    def _note(self, gains: GainPair, how: str, since: float) -> GainPair:
+        self.last, self._how_known, self._known_at = gains, how, since
+        return gains
+
+    def _take_others(self) -> dict[str, float]:
+        others = {kind: value for told in self._others for kind, value in told.items()}
+        self._others.clear()
+        return others
+
+    def _on_news(self, changes: Mapping[str, Any]) -> None:
+        """Tell our own changes, which the controller makes known like any other, from those of others."""
+        told = {}
+        for name, value in changes.items():
+            found = joint_and_kind(name)
+            if found is not None and found[0] == self._joint and found[1] in ("p", "d"):
+                told[found[1]] = gain_value(value)
+        if not told:
+            return
+        for number, due in enumerate(self._news_due):
+            if due == told:
+                for _ in range(number + 1):
+                    self._news_due.popleft()
+                if self._unanswered is not None and self._told(self._sent_last) and self.last is not None:
+                    # As good as an answer, which may never come.
+                    self._note(self._unanswered, "as it made known", self._clock())
+                    self._unanswered = None
+                return
+        if not any(math.isnan(value) for value in told.values()):
+            self._others.append(told)

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Ramps that are under way or were cut off, in a file beside the state: a monitor that was killed finds them again."""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime, timezone
+from pathlib import Path
+
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.files import write_whole
+from stickslip_ros.messages.gain_parameters import GainPair
+from stickslip_ros.nodes.state.plain_data import from_plain
+
+_FORMAT, _VERSION = "stickslip_ros ramps", 1
+_FOR_THE_USER = 0o600
+_LARGEST = 1_000_000  # bytes
+
+
+class JournalError(StickSlipError):
+    """A journal that cannot be written; the text says why."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnfinishedRamp:
+    """One of them.
+
+    Attributes
+    ----------
+    before, asked : gains in the controller's units.
+    offset : of the damping on the way, as :class:`GainRamp` has it, in the same units.
+    begun : when, as UTC in ISO 8601.
+    """
+
+    joint: str
+    controller: str
+    before: GainPair
+    asked: GainPair
+    offset: float
+    begun: str = ""
+
+
+class RampJournal(Mapping[str, UnfinishedRamp]):
+    """The ramps by their joints' names.
+
+    Parameters
+    ----------
+    path : of the file; None to remember no longer than the process runs.
+
+    ``trouble`` says why the file could not be read, "" if it could.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._ramps: dict[str, UnfinishedRamp] = {}
+        self.trouble = ""
+        try:
+            self._ramps = _read(path) if path is not None else {}
+        except (OSError, ValueError, RecursionError) as error:
+            self.trouble = f"{path}, which tells of ramps of gains that were cut off, cannot be read: {error}"
+
+    def __getitem__(self, joint: str) -> UnfinishedRamp:
+        return self._ramps[joint]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._ramps)
+
+    def __len__(self) -> int:
+        return len(self._ramps)
+
+    def begin(self, ramp: UnfinishedRamp) -> None:
+        """Remember a ramp before its first step. If an earlier one was cut off, its beginning is kept.
+
+        Raises
+        ------
+        JournalError
+            If it cannot be written.
+        """
+        earlier = self._ramps.get(ramp.joint)
+        now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        ramp = replace(ramp, begun=now)
+        if earlier is not None:
+            ramp = replace(ramp, before=earlier.before, begun=earlier.begun)
+        self._set({**self._ramps, ramp.joint: ramp})
+
+    def end(self, joint: str) -> None:
+        """Forget a ramp; that the file cannot be written is no harm then, as it tells too much and not too little."""
+        if joint in self._ramps:
+            rest = {name: ramp for name, ramp in self._ramps.items() if name != joint}
+            try:
+                self._set(rest)
+            except JournalError as error:
+                self._ramps, self.trouble = rest, str(error)
+
+    def _set(self, ramps: dict[str, UnfinishedRamp]) -> None:
+        if self._path is not None:
+            try:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                write_whole(self._path, _as_text(list(ramps.values())), mode=_FOR_THE_USER, durable=True)
+            except OSError as error:
+                raise JournalError(
+                    f"what is to be changed cannot be noted in {self._path} first: {error.strerror or error}"
+                ) from error
+        self._ramps, self.trouble = ramps, ""
+
+
+def _as_text(ramps: list[UnfinishedRamp]) -> str:
+    body = json.dumps([asdict(one) for one in ramps])
+    header = {"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body.encode())}
+    return f"{json.dumps(header)}\n{body}"
+
+
+def _read(path: Path) -> dict[str, UnfinishedRamp]:
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ValueError(f"it has more than {_LARGEST} bytes")
+        header, _, body = path.read_text().partition("\n")
+    except FileNotFoundError:
+        return {}
+    expected = {"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body.encode())}
+    if json.loads(header) != expected:
+        raise ValueError("it is damaged, of another version, or none of a stickslip_monitor")
+    ramps = [from_plain(UnfinishedRamp, one) for one in json.loads(body)]
+    for ramp in ramps:
+        # A number that is none would go through every comparison.
+        if not all(math.isfinite(value) for gains in (ramp.before, ramp.asked) for value in gains.values().values()):
+            raise ValueError(f"the gains of {ramp.joint} are not finite")
+    return {ramp.joint: ramp for ramp in ramps}

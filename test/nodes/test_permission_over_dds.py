@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Issue 20: gains are written with permission alone, over nobody's, and what is in force is said; over real DDS."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.task import Future
+from support_ros import Probe, probe
+
+from stickslip_ros.cli.processes import NodeProcess
+
+CONTROLLER, MONITOR = "/late", "/stickslip_monitor"
+LATE = str(Path(__file__).with_name("late_joint.py"))
+JOINT = {"rate": 200.0, "time_factor": 2.0, "gains.joint1.p": 630.0, "gains.joint1.d": 0.0}
+
+
+def monitor(references: bool = True, **more: object) -> NodeProcess:
+    parameters: dict[str, object] = {
+        "joints": "[joint1]", "controller": CONTROLLER, "learn": "false", "allow_apply": "true",
+        "model.joint1": "puma560_joint1", "limits.joint1.p_max": 10000.0, "limits.joint1.d_max": 300.0,
+    }  # fmt: skip
+    return NodeProcess("monitor", parameters | more, None if references else {"joint_references": "nobody"})
+
+
+def gains(one: Probe) -> tuple[float, float]:
+    p, d = one.get_parameters(CONTROLLER, ["gains.joint1.p", "gains.joint1.d"])
+    return p, d
+
+
+def writes(joint: NodeProcess) -> list[float]:
+    """When each write reached the controller, as a steady time [s]."""
+    return [float(time) for time in re.findall(r"^wrote ([\d.]+) ", joint.output(), re.MULTILINE)]
+
+
+def ask(one: Probe) -> Future:
+    """Ask for the advice to be applied until that is taken up: a joint may stand still for a moment."""
+    until = time.monotonic() + 60.0
+    while True:
+        asked = one.call("apply_recommendation")
+        one.spin(0.5)
+        if not asked.done() or not asked.result().message.startswith("refused: joint1 "):
+            return asked
+        assert time.monotonic() < until, asked.result().message
+
+
+def begin(one: Probe, joint: NodeProcess, steps: int = 5) -> Future:
+    """A ramp that has made some steps."""
+    before = len(writes(joint))
+    asked = ask(one)
+    one.wait(lambda: len(writes(joint)) >= before + steps or asked.done(), 30.0, "the first steps")
+    assert not asked.done(), asked.result().message
+    return asked
+
+
+def end(one: Probe, asked: Future, limit: float) -> str:
+    """The message of a ramp that failed; it tells what is in force, before and asked."""
+    one.wait(asked.done, limit, "the answer")
+    answer = asked.result()
+    assert not answer.success, answer.message
+    pair = r"p [\d.]+, d [\d.e+-]+"
+    assert re.search(f"before {pair}, asked {pair}; the gains in force are {pair}, as", answer.message), answer.message
+    return str(answer.message)
+
+
+def in_force(message: str) -> tuple[float, float]:
+    """Gains in force by a message."""
+    found = re.search(r"the gains in force are p ([\d.]+), d ([\d.e+-]+), as read", message)
+    assert found is not None, message
+    return float(found[1]), float(found[2])
+
+
+def set_anew(one: Probe, **parameters: object) -> None:
+    """The controller as it was, with other delays."""
+    values: dict[str, object] = {"late_get": 0.0, "late_set": 0.0, "shake": 0, "meddle": 0}
+    assert set(one.set_parameters(CONTROLLER, {**values, "gains.joint1.p": 630.0, "gains.joint1.d": 0.0})) == {""}
+    assert set(one.set_parameters(MONITOR, {"allow_apply": True, "limits.joint1.p_max": 10000.0})) == {""}
+    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the old gains")
+    if parameters:
+        assert set(one.set_parameters(CONTROLLER, parameters)) == {""}
+
+
+def test_nothing_is_written_without_permission(ros_domain: int) -> None:
+    """Item 1: 50 ms after a withdrawal was confirmed nothing is written, on the way there or back, whatever the delay.
+
+    Item 3: the way back needs no limits, and the answer names cause and gains. Item 4: two seconds without an answer
+    end the ramp.
+    """
+    with NodeProcess(LATE, JOINT) as joint, monitor() as _, probe() as one:
+        one.wait_for_monitor()
+        for late_get in (0.0, 1.2):
+            set_anew(one)
+            asked = begin(one, joint)
+            one.set_parameters(CONTROLLER, {"late_get": late_get})
+            one.spin(0.1)
+            assert one.set_parameters(MONITOR, {"allow_apply": False}) == [""]
+            confirmed = time.monotonic()
+            # Given again, it is not given back.
+            assert one.set_parameters(MONITOR, {"allow_apply": True}) == [""]
+            message = end(one, asked, 8.0)
+            assert "allow_apply was set to false" in message
+            one.spin(1.5)
+            assert max(writes(joint)) <= confirmed + 0.05
+            assert in_force(message) == pytest.approx(gains(one), rel=1e-5)
+
+        # Worse, with narrowed limits: back to the gains of a second before; and stopped on the way.
+        for withdraw in (False, True):
+            set_anew(one)
+            asked = begin(one, joint, 12)
+            highest = gains(one)[0]
+            assert one.set_parameters("/simulated_joint", {"effort_noise.joint1": 8.0}) == [""]
+            one.wait(lambda: gains(one)[0] < highest or asked.done(), 10.0, "the way back")  # noqa: B023
+            if withdraw:
+                assert one.set_parameters(MONITOR, {"allow_apply": False}) == [""]
+                confirmed = time.monotonic()
+            else:
+                assert one.set_parameters(MONITOR, {"limits.joint1.p_max": 640.0}) == [""]
+            message = end(one, asked, 20.0)
+            assert "oscillation of the effort" in message
+            assert in_force(message) == pytest.approx(gains(one), rel=1e-5)
+            if withdraw:
+                assert "on the way back allow_apply was set to false" in message
+                assert max(writes(joint)) <= confirmed + 0.05
+            assert one.set_parameters("/simulated_joint", {"effort_noise.joint1": 0.0}) == [""]
+            one.spin(3.0)  # what is noisy before a ramp is no reason to end it
+
+        # Limits that leave no room for the gains in force: back within them.
+        set_anew(one)
+        asked = begin(one, joint, 12)
+        assert one.set_parameters(MONITOR, {"limits.joint1.p_max": 700.0}) == [""]
+        message = end(one, asked, 10.0)
+        assert re.search(r"the gain p of [\d.]+ is outside its limits 0 to 700", message)
+        assert 630.0 <= gains(one)[0] <= 700.0
+        assert in_force(message) == pytest.approx(gains(one), rel=1e-5)
+
+        set_anew(one)
+        asked = begin(one, joint)
+        one.set_parameters(CONTROLLER, {"late_set": 4.0})
+        late = time.monotonic()
+        message = end(one, asked, 10.0)
+        assert time.monotonic() - late < 3.0
+        assert "/late has not answered for 2 s" in message
+
+
+def test_nobody_elses_gains_are_overwritten(ros_domain: int) -> None:
+    """Item 2: set between the ramp's question and its write, they are put back, ten times of ten; and it is said."""
+    with NodeProcess(LATE, JOINT), monitor(), probe() as one:
+        one.wait_for_monitor()
+        for trial in range(10):
+            set_anew(one, late_get=0.03 * (trial % 3), meddle=2 + trial % 4)
+            asked = ask(one)
+            one.wait(asked.done, 20.0, "the answer")
+            answer = asked.result()
+            assert not answer.success
+            assert "somebody else set p 5000" in answer.message, answer.message
+            assert gains(one)[0] == 5000.0
+            assert in_force(answer.message)[0] == 5000.0
+
+
+def test_success_means_better_and_worse_is_seen_without_references(ros_domain: int) -> None:
+    """Item 5: what sticks as before is no success; a joint that swings in its own band is seen without a reference."""
+    with NodeProcess(LATE, JOINT) as joint, monitor(False, **{"friction.joint1.stribeck": 0.4}), probe() as one:
+        one.wait_for_monitor()
+        asked = ask(one)
+        one.wait(asked.done, 90.0, "the answer")
+        answer = asked.result()
+        assert not answer.success
+        assert "it was stick_slip, it is stick_slip" in answer.message, answer.message
+        one.wait(lambda: "~/restore_gains goes back" in one.diagnostics["stickslip_monitor"][1], 5.0, "the way back")
+        set_anew(one, shake=6)
+        asked = begin(one, joint)
+        message = end(one, asked, 20.0)
+        assert re.search(r"swings to and fro|oscillation", message), message
+
+
+def test_an_unfinished_ramp_is_remembered(ros_domain: int) -> None:
+    """Item 6: after kill -9 the next monitor says what was left, writes nothing, and goes back when asked to.
+
+    The gains of a controller that is gone are not known.
+    """
+    with NodeProcess(LATE, JOINT) as joint, probe() as one:
+        with monitor() as first:
+            one.wait_for_monitor()
+            begin(one, joint, 12)
+            first.kill()
+        left = gains(one)
+        assert left[0] > 700.0
+        one.diagnostics.clear()
+        with monitor(allow_apply="false") as second:
+            one.wait_for_monitor()
+            one.wait(lambda: "cut" in second.output() or "good end" in second.output(), 20.0, "what was left")
+            said = one.diagnostics["stickslip_monitor"][1]
+            assert "a ramp of joint1's gains in /late" in said
+            assert "before p 630, d 0" in said
+            one.spin(2.0)
+            assert gains(one) == left
+            assert "allow_apply is false" in one.answer("restore_gains", 5.0).message
+            assert one.set_parameters(MONITOR, {"allow_apply": True}) == [""]
+            answer = one.answer("restore_gains", 60.0)
+            assert answer.success, answer.message
+            assert gains(one) == (630.0, 0.0)
+            one.wait(
+                lambda: "restore_gains goes back" not in one.diagnostics["stickslip_monitor"][1], 5.0, "no more of it"
+            )
+            assert "there is no ramp" in one.answer("restore_gains", 5.0).message
+
+            # The controller is unloaded in mid-ramp: what it confirmed is said, and its gains are forgotten.
+            asked = begin(one, joint)
+            one.set_parameters(CONTROLLER, {"unload": True})
+            message = end(one, asked, 10.0)
+            wrote = re.findall(r"^wrote .*\('gains.joint1.p', ([\d.]+)\)", joint.output(), re.MULTILINE)
+            stated = re.search(r"the gains in force are p ([\d.]+), d [\d.]+, as", message)
+            assert stated is not None
+            assert float(stated[1]) == pytest.approx(float(wrote[-1]), rel=1e-5)
+            one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), 10.0, "gains that are not known")
