@@ -90,6 +90,7 @@ class RampMachine(RuleBasedStateMachine):
         self.was = Status.STICK_SLIP
         self.complained_at = math.inf
         self.awake = 0.0  # [s] that the monitor has had a processor since something should have ended the ramp
+        self.in_between: float | None = None
         self.upset = False  # what the controller did makes some promises void
 
     def teardown(self) -> None:
@@ -105,7 +106,7 @@ class RampMachine(RuleBasedStateMachine):
         self.withdrawn_at = self.complained_at = math.inf
         self.awake = 0.0
         self.first_request, self.first_effect = len(self.controller.requests), len(self.controller.effects)
-        self.was = self.motion.status
+        self.was = self.motion.status if self.motion.status in (Status.SMOOTH, Status.AT_RISK) else Status.STICK_SLIP
         self.upset = self.controller.mode != "takes" or max(self.controller.busy, self.controller.delay[1]) > _QUICK
         self.ramp = GainApplication(
             "joint1", self.controller, self.motion, self.journal, scale=1.0, bounds=lambda: self.bounds, rate=0.3,
@@ -120,6 +121,9 @@ class RampMachine(RuleBasedStateMachine):
                 e.values[kind] for e in self.controller.effects if kind in e.values
             }
             assert 0.0 <= value <= largest or min(was) <= value <= max(was)
+        if self.in_between is not None and self.controller.mode != "dead":
+            self.controller.others_set({"p": self.in_between})
+            self.in_between = None
 
     def _may(self) -> bool:
         return self.allowed
@@ -155,8 +159,8 @@ class RampMachine(RuleBasedStateMachine):
         self._pass(TICK)
 
     @precondition(lambda self: self.ramp is None or self.outcome is not None)
-    @rule(all_is_well=st.sampled_from([True, True, False]))
-    def somebody_asks(self, all_is_well: bool) -> None:
+    @rule(all_is_well=st.sampled_from([True, True, False]), lead=st.sampled_from([0.0, 1.0, 3.0]))
+    def somebody_asks(self, all_is_well: bool, lead: float) -> None:
         """A new ramp to the advice."""
         if all_is_well:
             self.allowed, self.motion.complaint, self.motion.status = True, "", Status.STICK_SLIP
@@ -166,6 +170,31 @@ class RampMachine(RuleBasedStateMachine):
             self._pass(5.0)
         if self.allowed:
             self._begin()
+            self._pass(lead)
+
+    @precondition(lambda self: self.ramp is not None and self.outcome is None)
+    @rule(status=st.sampled_from([Status.SMOOTH, Status.SMOOTH, Status.AT_RISK, Status.STICK_SLIP]))
+    def all_goes_on_as_it_is(self, status: Status) -> None:
+        """To the end, whatever that is."""
+        self._pass(12.0)
+        self.motion.status = status
+        self.motion.cycles += 3
+        self._pass(5.0)
+
+    @precondition(lambda self: self.ramp is not None and self.outcome is None)
+    @rule()
+    def permission_blinks(self) -> None:
+        """Withdrawn and given again between two ticks."""
+        self.permission_is_withdrawn()
+        self.permission_is_given()
+
+    @precondition(lambda self: self.ramp is not None and self.outcome is None)
+    @rule(p=st.sampled_from([630.0, 1000.0, 5000.0]))
+    def somebody_else_sets_in_between(self, p: float) -> None:
+        """After the ramp's question was answered, before its next write arrives."""
+        self.in_between = p
+        self._pass(0.5)
+        self.in_between = None
 
     @precondition(lambda self: self.ramp is not None and self.outcome is None)
     @rule(then=st.booleans())
@@ -272,7 +301,7 @@ class RampMachine(RuleBasedStateMachine):
         # Success is what it says.
         if outcome.success and "; it was" in message:
             order = [Status.SMOOTH, Status.AT_RISK, Status.STICK_SLIP]
-            assert order.index(self.motion.status) < 2
+            assert order.index(self.motion.status) < order.index(self.was)
         # What others set stays, as far as the controller tells of it and may be written to.
         heard = [e for e in effects if e.by == "other"]
         if (
