@@ -6,9 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from stickslip_ros.visible import visible
+
 
 class StickSlipError(Exception):
-    """Base of every error that the package raises on purpose."""
+    """Base of every error that the package raises on purpose.
+
+    Its text may name what others named: it goes to terminals and logs, and is one line of visible characters.
+    """
+
+    def __str__(self) -> str:
+        return visible(super().__str__())
 
 
 class InvalidParameterError(StickSlipError, ValueError):
@@ -44,7 +52,7 @@ class UnknownJointError(StickSlipError, KeyError):
         super().__init__(f"unknown joint {name!r}; known joints: {', '.join(sorted(known))}")
 
     def __str__(self) -> str:
-        return str(self.args[0])
+        return visible(str(self.args[0]))
 
 
 class JointFileError(StickSlipError, ValueError):

@@ -1,22 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Files that are written whole or not at all: who reads one meanwhile finds the one before, or the new one."""
+"""Files that are written whole or not at all: who reads one meanwhile finds the one before, or the new one.
+
+What a killed process left of a file is removed when that file is written next, or :func:`remove_abandoned` asked to.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import os
+import re
+import stat
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
+_PART = ".part"
 _READ_BY_ALL = 0o666  # but for what the user's umask forbids
 
 
 @contextmanager
 def whole_file(path: Path, *, mode: int = _READ_BY_ALL, durable: bool = False) -> Iterator[IO[bytes]]:
     """A file to write to, which takes its place when the context ends; after an error all is as it was before.
+
+    Where the path is a link, what it leads to is written, and the link stays.
 
     Parameters
     ----------
@@ -27,11 +36,16 @@ def whole_file(path: Path, *, mode: int = _READ_BY_ALL, durable: bool = False) -
     OSError
         If there is no room, or no permission.
     """
+    path = Path(os.path.realpath(path))
+    remove_abandoned(path)
     # Other processes and threads may be writing the same one; a link that lies there is not followed.
-    partial = path.with_name(f".{path.name[:100]}.{os.getpid()}.{threading.get_ident()}.part")
+    partial = path.with_name(f"{_begin(path)}{os.getpid()}.{threading.get_ident()}{_PART}")
     handle = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, mode)
     try:
         with os.fdopen(handle, "wb") as file:
+            # The lock goes with the process, however it ends; some network folders have none.
+            with suppress(OSError):
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             yield file
             if durable:
                 file.flush()
@@ -52,3 +66,43 @@ def write_whole(path: Path, content: str | bytes, *, mode: int = _READ_BY_ALL, d
     """
     with whole_file(path, mode=mode, durable=durable) as file:
         file.write(content.encode() if isinstance(content, str) else content)
+
+
+def remove_abandoned(path: Path) -> None:
+    """Remove what was begun of a file by processes of this user that are gone; of others nothing."""
+    path = Path(os.path.realpath(path))
+    begin = _begin(path)
+    ours = re.compile(rf"{re.escape(begin)}(\d+)\.\d+{re.escape(_PART)}", re.DOTALL)
+    with suppress(OSError):
+        for name in os.listdir(path.parent):
+            found = ours.fullmatch(name)
+            if found and not _lives(int(found[1])):
+                _remove_unless_locked(path.with_name(name))
+
+
+def _begin(path: Path) -> str:
+    """How the names of a file's beginnings begin; the whole of them is no longer than names may be."""
+    return f".{path.name[:100]}."
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def _remove_unless_locked(partial: Path) -> None:
+    """Remove a file of this user: a process of another container has a number that means nothing here, but locks it."""
+    with suppress(OSError):
+        handle = os.open(partial, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            state = os.fstat(handle)
+            if stat.S_ISREG(state.st_mode) and state.st_uid == os.getuid():
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                partial.unlink(missing_ok=True)
+        finally:
+            os.close(handle)

@@ -14,6 +14,7 @@ import numpy as np
 from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
 from stickslip_ros.bags.storage.bag import Bag
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, Topics, find_robots
 from stickslip_ros.errors import InvalidParameterError
@@ -39,6 +40,7 @@ class AnalysisOptions:
     start, end : in seconds after the first sample.
     parameters : as the node has them. with_traces : whether to keep what the report draws.
     longest_piece : of a recording, after which a watcher sees the joints [s] of samples.
+    unpacking : how much compressed data may become.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class AnalysisOptions:
     parameters: Parameters = field(default_factory=Parameters)
     with_traces: bool = False
     longest_piece: float = math.inf
+    unpacking: UnpackLimit = field(default_factory=UnpackLimit)
 
     def __post_init__(self) -> None:
         require_finite("start", self.start)
@@ -107,7 +110,7 @@ def analyze(
         If the parameters make no joint.
     """
     options = options or AnalysisOptions()
-    with Bag(path) as bag:
+    with Bag(path, options.unpacking) as bag:
         try:
             robots = find_robots(bag.channels(), options.topics)
         except RecordingError as error:

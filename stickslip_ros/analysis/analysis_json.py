@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -18,6 +17,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.as_json import dry_friction_json, margin_json, parameter_json, recommendation_json
+from stickslip_ros.output.csv_table import write_csv
 from stickslip_ros.output.published import number
 
 CYCLE_COLUMNS = {
@@ -124,12 +124,10 @@ def write_cycles(path: Path, bags: Iterable[Mapping[str, Any]]) -> None:
     OSError
         If it cannot be written.
     """
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["bag", "joint", *CYCLE_COLUMNS, "hunting"])
-        for bag in bags:
-            for name, joint in bag.get("joints", {}).items():
-                for cycle in joint["cycles"]:
-                    values = (cycle[field] for field in CYCLE_COLUMNS.values())
-                    row = ["" if value is None else repr(value) for value in values]
-                    writer.writerow([bag["path"], name, *row, str(cycle["hunting"]).lower()])
+    rows = [["bag", "joint", *CYCLE_COLUMNS, "hunting"]]
+    for bag in bags:
+        for name, joint in bag.get("joints", {}).items():
+            for cycle in joint["cycles"]:
+                values = [cycle[field] for field in CYCLE_COLUMNS.values()]
+                rows.append([bag["path"], name, *values, str(cycle["hunting"]).lower()])
+    write_csv(path, rows)

@@ -24,8 +24,10 @@ from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.bags.storage.bag_paths import is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
+from stickslip_ros.regular_files import read_regular
 
 _LAYOUT = 2  # of an answer: another one where keys are new, or mean something else
+_LARGEST_ANSWER = 1_000_000_000  # bytes
 _ATTEMPTS = 2  # of a bag whose process dies
 _KILLED = "its process was killed twice: is there too little memory?"
 
@@ -101,8 +103,8 @@ class Answers:
         """The answer to a task, if it is there and whole."""
         file = self._file(task)
         try:
-            found = json.loads(file.read_text(encoding="utf-8")) if file is not None else None
-        except (OSError, ValueError):
+            found = json.loads(read_regular(file, _LARGEST_ANSWER)) if file is not None else None
+        except (OSError, ValueError, RecursionError):
             return None
         return found if isinstance(found, dict) else None
 

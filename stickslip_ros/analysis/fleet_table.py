@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.output import published as told
+from stickslip_ros.output.csv_table import write_csv
 from stickslip_ros.output.published import number
 
 _NEVER = 0.0
@@ -152,10 +152,8 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
     if path.suffix == ".parquet":
         _write_parquet(path, rows)
         return
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else ["bag"])
-        writer.writeheader()
-        writer.writerows(rows)
+    columns = list(rows[0]) if rows else ["bag"]
+    write_csv(path, [columns, *([row[name] for name in columns] for row in rows)])
 
 
 def _write_parquet(path: Path, rows: Sequence[Row]) -> None:

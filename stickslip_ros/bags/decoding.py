@@ -4,10 +4,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 from stickslip_ros.messages.blocks import Channel
 from stickslip_ros.messages.content import MessageError
+
+_DEFINITIONS_KEPT = 64
+_LONGEST_DEFINITION = 1_000_000  # characters; the longest that is known has thirty thousand
 
 
 class Decoder:
@@ -20,25 +24,16 @@ class Decoder:
     """
 
     def __init__(self, channel: Channel) -> None:
-        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
         self._type = channel.type
         if channel.encoding != "cdr":
             raise MessageError(f"its encoding is {channel.encoding!r}, not 'cdr'")
         if not channel.schema.strip():
-            # All that a distribution defines, and those before it, takes a tenth of a second to load.
-            self._store = get_typestore(Stores.ROS2_JAZZY)
+            self._store = _types_of_ros()
         else:
-            try:
-                if channel.schema_encoding == "ros2idl":
-                    types = get_types_from_idl(channel.schema)
-                else:
-                    types = get_types_from_msg(channel.schema, channel.type)
-                self._store = get_typestore(Stores.EMPTY)
-                self._store.register(types)
-            except Exception as error:
-                # The parser's exceptions for text that is no definition are many.
-                raise MessageError(f"its definition of {channel.type} cannot be read") from error
+            found = _types_of(channel.type, channel.schema_encoding, channel.schema)
+            if found is None:
+                raise MessageError(f"its definition of {channel.type} cannot be read")
+            self._store = found
         if self._type not in self._store.fielddefs:
             raise MessageError(f"the bag does not define {channel.type}; record it with its package installed")
 
@@ -59,3 +54,28 @@ class Decoder:
         except Exception as error:
             # What damaged bytes make generated code raise cannot be listed.
             raise MessageError(f"it is no {self._type}") from error
+
+
+@lru_cache(maxsize=1)
+def _types_of_ros() -> Any:
+    """All that a distribution defines, and those before it; it takes a tenth of a second to load."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@lru_cache(maxsize=_DEFINITIONS_KEPT)
+def _types_of(kind: str, encoding: str, schema: str) -> Any:
+    """The types that a definition holds, None if it cannot be read: once for all channels that have it."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if len(schema) > _LONGEST_DEFINITION:
+        return None
+    try:
+        types = get_types_from_idl(schema) if encoding == "ros2idl" else get_types_from_msg(schema, kind)
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+    except Exception:
+        # The parser's exceptions for text that is no definition are many.
+        return None
+    return store

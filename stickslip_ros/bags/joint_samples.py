@@ -9,14 +9,19 @@ from pathlib import Path
 
 from stickslip_ros.bags.reading import BagReader
 from stickslip_ros.bags.storage.bag import Bag
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_topics
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
 
 
-def read_joint(path: Path, joint: str, choice: TopicChoice | None = None) -> Batch:
+def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit: UnpackLimit | None = None) -> Batch:
     """Everything recorded of one joint, with its reference.
+
+    Parameters
+    ----------
+    choice : of topics. limit : of what is unpacked.
 
     Raises
     ------
@@ -25,7 +30,7 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None) -> Bat
     """
     pairing = ReferencePairing()
     there: set[str] = set()
-    with Bag(path) as bag:
+    with Bag(path, limit) as bag:
         try:
             # Gains are not read here, so that it is no matter which they would be.
             topics = find_topics(bag.channels(), replace(choice or TopicChoice(), gains=""))

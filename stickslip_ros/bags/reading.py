@@ -22,6 +22,7 @@ from stickslip_ros.messages.content import MessageError, gains_from_message, ref
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.messages.stamps import with_time, with_times
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.visible import visible
 
 FloatArray = NDArray[np.float64]
 _INSTEAD = "recording"  # whose time stands for a stamp that is not set
@@ -148,7 +149,7 @@ class BagReader:
 
     def _known(self, robot: str, joint: str) -> str | None:
         """The name of a robot's joint in pieces; None if it is another one's already."""
-        name = _full_name(robot, joint)
+        name, joint = _full_name(robot, joint), visible(joint)
         if self.joints.setdefault(name, (robot, joint)) == (robot, joint):
             return name
         self._refused[f"{name} is the name of joints of two robots; only one is read"] += 1
@@ -200,7 +201,7 @@ class BagReader:
 
 
 def _full_name(robot: str, joint: str) -> str:
-    return f"{robot}/{joint}" if robot else joint
+    return visible(f"{robot}/{joint}" if robot else joint)
 
 
 def is_of_robot(topics: Topics, controller: str | None, node: str) -> bool | None:

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.samples import FloatArray
 
 STATES, REFERENCES, GAINS = "/joint_states", "/joint_references", "/pd_gains"
+_LAST_STAMP = 2.0**31 - 1.0  # [s]
+# Of a sample, in a message of states and one of references [bytes].
+_A_MESSAGE, _A_NAME, _VALUES_OF_A_JOINT = 110, 16, 40
 _AT_ONCE = 10_000  # samples that are simulated and written at once
 
 
@@ -76,7 +80,7 @@ def write_simulation(
     Raises
     ------
     InvalidParameterError
-        If a value cannot be.
+        If a value cannot be, or the recording would be larger than the disk has room for.
     RecordingError
         If there is a directory of that name already.
     """
@@ -90,6 +94,7 @@ def write_simulation(
         raise InvalidParameterError("joints", "at least one", dict(joints))
     if jitter * rate > 0.2:
         raise InvalidParameterError("jitter", f"at most a fifth of the interval {1.0 / rate:g} s", jitter)
+    _check_length(path, joints, duration, rate, start)
     topics = {STATES: JOINT_STATE, REFERENCES: JOINT_STATE}
     if with_gains:
         topics[GAINS] = "std_msgs/msg/Float64MultiArray"
@@ -112,6 +117,29 @@ def write_simulation(
                 writer.joint_states(REFERENCES, names, times, references),
                 writer.joint_states(STATES, names, times, states),
             )
+
+
+def recording_size(names: Iterable[str], duration: float, rate: float) -> float:
+    """How large a recording of joints becomes at most [bytes]: simulated numbers hardly shrink."""
+    listed = [len(name.encode()) for name in names]
+    joint = _VALUES_OF_A_JOINT + _A_NAME
+    return duration * rate * (2 * _A_MESSAGE + sum(joint + 2 * length for length in listed))
+
+
+def _check_length(path: Path, joints: Iterable[str], duration: float, rate: float, start: float) -> None:
+    longest = _LAST_STAMP - start
+    if duration > longest:
+        raise InvalidParameterError("duration", f"<= {longest:.10g} s: a stamp has no more seconds", duration)
+    size = recording_size(joints, duration, rate)
+    folder = next(one for one in path.absolute().parents if one.exists())
+    free = shutil.disk_usage(folder).free
+    if size > free:
+        raise InvalidParameterError(
+            "duration",
+            f"so short that the recording has room: at {rate:g} Hz it takes up to {size / 1e9:.3g} GB, "
+            f"and {folder} has {free / 1e9:.3g} GB left",
+            duration,
+        )
 
 
 class _Track:

@@ -5,7 +5,10 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import environ
@@ -13,8 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.regular_files import open_regular
 from stickslip_ros.settings.known_joints import config_folder
 
 # A column's name begins with what it is and ends with its unit; the first kind that is there serves.
@@ -39,6 +44,8 @@ UNITS = {
     "reference_position": _ROTATION | _TRANSLATION,
     "reference_velocity": _SPEED,
 }
+# What a damaged table makes its readers raise.
+_DAMAGE = (ValueError, csv.Error, EOFError, KeyError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 FOLDER_VARIABLE = "STICKSLIP_RECORDINGS"
 
 
@@ -83,13 +90,16 @@ def find_recording(name_or_path: str) -> Path:
     )
 
 
-def load_recording(path: Path, named: Mapping[str, tuple[str, str]] | None = None) -> Recording:
+def load_recording(
+    path: Path, named: Mapping[str, tuple[str, str]] | None = None, limit: UnpackLimit | None = None
+) -> Recording:
     """Read a table of samples of one joint, in SI units.
 
     Parameters
     ----------
     named : column and unit of a field, where they are not to be found by the column's name; "" for the unit that the
         name ends with.
+    limit : of what is unpacked; none: the usual one.
 
     Raises
     ------
@@ -97,9 +107,9 @@ def load_recording(path: Path, named: Mapping[str, tuple[str, str]] | None = Non
         If the file cannot be read, has no time or position column, or a column or unit named is not there.
     """
     try:
-        columns = _read_npz(path) if path.suffix == ".npz" else _read_csv(path)
-    except (OSError, ValueError, csv.Error) as error:
-        raise RecordingError(f"recording {path}: {error}") from error
+        columns = _read_npz(path, limit or UnpackLimit()) if path.suffix == ".npz" else _read_csv(path)
+    except (*_DAMAGE, OSError) as error:
+        raise RecordingError(f"recording {path}: {_one_line(error)}") from error
     fields, translates = {}, False
     for field in COLUMNS:
         try:
@@ -143,7 +153,7 @@ def _find(field: str, columns: Mapping[str, np.ndarray], named: tuple[str, str] 
 
 
 def _read_csv(path: Path) -> dict[str, np.ndarray]:
-    with path.open(newline="", encoding="utf-8") as file:
+    with open_regular(path) as raw, io.TextIOWrapper(raw, encoding="utf-8", newline="") as file:
         reader = csv.reader(file)
         header = next(reader, None)
         if header is None:
@@ -154,6 +164,22 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(header, np.array(rows).T, strict=True))
 
 
-def _read_npz(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name].astype(float) for name in archive.files}
+def _read_npz(path: Path, limit: UnpackLimit) -> dict[str, np.ndarray]:
+    with open_regular(path) as file:
+        # What the archive says of its members is what is unpacked of them at most.
+        with zipfile.ZipFile(file) as members:
+            largest = limit.of_table(path.stat().st_size)
+            if sum(member.file_size for member in members.infolist()) > largest:
+                raise TooMuchUnpackedError("it", largest)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            columns = {name: np.atleast_1d(archive[name]).astype(float) for name in archive.files}
+    if len({column.shape for column in columns.values()}) != 1 or any(one.ndim != 1 for one in columns.values()):
+        raise ValueError("every column must be one row of as many numbers as the others")
+    return columns
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, MemoryError):
+        return "it says that it holds more than the memory does"
+    return " ".join(str(error).split()) or type(error).__name__

@@ -26,6 +26,10 @@ _REFERENCES = ("joint_references", "joint_reference", "references", "reference",
 _GAINS = "pd_gains"
 _LEADS = frozenset({"leader", "lead", "master"})
 _FOLLOWS = frozenset({"follower", "follow", "slave", "puppet"})
+_READ = frozenset({joint_states.TYPE, *REFERENCE_TYPES, GAINS_TYPE, EVENTS_TYPE})
+_MOST_DEFINITIONS = 200  # of one type there are as many as its package had versions
+_MOST_TOPICS = 1000  # of those types
+_MOST_ROBOTS = 100  # of a bag; what is whose is found by comparing all with all
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|[0-9]+")
 
 
@@ -103,6 +107,10 @@ def find_robots(channels: Mapping[Channel, int], choice: TopicChoice) -> dict[st
     """
     candidates = _Candidates.of(channels)
     states = candidates.states(choice)
+    if len(states) > _MOST_ROBOTS:
+        raise RecordingError(
+            f"it has {len(states)} topics of joint states, at most {_MOST_ROBOTS} are read: choose one with --states"
+        )
     if len({channel.topic for channel in states}) < max(len(states), 2):
         return {"": find_topics(channels, choice)}
     return _topics_of_several(candidates, sorted(states, key=lambda one: one.topic), choice)
@@ -122,6 +130,15 @@ class _Candidates:
         there = {channel: count for channel, count in channels.items() if count != 0}
         notes: list[str] = []
         known = [channel for channel in there if channel.type == joint_states.TYPE]
+        read = [channel for channel in there if channel.type in _READ]
+        if len(read) > _MOST_TOPICS:
+            raise RecordingError(f"it has {len(read)} topics of the types that are read; at most {_MOST_TOPICS} can be")
+        definitions = {channel.schema for channel in read}
+        if len(definitions) > _MOST_DEFINITIONS:
+            raise RecordingError(
+                f"it has {len(definitions)} definitions of the types that are read; "
+                f"at most {_MOST_DEFINITIONS} can be: a recorder writes one for each type"
+            )
         usable = [channel for channel in known if not _why_no_joint_state(channel, notes)]
         named = [channel for channel in usable if _last(channel) in _REFERENCES]
         return _Candidates(there=there, usable=usable, named=named, notes=notes)

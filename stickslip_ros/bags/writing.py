@@ -67,12 +67,16 @@ class BagWriter:
         self._counts: Counter[str] = Counter()
         self._first, self._last = 1 << 63, 0
         self._stack = ExitStack()
-        file = self._stack.enter_context(whole_file(path))
-        self._writer = Writer(
-            file, chunk_size=_CHUNK_SIZE, compression=CompressionType[compression.upper()], enable_data_crcs=True
-        )
-        self._writer.start(profile="ros2", library="stickslip_ros")
-        self._channels = {topic: self._channel(topic, kind) for topic, kind in self._topics.items()}
+        try:
+            file = self._stack.enter_context(whole_file(path))
+            self._writer = Writer(
+                file, chunk_size=_CHUNK_SIZE, compression=CompressionType[compression.upper()], enable_data_crcs=True
+            )
+            self._writer.start(profile="ros2", library="stickslip_ros")
+            self._channels = {topic: self._channel(topic, kind) for topic, kind in self._topics.items()}
+        except BaseException as error:
+            self.__exit__(type(error), error, error.__traceback__)
+            raise
 
     def _channel(self, topic: str, kind: str) -> int:
         text = self._store.generate_msgdef(kind, ros_version=2)[0]

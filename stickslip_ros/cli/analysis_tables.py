@@ -25,8 +25,10 @@ from stickslip_ros.analysis.fleet_table import (
     worst_status,
 )
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS
+from stickslip_ros.visible import visible
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _WIDTH = 120
@@ -35,7 +37,7 @@ _WIDTH = 120
 def print_analysis(analysis: BagAnalysis) -> None:
     """One bag: a row for each joint, then in words what matters, the joint that stuck most first."""
     console = _console()
-    console.print(f"[bold]{analysis.path}[/]", soft_wrap=True)
+    console.print(f"[bold]{escape(visible(analysis.path))}[/]", soft_wrap=True)
     joints = list(analysis.joints.values())
     console.print(_joints_table(joints, _columns(console, joints)))
     console.print(
@@ -56,7 +58,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
         console.print(f"not judged, {reason}: {', '.join(names)}", soft_wrap=True, markup=False)
     for warning in analysis.warnings:
         console.print("[yellow]warning:[/] ", end="")
-        console.print(warning, markup=False, soft_wrap=True)
+        console.print(visible(warning), markup=False, soft_wrap=True)
 
 
 _TEXTS = ("joint\n", "status\n", "worst\n")
@@ -88,7 +90,7 @@ def _joints_table(joints: Sequence[JointAnalysis], headings: Sequence[str]) -> T
 def _cells(joint: JointAnalysis) -> dict[str, str]:
     exactly = "-" if joint.exact.outcome is None else OUTCOME_WORDS[joint.exact.outcome.value]
     return {
-        "joint\n": escape(joint.name),
+        "joint\n": escape(visible(joint.name)),
         "status\n": _status(joint.status.value),
         "stick slip\n": words.percent(joint.stick_slip_share),
         "worst\n": _status(joint.worst.value),
@@ -118,8 +120,8 @@ def print_fleet(answers: Sequence[Answer]) -> None:
     for (robot, joint), rows in sorted(by_joint(rows_of(answers)).items()):
         known = [value for row in rows if (value := dry_friction(row)) is not None]
         table.add_row(
-            robot,
-            joint,
+            escape(visible(robot)),
+            escape(visible(joint)),
             _status(usual_status(rows)),
             words.percent(stick_slip_share(rows)),
             _status(worst_status(rows)),
@@ -140,13 +142,13 @@ def print_fleet(answers: Sequence[Answer]) -> None:
     for found in answers:
         for warning in found.get("warnings", []):
             console.print("[yellow]warning:[/] ", end="")
-            console.print(f"{found['path']}: {warning}", markup=False, soft_wrap=True)
+            console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
 
 
 def _console() -> Console:
     """As wide as the terminal; where there is none, as wide as the tables."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=_WIDTH)
+    console = Terminal(highlight=False)
+    return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
 
 
 def _status(word: str) -> str:

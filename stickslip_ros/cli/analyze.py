@@ -11,8 +11,6 @@ be analysed, or none of its joints be judged.
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -29,7 +27,9 @@ from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import print_analysis, print_fleet
 from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_output
 from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import complain
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.output.as_json import json_text
 
 _ANNOTATED_EVERY = 1.0  # [s]
 
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     errors = [found["error"] for found in answers if "error" in found]
     blind = [text for found in answers if (text := nothing_judged(found))]
     for text in (*errors, *blind):
-        print(f"stickslip: {text}", file=sys.stderr)
+        complain(text)
     if options.csv:
         write_cycles(options.csv, answers)
     if options.table:
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     if options.html and analysis is None:
         write_fleet_page(options.html, answers)
     if options.json:
-        print(json.dumps({"bags": answers}, ensure_ascii=False))
+        print(json_text({"bags": answers}))
     elif analysis is not None:
         print_analysis(analysis)
     elif len(bags) > 1 or not errors:

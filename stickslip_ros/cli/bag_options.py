@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
+from stickslip_ros.bags.storage.unpacking import OPTION, UnpackLimit
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.settings.known_joints import load_joint
@@ -30,6 +31,7 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     )
     what.add_argument("--start", type=float, metavar="S", default=0.0, help="seconds after the first sample")
     what.add_argument("--end", type=float, metavar="S", default=math.inf, help="seconds after the first sample")
+    add_unpack_argument(what)
     known = parser.add_argument_group("what is known of the joints")
     known.add_argument(
         "--parameters", type=Path, action="append", metavar="FILE", default=[],
@@ -51,6 +53,26 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains; '' for none")
     topics.add_argument("--controller", metavar="NODE", help="whose parameter events hold the gains")
+
+
+def add_unpack_argument(parser: Any) -> None:
+    """The option read by :func:`unpack_limit`."""
+    usual = UnpackLimit().largest_unpacked
+    parser.add_argument(
+        OPTION, type=float, metavar="MB", default=usual,
+        help="a compressed chunk or message may become so large (default: %(default)g), a file so or a thousandfold",
+    )  # fmt: skip
+
+
+def unpack_limit(options: argparse.Namespace) -> UnpackLimit:
+    """What the option says.
+
+    Raises
+    ------
+    InvalidParameterError
+        If it is not positive and finite.
+    """
+    return UnpackLimit(largest_unpacked=options.largest_unpacked)
 
 
 def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOptions:
@@ -92,6 +114,7 @@ def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOption
         start=options.start,
         end=options.end,
         parameters=Parameters.of_files(options.parameters, given),
+        unpacking=unpack_limit(options),
         **more,
     )
 

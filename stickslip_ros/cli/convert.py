@@ -13,12 +13,12 @@ import math
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.table import COLUMNS, UNITS, find_recording, load_recording
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.bag_options import check_output
+from stickslip_ros.cli.bag_options import add_unpack_argument, check_output, unpack_limit
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)")
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then, to be recorded too")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then (default 0)")
+    add_unpack_argument(parser)
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
 
 
@@ -44,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     """Convert; exit status 0."""
     path = find_recording(options.recording)
     check_output(options.out, [path])
-    recording = load_recording(path, dict(_column(text) for text in options.column))
+    recording = load_recording(path, dict(_column(text) for text in options.column), unpack_limit(options))
     first = float(np.nanmin(recording.batch.time))
     # A stamp of zero means that there is none.
     start = options.start if options.start is not None else (0.0 if first > 0.0 else 1.0 - first)
@@ -55,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
         gains = Gains(stiffness=options.stiffness, damping=options.damping)
     count = write_recording(options.out, recording.batch, options.name, start, gains, options.compression)
     left = len(recording.batch) - count
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     console.print(f"{options.out}: {count} samples of {options.name}; now: stickslip analyze {options.out}")
     if left:
         console.print(f"[yellow]warning:[/] {left} rows have no time and were left out")

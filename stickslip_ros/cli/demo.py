@@ -22,6 +22,7 @@ from rich.console import Console
 
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.processes import NodeProcess, isolate
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.warm_up import compile_ahead, is_warm
 
@@ -74,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
         raise StickSlipError(f"the demo needs ROS 2 (rclpy): {error}; `make demo` installs it from wheels") from error
     if options.out.suffix not in (".png", ".svg", ".pdf") or not options.out.resolve().parent.is_dir():
         raise StickSlipError(f"--out must be a .png, .svg or .pdf in a folder that exists: {options.out}")
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     domain = isolate()
     console.print(f"[dim]ROS domain {domain}, this machine only[/]")
     _compile(console)

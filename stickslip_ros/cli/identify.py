@@ -11,14 +11,12 @@ only says what it would do.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import signal
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 
 from stickslip_ros.analysis.data_problems import data_problems
@@ -26,13 +24,15 @@ from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice
+from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
 from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
-from stickslip_ros.output.as_json import parameter_json
+from stickslip_ros.output.as_json import json_text, parameter_json
 from stickslip_ros.output.published import number
 from stickslip_ros.settings.joint_file import joint_file_text, write_joint_file
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
@@ -54,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     topics = parser.add_argument_group("topics of a bag, where there are several that could be meant")
     topics.add_argument("--states", metavar="TOPIC", help="joint states")
     topics.add_argument("--references", action="append", metavar="TOPIC", help="desired motion; '' for none")
+    add_unpack_argument(parser)
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then [N·m/rad]")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then [N·m·s/rad] (default 0)")
     parser.add_argument("--integral", type=float, metavar="KI", default=0.0, help="k_i then [N·m/(rad·s)] (default 0)")
@@ -92,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
     gains = _gains(options)
     if options.recording:
         path = _find(options.recording)
-        batch = read_joint(path, options.on, _topics(options)) if is_read_as_bag(path) else load_recording(path).batch
+        batch = _samples(path, options)
         name, source = path.stem, f"Identified from {path.name}."
     else:
         experiment = _experiment(options)
@@ -101,13 +102,13 @@ def run(options: argparse.Namespace) -> int:
         batch, heard = experiment
         gains = gains or heard
         name, source = options.on, f"Identified by a ladder of speeds {options.speeds} rad/s."
-    with Console(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
+    with Terminal(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
         found = identify(batch, gains, prior.joint if prior else None)
     problems = data_problems(found.dropped, found.restarts, len(batch))
     if sum(found.dropped.values()) == len(batch):
         raise RecordingError(f"{name}: {'; '.join(problems) or 'no samples'}")
     if options.json:
-        print(json.dumps(_as_json(found), ensure_ascii=False))
+        print(json_text(_as_json(found)))
     else:
         _print(found, problems)
     if not found.parameters() and found.slips is None:
@@ -121,8 +122,15 @@ def run(options: argparse.Namespace) -> int:
         text = joint_file_text(options.name or name, joint, found, gains, _full(source, prior))
         write_joint_file(options.out, text)
         if not options.json:
-            Console(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
+            Terminal(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
     return 0
+
+
+def _samples(path: Path, options: argparse.Namespace) -> Batch:
+    limit = unpack_limit(options)
+    if is_read_as_bag(path):
+        return read_joint(path, options.on, _topics(options), limit)
+    return load_recording(path, limit=limit).batch
 
 
 def _topics(options: argparse.Namespace) -> TopicChoice:
@@ -163,7 +171,7 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
     steps = speed_ladder(speeds, duration=options.step_time, rest=options.rest)
     way = sum(speeds) * options.step_time
     total = sum(step.duration for step in steps)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     console.print(f"{options.on}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back.")
     if way > options.largest_way:
         raise InvalidParameterError("way of the ladder", f"<= --largest-way ({options.largest_way:g} rad)", way)
@@ -218,7 +226,7 @@ def _as_json(found: Identification) -> dict[str, Any]:
 
 
 def _print(found: Identification, problems: Sequence[str]) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     parameters = found.parameters()
     slips = found.slips
     speed = f"; usual speed {found.speed:.4g} rad/s" if math.isfinite(found.speed) else ""

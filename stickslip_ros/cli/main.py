@@ -15,7 +15,9 @@ from importlib import import_module
 from typing import NamedTuple, NoReturn
 
 import stickslip_ros
+from stickslip_ros.cli.ending import Ended, ended_by_exception
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.visible import visible
 
 
 class Command(NamedTuple):
@@ -44,7 +46,7 @@ COMMANDS = {
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
+        print(visible(f"{self.prog}: {message} (see {self.prog} --help)"), file=sys.stderr)
         raise SystemExit(2)
 
 
@@ -68,17 +70,22 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit status."""
     given = sys.argv[1:] if arguments is None else arguments
     try:
-        options = build_parser(given[:1]).parse_args(given)
-        if options.compiled:
-            _compile()
-        return _run(options)
+        with ended_by_exception():
+            options = build_parser(given[:1]).parse_args(given)
+            if options.compiled:
+                _compile()
+            return _run(options)
     except BrokenPipeError:
         return 0
     except (StickSlipError, OSError) as error:
-        print(f"stickslip: {error}", file=sys.stderr)
+        from stickslip_ros.cli.terminal import complain
+
+        complain(str(error))
         return 2
     except KeyboardInterrupt:
         return 130
+    except Ended as ended:
+        return ended.status
 
 
 def _compile() -> None:

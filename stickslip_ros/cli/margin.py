@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
 from stickslip_ros.model.controlled import OperatingConditions
@@ -19,7 +18,7 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
 from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.units import unit_of
-from stickslip_ros.output.as_json import margin_json
+from stickslip_ros.output.as_json import json_text, margin_json
 from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
@@ -70,10 +69,10 @@ def run(options: argparse.Namespace) -> int:
     conditions = OperatingConditions(
         load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
     )
-    with Console(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
+    with Terminal(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
         result = margin_json(joint, gains, velocity, conditions)
     if options.json:
-        print(json.dumps(result, ensure_ascii=False))
+        print(json_text(result))
     else:
         _print(result, joint, gains, velocity)
     return 0
@@ -124,7 +123,7 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
 
 
 def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     console.print(f"[dim]{_judged(joint, gains)}[/]")
     exact = result["exact"]
     if exact["outcome"] is None:

@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from stickslip_ros.cli.terminal import Terminal
 
 
 @contextmanager
@@ -24,7 +25,7 @@ def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[int,
     """
     columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()]
     columns += [TimeRemainingColumn()] if foretold else []
-    console = Console(stderr=True)
+    console = Terminal(stderr=True)
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     with _interrupts() as came, bar as progress:
         task = progress.add_task(text, total=None)

@@ -5,16 +5,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import OperatingConditions
@@ -22,7 +21,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
-from stickslip_ros.output.as_json import margin_json, recommendation_json
+from stickslip_ros.output.as_json import json_text, margin_json, recommendation_json
 from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
 
@@ -101,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
     factors = options.factors or bool(options.joint and load_joint(options.joint).per_inertia)
-    with Console(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
+    with Terminal(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
         advice = recommend(joint, gains, velocity, limits, None, loop, gains_known=not factors)
         found: Sequence[Sensitivity] = ()
         if gains.stiffness > 0 and advice.velocity > 0:
@@ -117,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
                 "present_margin": margin_json(joint, gains, velocity, loop.conditions),
             }
     if options.json:
-        print(json.dumps(result, ensure_ascii=False))
+        print(json_text(result))
     else:
         _print(advice, found, joint, gains)
         if trial is not None:
@@ -161,7 +160,7 @@ def what_if(text: str, gains: Gains) -> Gains:
 
 
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, gains: Gains) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     name = "Eq. (43)" if advice.condition is Criterion.PAPER else "the exact condition"
     if not joint.friction.of_the_paper:
         name += f" (Eq. (43) is not of the law {joint.friction.law})"
@@ -224,7 +223,7 @@ def _variant_row(variant: Variant, joint: Joint, present: Gains, advice: Recomme
 
 
 def _print_what_if(result: dict[str, Any]) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     now, then = result["present_margin"], result["margin"]
     console.print(f"What if p = {result['stiffness']:.4g} and d = {result['damping']:.4g}:")
     table = Table(box=None, padding=(0, 1))

@@ -10,10 +10,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
@@ -68,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
         )
         for number, name in enumerate(names)
     }
-    with Console(stderr=True).status("simulating"):
+    with Terminal(stderr=True).status("simulating"):
         write_simulation(
             options.out,
             joints,
@@ -80,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
             with_gains=not options.no_gains,
             compression=options.compression,
         )
-    Console(stderr=True, highlight=False, soft_wrap=True).print(
+    Terminal(stderr=True, highlight=False, soft_wrap=True).print(
         f"{options.out}: {options.duration:g} s of {', '.join(names)}; now: stickslip analyze {options.out}"
     )
     return 0

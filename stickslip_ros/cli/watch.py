@@ -14,10 +14,11 @@ import os
 import time
 from typing import Any
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.live import Live
 from rich.status import Status
 
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
@@ -48,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
         from stickslip_ros.cli.watch_listener import WatchListener
     except ImportError as error:
         raise StickSlipError(f"watch needs ROS 2 (rclpy): {error}") from error
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     listener = WatchListener()
 
     def shown(height: int | None) -> RenderableType:

@@ -20,6 +20,7 @@ from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.output.diagnosis import Level
+from stickslip_ros.visible import visible
 
 _STALE_AFTER = 3.0  # [s] without a status
 _LOOK_EVERY = 1.0  # [s] for monitors that have come since
@@ -85,7 +86,7 @@ class WatchListener:
     def _on_positions(self, robot: str, message: JointState) -> None:
         now = seconds(message.header.stamp)
         for name, position in zip(message.name, message.position, strict=False):
-            heard = self._joints.setdefault(f"{robot}/{name}" if robot else name, _Heard())
+            heard = self._joints.setdefault(visible(f"{robot}/{name}" if robot else name), _Heard())
             before = heard.history[-1][0] if heard.history else -math.inf
             if now < before - _SET_BACK:
                 heard.history.clear()
@@ -99,14 +100,14 @@ class WatchListener:
             if not named or (robot and not robot.endswith("/")):
                 continue
             if not rest:
-                self._note(self._monitors.setdefault(status.name, _Heard()), status)
+                self._note(self._monitors.setdefault(visible(status.name), _Heard()), status)
             elif rest.startswith(": "):
-                self._note(self._joints.setdefault(status.hardware_id, _Heard()), status)
+                self._note(self._joints.setdefault(visible(status.hardware_id), _Heard()), status)
 
     @staticmethod
     def _note(heard: _Heard, status: DiagnosticStatus) -> None:
-        heard.level, heard.message, heard.at = Level(status.level[0]), status.message, time.monotonic()
-        heard.values = {pair.key: pair.value for pair in status.values}
+        heard.level, heard.message, heard.at = Level(status.level[0]), visible(status.message), time.monotonic()
+        heard.values = {visible(pair.key): visible(pair.value) for pair in status.values}
 
     def joints(self) -> list[JointView]:
         """What is known of every joint now."""

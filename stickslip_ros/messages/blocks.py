@@ -11,6 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.visible import visible
+
 Warn = Callable[[str], None]
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
@@ -32,6 +34,11 @@ class Channel:
     encoding: str = "cdr"
     schema_encoding: str = ""
     schema: str = ""
+
+    def __post_init__(self) -> None:
+        # Robots are named after topics; whoever reads a bag sees them, and types them, as they are shown.
+        for name in ("topic", "type", "encoding"):
+            object.__setattr__(self, name, visible(getattr(self, name)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,10 +17,13 @@ from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joints.joint_parameters import declare_specs
 from stickslip_ros.nodes.node_names import other_nodes
 from stickslip_ros.nodes.state.state_file import default_path
+from stickslip_ros.settings.parameter_file import Parameters
+from stickslip_ros.settings.parameter_names import EVERY_JOINT, joint_of
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE
+from stickslip_ros.visible import visible
 
 Changes = Mapping[str, Parameter]
-_JOINT_NAME = re.compile(r"[^\s,]{1,128}")
+_JOINT_NAME = re.compile(r"[^\s,.]{1,128}")  # names of parameters are parted by dots
 
 
 def declare(node: Node) -> None:
@@ -41,6 +44,7 @@ def check(node: Node, changes: Changes | None = None) -> None:
         If a value cannot be.
     """
     joint_names(node)
+    _check_what_is_given(node, changes)
     require_positive("publish_rate", float(node.get_parameter("publish_rate").value))
     require_positive("apply_rate", float(_value(node, "apply_rate", changes)))
     controllers(node, changes)
@@ -52,18 +56,18 @@ def state_path(node: Node) -> Path | None:
     Raises
     ------
     InvalidParameterError
-        If it is a folder, or cannot be a file's name.
+        If there is a folder or a device of that name, or it cannot be a file's name.
     """
     given = str(node.get_parameter("state_file").value)
     if given == "none":
         return None
     try:
         path = Path(given).expanduser() if given else default_path(node.get_fully_qualified_name())
-        is_folder = path.is_dir()
+        no_file = path.exists() and not path.is_file()
     except (OSError, RuntimeError, ValueError) as error:
         raise InvalidParameterError("state_file", f"the name of a file ({error})", f"{given[:80]!r}") from error
-    if is_folder:
-        raise InvalidParameterError("state_file", "the name of a file, not of a folder", given)
+    if no_file:
+        raise InvalidParameterError("state_file", "the name of a regular file, not of a folder or a device", given)
     return path
 
 
@@ -89,8 +93,24 @@ def joint_names(node: Node) -> tuple[str, ...]:
     names = list(node.get_parameter("joints").value)
     if names == [""]:
         return ()
-    if len(set(names)) < len(names) or not all(_JOINT_NAME.fullmatch(name) for name in names):
+    if len(set(names)) < len(names) or not all(_can_be_a_name(name) for name in names):
         raise InvalidParameterError(
-            "joints", "[''], or different names of at most 128 characters without blanks and commas", str(names)[:200]
+            "joints",
+            "[''], or different names of at most 128 visible characters without blanks, commas and dots",
+            str(names)[:200],
         )
     return tuple(names)
+
+
+def _can_be_a_name(name: str) -> bool:
+    return _JOINT_NAME.fullmatch(name) is not None and visible(name) == name
+
+
+def _check_what_is_given(node: Node, changes: Changes | None) -> None:
+    """Check what is said of every joint, and of those that are not heard of yet: it is refused now, not then."""
+    given = {spec.name: _value(node, spec.name, changes) for spec in COMMON}
+    if changes is None:
+        given = {name: value.value for name, value in node._parameter_overrides.items() if joint_of(name)} | given
+    parameters = Parameters(given)
+    for joint in sorted({joint_of(name) for name in given}):
+        parameters.settings_of(joint or EVERY_JOINT)

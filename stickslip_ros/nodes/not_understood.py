@@ -9,9 +9,9 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-import yaml
 from rclpy.node import Node
 
+from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
 from stickslip_ros.settings.parameter_names import (
     FileSection,
@@ -121,7 +121,7 @@ def _given_sections(arguments: Sequence[str]) -> Iterator[FileSection]:
 
 def _sections_in(path: Path) -> list[FileSection]:
     try:
-        return sections_of(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return sections_of(read_yaml(path))
+    except (OSError, ValueError, RecursionError):
         # rcl has read it; what YAML itself makes of it is of no consequence here.
         return []

@@ -14,6 +14,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.visible import visible
 
 
 def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool = False) -> int:
@@ -43,7 +44,7 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (StickSlipError, ParameterException) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(visible(f"error: {error}"), file=sys.stderr)
         return 2
     except Exception:
         # A signal while the node is being made, or ended, makes its next publication fail: that is no error either.

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -19,6 +20,17 @@ from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import dry_friction_text
+
+
+def json_text(content: Any) -> str:
+    """A JSON object on one line, as it may reach a terminal: what is not seen of a name is escaped."""
+    text = json.dumps(content, ensure_ascii=False)
+    # Only names hold such characters: JSON writes the others of its own as they are.
+    return text if text.isprintable() else "".join(one if one.isprintable() else _escaped(one) for one in text)
+
+
+def _escaped(character: str) -> str:
+    return json.dumps(character)[1:-1]
 
 
 def margin_json(

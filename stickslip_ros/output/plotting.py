@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from stickslip_ros.output.csv_table import write_csv
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,8 +101,7 @@ def save(figure: Figure, folder: Path) -> list[Path]:
     with matplotlib.rc_context({"svg.hashsalt": figure.name}):
         drawing.savefig(files[0], dpi=_DOTS)
         drawing.savefig(files[1], metadata={"Date": None})
-    with files[2].open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows(_rows(figure))
+    write_csv(files[2], _rows(figure))
     return files
 
 

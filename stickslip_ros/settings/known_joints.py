@@ -10,12 +10,11 @@ from os import environ
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from stickslip_ros.errors import InvalidParameterError, JointFileError, UnknownJointError
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.regular_files import read_yaml
 
 _PACKAGE = "stickslip_ros"
 
@@ -85,8 +84,8 @@ def load_joint(name_or_path: str) -> KnownJoint:
             raise UnknownJointError(name_or_path, names)
         path = config_folder() / "joints" / f"{name_or_path}.yaml"
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = read_yaml(path)
+    except (OSError, ValueError) as error:
         raise JointFileError(f"joint file {path}: {' '.join(str(error).split())}") from error
     try:
         return _parse(content)

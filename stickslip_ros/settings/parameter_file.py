@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_names import (
     EVERY_JOINT,
@@ -103,8 +102,8 @@ class Parameters:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = read_yaml(path)
+    except (OSError, ValueError) as error:
         raise ParameterFileError(f"parameter file {path}: {' '.join(str(error).split())}") from error
     sections = sections_of(content)
     if not sections:

@@ -179,6 +179,9 @@ def _gains(group: str, name: str, keys: Iterable[str], scale: float, values: Par
     """Gains in SI units; those that are not set are 0, but without a stiffness there are none."""
     given = {key: values.number_if_set(f"{group}.{name}.{key}") for key in keys}
     for key, number in given.items():
+        # With another sign a controller drives the joint away from where it ought to be.
+        if number is not None and number < 0.0:
+            raise InvalidParameterError(f"{group}.{name}.{key}", "finite and >= 0, or nan where it is not set", number)
         if number is not None and not math.isfinite(number * scale):
             raise InvalidParameterError(f"{group}.{name}.{key}", f"finite, times gain_scale.{name}", number)
     if given["p"] is None:

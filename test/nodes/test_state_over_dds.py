@@ -109,7 +109,7 @@ def test_a_folder_is_no_file(ros_domain: int, tmp_path: Path) -> None:
     """Issue 7: refused at the start, and left as it is."""
     with NodeProcess("monitor", {"state_file": str(tmp_path)}) as monitor:
         assert monitor.wait(60.0) == 2
-        assert "'state_file' must be the name of a file, not of a folder" in monitor.output()
+        assert "'state_file' must be the name of a regular file, not of a folder or a device" in monitor.output()
     assert tmp_path.is_dir()
 
 

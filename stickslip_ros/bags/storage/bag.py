@@ -5,19 +5,23 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import yaml
+import numpy as np
 
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
 from stickslip_ros.bags.storage.formats import FORMATS, format_of
+from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages.blocks import Block, Channel, Storage
+from stickslip_ros.regular_files import read_yaml
 
+_LARGE = 16_000_000  # bytes of messages, from which on a block is given
 _ANY = " or ".join(one.suffix for one in FORMATS)
 
 
@@ -28,7 +32,7 @@ class Bag:
 
     Parameters
     ----------
-    path : of a file or a directory.
+    path : of a file or a directory. limit : of what is unpacked; none: the usual one.
 
     Raises
     ------
@@ -36,8 +40,8 @@ class Bag:
         If nothing of it can be read; the message says why.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, limit: UnpackLimit | None = None) -> None:
+        self.path, self._limit = path, limit or UnpackLimit()
         self.warnings: list[str] = []
         self._stack = ExitStack()
         self._per_message = False
@@ -68,9 +72,13 @@ class Bag:
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None] = lambda _: None) -> Iterator[Block]:
         """The messages of the wanted channels, perhaps with others among them; ``progress`` is told of bytes."""
-        for _, storage, _ in self._storages:
+        for file, storage, _ in self._storages:
+            allowance = Allowance(self._limit, file.stat().st_size)
             for block in storage.blocks(wanted, progress):
-                yield self._decompressed(block) if self._per_message else block
+                if self._per_message:
+                    yield from self._decompressed(block, wanted, allowance)
+                else:
+                    yield block
 
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
         try:
@@ -82,7 +90,7 @@ class Bag:
         opened, reasons = [], []
         for file in files:
             try:
-                bag_file = BagFile(file, self._stack)
+                bag_file = BagFile(file, self._stack, self._limit)
                 storage = format_of(bag_file).open(bag_file, self.warnings.append)
                 opened.append((file, storage, storage.channels()))
             except (OSError, ValueError, EOFError, ImportError) as error:
@@ -114,28 +122,33 @@ class Bag:
         if not path.exists():
             return None
         try:
-            metadata = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+            metadata = read_yaml(path)["rosbag2_bagfile_information"]
             if not isinstance(metadata["relative_file_paths"], list):
                 raise TypeError("relative_file_paths is no list")
             if not isinstance(metadata.get("compression_mode", ""), str):
                 raise TypeError("compression_mode is no text")
-        except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError) as error:
             self.warnings.append(f"{METADATA}: damaged ({' '.join(str(error).split())}); files taken by their names")
             return None
         return metadata
 
-    def _decompressed(self, block: Block) -> Block:
-        import zstandard
-
-        decompressor = zstandard.ZstdDecompressor()
-        messages, broken = [], 0
-        for number in range(len(block)):
+    def _decompressed(self, block: Block, wanted: set[Channel], allowance: Allowance) -> Iterator[Block]:
+        """The wanted messages of a block, decompressed: in several blocks where they become large."""
+        messages: list[tuple[int, int, bytes]] = []
+        broken: Counter[str] = Counter()
+        size = 0
+        of_wanted = np.isin(block.channel, [number for number, channel in block.channels.items() if channel in wanted])
+        for number in np.flatnonzero(of_wanted).tolist():
             try:
-                data = decompressor.decompress(block.message(number), max_output_size=1 << 26)
-            except zstandard.ZstdError:
-                broken += 1
+                data = allowance.zstd(block.message(number))
+            except ValueError as error:
+                broken[str(error)] += 1
                 continue
             messages.append((int(block.channel[number]), int(block.log_time[number]), data))
-        if broken:
-            self.warnings.append(f"{broken} messages could not be decompressed")
-        return Block.of_messages(messages, block.channels) if messages else block.none()
+            size += len(data)
+            if size > _LARGE:
+                yield Block.of_messages(messages, block.channels)
+                messages, size = [], 0
+        if messages:
+            yield Block.of_messages(messages, block.channels)
+        self.warnings += [f"{count} messages could not be decompressed: {reason}" for reason, count in broken.items()]

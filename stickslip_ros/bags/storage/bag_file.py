@@ -6,13 +6,17 @@ from __future__ import annotations
 
 import io
 import shutil
-import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any
 
+from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
+from stickslip_ros.bags.storage.workspace import own_folder
+from stickslip_ros.regular_files import open_regular
+
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _LONGEST_BEGIN = 16
+_AT_ONCE = 1 << 20
 
 
 class BagFile:
@@ -21,12 +25,19 @@ class BagFile:
     Parameters
     ----------
     path : of the file. stack : closed when the bag is; what is unpacked is gone by then.
+    limit : of what is unpacked.
+
+    Raises
+    ------
+    OSError
+        If it is no regular file, or cannot be read.
     """
 
-    def __init__(self, path: Path, stack: ExitStack) -> None:
+    def __init__(self, path: Path, stack: ExitStack, limit: UnpackLimit) -> None:
         self.path, self._stack = path, stack
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             self._begin = stream.read(_LONGEST_BEGIN)
+        self.allowance = Allowance(limit, self.size)
 
     @property
     def name(self) -> str:
@@ -48,41 +59,57 @@ class BagFile:
         return self._begin
 
     def open(self) -> IO[bytes]:
-        """What is in it, from the start."""
-        return io.BufferedReader(_ZstdStream(self.path), 1 << 20) if self.packed else self.path.open("rb")
+        """What is in it, from the start; what is unpacked of it counts anew."""
+        self.allowance.restart()
+        if not self.packed:
+            return open_regular(self.path)
+        return io.BufferedReader(_ZstdStream(open_regular(self.path), self.allowance), _AT_ONCE)
 
-    def named(self, suffix: str) -> Path:
-        """A plain file of what is in it, whose name ends so: some libraries go by the name."""
-        if not self.packed and self.path.suffix == suffix:
+    def plain(self) -> Path:
+        """A plain file of what is in it: itself, or one that is unpacked until the bag is closed.
+
+        Raises
+        ------
+        OSError
+            If it is damaged, becomes too large, or there is no room for it.
+        """
+        if not self.packed:
             return self.path
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="stickslip_")))
-        target = folder / f"bag{suffix}"
-        if self.packed:
-            with self.open() as stream, target.open("wb") as out:
-                shutil.copyfileobj(stream, out)
-        else:
-            target.symlink_to(self.path.resolve())
+        folder = self._stack.enter_context(own_folder())
+        target = folder / "bag"
+        # Half of what is free stays for others.
+        room = shutil.disk_usage(folder).free // 2
+        with self.open() as stream, target.open("wb") as out:
+            while piece := stream.read(_AT_ONCE):
+                room -= len(piece)
+                if room < 0:
+                    raise OSError(f"unpacked, it would take more than half of the room in {folder.parent} (TMPDIR)")
+                out.write(piece)
         return target
 
 
 class _ZstdStream(io.RawIOBase):
-    """A compressed file as a stream; damage is an OSError."""
+    """A compressed file as a stream; damage and too much of it are OSErrors."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, file: IO[bytes], allowance: Allowance) -> None:
         import zstandard
 
         super().__init__()
-        self._damage = zstandard.ZstdError
-        self._reader = zstandard.ZstdDecompressor().stream_reader(path.open("rb"), read_across_frames=True)
+        self._damage, self._allowance = zstandard.ZstdError, allowance
+        self._reader = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
         try:
-            return int(self._reader.readinto(buffer))
+            count = int(self._reader.readinto(buffer))
+            self._allowance.spend(count)
         except self._damage as error:
             raise OSError(f"its compression is damaged: {error}") from error
+        except ValueError as error:
+            raise OSError(str(error)) from error
+        return count
 
     def close(self) -> None:
         if not self.closed:

@@ -25,6 +25,7 @@ from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
 from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -32,7 +33,9 @@ _FOOTER = 9 + 20
 _TABLE_ROWS = 1 << 16
 _WINDOW = 1 << 20
 _LARGEST_RECORD = 1 << 30
-_LARGEST_CHUNK = 1 << 28
+_OF_USE = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL)
+_MOST_SAID = 3  # of what makes a file useless
+_MOST_CHANNELS = 1 << 16  # their numbers have 16 bits
 # What a damaged record makes its parser raise.
 _DAMAGE = (McapError, ValueError, struct.error, EOFError, OverflowError, MemoryError)
 
@@ -57,6 +60,10 @@ class McapStorage:
         self._file, self._warn = file, warn
         self._summary: _Summary | None = None
         self._channels: dict[int, Channel] = {}
+        # The same as flags, and those that blocks are wanted of: a file may have as many channels as messages.
+        self._known = np.zeros(_MOST_CHANNELS, dtype=np.bool_)
+        self._wanted: set[Channel] | None = None
+        self._yielded: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._unknown = 0
 
@@ -77,6 +84,7 @@ class McapStorage:
             found = self._summary.channels
             return {channel: self._summary.counts.get(number, 0) for number, channel in found.items()}
         counts: dict[Channel, int] = {}
+        self._want(None)
         said: list[str] = []
         warn, self._warn = self._warn, said.append
         try:
@@ -86,19 +94,28 @@ class McapStorage:
                     if channel is not None:
                         counts[channel] = counts.get(channel, 0) + int(count)
         finally:
-            # What is wrong is said when it is read in earnest.
+            # What is wrong is said when it is read in earnest, unless there is nothing to read.
             self._warn = warn
+        if not counts:
+            for text in said[:_MOST_SAID]:
+                warn(text)
         return {**dict.fromkeys(self._channels.values(), 0), **counts}
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         self._unknown = 0
+        self._want(wanted)
         if self._summary is not None and self._summary.chunks:
             yield from self._by_index(self._summary, wanted, progress)
         else:
             yield from self._from_start(progress)
         if self._unknown:
             self._warn(f"{self._file.name}: {self._unknown} messages belong to no channel that is described")
+
+    def _want(self, wanted: set[Channel] | None) -> None:
+        """Of which channels blocks tell; None: of all."""
+        self._wanted = wanted
+        self._yielded = {number: one for number, one in self._channels.items() if wanted is None or one in wanted}
 
     # The index at the end.
 
@@ -205,6 +222,13 @@ class McapStorage:
         position, rest, needed = len(MAGIC), b"", _WINDOW
         checksum = zlib.crc32(MAGIC)
         while True:
+            if needed > self._file.allowance.limit.at_once:
+                self._warn(
+                    f"{self._file.name}: a record of {needed} bytes at byte {position} is left out; "
+                    f"{OPTION} MB allows larger ones"
+                )
+                missing, checksum = _skip(stream, needed - len(rest), zlib.crc32(rest, checksum), progress)
+                position, rest, needed = position + needed - missing, b"", _WINDOW
             read = stream.read(max(needed - len(rest), _WINDOW))
             progress(len(read))
             window = rest + read
@@ -239,6 +263,8 @@ class McapStorage:
 
     def _records(self, buffer: Bytes, table: Integers, position: int) -> Iterator[Block]:
         """Blocks of records that follow each other; chunks are opened."""
+        # Of records that say nothing here a file may have millions.
+        table = table[np.isin(table[:, kernel.OPCODE], _OF_USE)]
         opcodes = table[:, kernel.OPCODE]
         others = np.flatnonzero(opcodes != Opcode.MESSAGE)
         begin = 0
@@ -261,7 +287,7 @@ class McapStorage:
     def _chunk(self, content: bytes, offset: int) -> Iterator[Block]:
         try:
             chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
-            records = _decompressed(chunk)
+            records = _decompressed(chunk, self._file.allowance)
         except ImportError:
             raise
         except Exception as error:
@@ -283,27 +309,45 @@ class McapStorage:
         elif opcode == Opcode.CHANNEL:
             record = ChannelRecord.read(_stream(buffer, offset, length))
             schema_of = self._schemas.get(record.schema_id)
-            self._channels[record.id] = Channel(
+            channel = Channel(
                 topic=record.topic,
                 type=schema_of.name if schema_of else "",
                 encoding=record.message_encoding,
                 schema_encoding=schema_of.encoding if schema_of else "",
                 schema=schema_of.data.decode("utf-8", errors="replace") if schema_of else "",
             )
+            self._channels[record.id] = channel
+            self._known[record.id] = True
+            # Blocks that were given before keep what they were given with.
+            if self._wanted is None or channel in self._wanted:
+                if self._yielded.get(record.id, channel) != channel:
+                    self._yielded = dict(self._yielded)
+                self._yielded[record.id] = channel
+            elif record.id in self._yielded:
+                self._yielded = {number: one for number, one in self._yielded.items() if number != record.id}
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
-        known = np.isin(table[:, kernel.CHANNEL], list(self._channels))
+        known = self._known[table[:, kernel.CHANNEL]]
         if not known.all():
             self._unknown += int((~known).sum())
             table = table[known]
         return Block(
             buffer=buffer,
-            channels=dict(self._channels),
+            channels=self._yielded,
             channel=table[:, kernel.CHANNEL],
             offset=np.ascontiguousarray(table[:, kernel.OFFSET]),
             length=np.ascontiguousarray(table[:, kernel.LENGTH]),
             log_time=table[:, kernel.LOG_TIME],
         )
+
+
+def _skip(stream: IO[bytes], count: int, checksum: int, progress: Callable[[int], None]) -> tuple[int, int]:
+    """Pass over so many bytes; returns how many of them were missing, and the checksum with them."""
+    while count > 0 and (piece := stream.read(min(count, _WINDOW))):
+        progress(len(piece))
+        checksum = zlib.crc32(piece, checksum)
+        count -= len(piece)
+    return count, checksum
 
 
 def _stream(buffer: Bytes, offset: int, length: int) -> Any:
@@ -329,7 +373,7 @@ def _tables(buffer: Bytes) -> list[Integers]:
     return tables
 
 
-def _decompressed(chunk: Chunk) -> bytes:
+def _decompressed(chunk: Chunk, allowance: Allowance) -> bytes:
     """The records of a chunk.
 
     Raises
@@ -338,18 +382,12 @@ def _decompressed(chunk: Chunk) -> bytes:
         If they are not what their length and checksum say.
     """
     size = chunk.uncompressed_size
-    if size > _LARGEST_CHUNK:
-        raise ValueError(f"its size is said to be {size} bytes")
     if chunk.compression == "":
         records: bytes = chunk.data
     elif chunk.compression == "zstd":
-        import zstandard
-
-        records = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+        records = allowance.zstd(chunk.data)
     elif chunk.compression == "lz4":
-        import lz4.frame
-
-        records = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        records = allowance.lz4(chunk.data)
     else:
         raise ValueError(f"its compression {chunk.compression[:32]!r} is none of zstd, lz4")
     if len(records) != size:

@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The .db3 files of rosbag2, through the package rosbags, as blocks of messages."""
+"""The .db3 files of rosbag2, as blocks of messages.
+
+Read through Python's sqlite3: readers of whole bags also parse each topic's quality of service as YAML, which in a
+file of others need not end. A view in place of a table, or a computed column, would be a program that is run.
+"""
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable, Iterator
-from itertools import islice
+from contextlib import closing
 from typing import Any
+from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.messages.blocks import Block, Channel, Warn
 
-_MESSAGES = 4096  # in a block
+_MESSAGES, _BYTES = 4096, 16_000_000  # in a block
+_ENCODINGS = ("ros2msg", "ros2idl")
+_COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
+_DEFINITIONS = ("topic_type", "encoding", "encoded_message_definition")
+_DAMAGE = (sqlite3.Error, ValueError, TypeError, OverflowError, MemoryError)
 
 
 class SqliteStorage:
@@ -23,8 +33,10 @@ class SqliteStorage:
     """
 
     def __init__(self, file: BagFile, warn: Warn) -> None:
-        # The library takes it for a database by its name, and reads no stream.
-        self._path, self._warn, self._name = file.named(".db3"), warn, file.name
+        self._path, self._warn, self._name = file.plain(), warn, file.name
+        self._largest = file.allowance.limit.at_once
+        self._channels: dict[int, Channel] = {}
+        self._counts: dict[int, int] = {}
 
     def channels(self) -> dict[Channel, int]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`.
@@ -34,47 +46,120 @@ class SqliteStorage:
         ValueError
             If this is no such file.
         """
-        from rosbags.rosbag2 import Reader
-
         try:
-            with Reader(self._path) as reader:
-                return {_channel(one): one.msgcount for one in reader.connections}
-        except Exception as error:
-            # The database's exceptions are not the library's.
+            with closing(self._open()) as database:
+                schemas = _definitions(database)
+                self._channels = {
+                    int(number): _channel(str(topic), str(kind), str(encoding), schemas)
+                    for number, topic, kind, encoding in database.execute(
+                        "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+                    )
+                }
+                self._counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
+        except _DAMAGE as error:
             raise ValueError(f"not a rosbag2 database: {' '.join(str(error).split())}") from error
+        found: dict[Channel, int] = {}
+        for number, channel in self._channels.items():
+            found[channel] = found.get(channel, 0) + self._counts.get(number, 0)
+        return found
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
-        from rosbags.rosbag2 import Reader
-
+        numbers = {number: channel for number, channel in self._channels.items() if channel in wanted}
         size, told, taken = self._path.stat().st_size, 0, 0
+        total = max(sum(self._counts.get(number, 0) for number in numbers), 1)
+        if not numbers:
+            return
         try:
-            with Reader(self._path) as reader:
-                chosen = [one for one in reader.connections if _channel(one) in wanted]
-                numbers = {one.id: _channel(one) for one in chosen}
-                total = max(sum(one.msgcount for one in chosen), 1)
-                if not chosen:
-                    return
-                messages = ((one.id, time, data) for one, time, data in reader.messages(connections=chosen))
-                while batch := list(islice(messages, _MESSAGES)):
+            with closing(self._open()) as database:
+                for batch in self._batches(database, set(numbers)):
                     yield Block.of_messages(batch, numbers)
                     taken += len(batch)
                     progress(size * min(taken, total) // total - told)
                     told = size * min(taken, total) // total
-        except GeneratorExit:
-            raise
-        except Exception as error:
+        except _DAMAGE as error:
             self._warn(f"{self._name}: reading stopped after {taken} messages: {' '.join(str(error).split())}")
         progress(size - told)
 
+    def _open(self) -> sqlite3.Connection:
+        # What is written meanwhile does not count, and no journal is looked for beside the file.
+        database = sqlite3.connect(f"file:{quote(str(self._path.resolve()))}?mode=ro&immutable=1", uri=True)
+        try:
+            database.text_factory = _text
+            for table, columns in _COLUMNS.items():
+                _check_table(database, table, columns)
+        except BaseException:
+            database.close()
+            raise
+        return database
 
-def _channel(connection: Any) -> Channel:
-    definition = connection.msgdef
-    encoding = {"MSG": "ros2msg", "IDL": "ros2idl"}.get(definition.format.name, "")
+    def _batches(self, database: sqlite3.Connection, numbers: set[int]) -> Iterator[list[tuple[int, int, bytes]]]:
+        batch: list[tuple[int, int, bytes]] = []
+        size = left_out = 0
+        marks = ",".join("?" * len(numbers)) if len(numbers) <= 500 else "SELECT id FROM topics"
+        bound = tuple(numbers) if len(numbers) <= 500 else ()
+        # The order is that of the index of times, where there is one.
+        found = database.execute(
+            "SELECT topic_id, timestamp, CASE WHEN length(data) <= ? THEN data END FROM messages "
+            f"WHERE topic_id IN ({marks}) ORDER BY timestamp",
+            (self._largest, *bound),
+        )
+        for number, time, data in found:
+            if number not in numbers:
+                continue
+            if not isinstance(data, bytes) or not isinstance(time, int):
+                left_out += 1
+                continue
+            batch.append((number, time, data))
+            size += len(data)
+            if len(batch) >= _MESSAGES or size >= _BYTES:
+                yield batch
+                batch, size = [], 0
+        if batch:
+            yield batch
+        if left_out:
+            self._warn(f"{self._name}: {left_out} messages are no bytes, or more than can be")
+
+
+def _text(value: bytes) -> str:
+    return value.decode("utf-8", errors="replace")
+
+
+def _check_table(database: sqlite3.Connection, table: str, columns: tuple[str, ...]) -> None:
+    """Refuse what is no plain table with these columns.
+
+    Raises
+    ------
+    ValueError
+        If it is not.
+    """
+    found = database.execute("SELECT type, sql FROM sqlite_master WHERE name = ?", (table,)).fetchone()
+    if found is None or found[0] != "table" or str(found[1]).upper().split()[:2] != ["CREATE", "TABLE"]:
+        raise ValueError(f"{table!r} must be a plain table in it")
+    # Name and kind of each column: 0 is one that is stored.
+    stored = {str(row[1]): row[6] for row in database.execute(f"PRAGMA table_xinfo({table})")}
+    for column in columns:
+        if stored.get(column) != 0:
+            raise ValueError(f"its table {table!r} must have a column {column!r} that is stored")
+
+
+def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    """Encoding and text of each type's definition; bags of before Iron have none."""
+    try:
+        _check_table(database, "message_definitions", _DEFINITIONS)
+    except ValueError:
+        return {}
+    rows: Any = database.execute(f"SELECT {', '.join(_DEFINITIONS)} FROM message_definitions ORDER BY id DESC")
+    return {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows}
+
+
+def _channel(topic: str, kind: str, serialization: str, schemas: dict[str, tuple[str, str]]) -> Channel:
+    encoding, schema = schemas.get(kind, ("", ""))
+    known = encoding in _ENCODINGS
     return Channel(
-        topic=connection.topic,
-        type=connection.msgtype,
-        encoding=connection.ext.serialization_format,
-        schema_encoding=encoding,
-        schema=definition.data if encoding else "",
+        topic=topic,
+        type=kind,
+        encoding=serialization,
+        schema_encoding=encoding if known else "",
+        schema=schema if known else "",
     )

@@ -16,6 +16,7 @@ from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 from stickslip_ros.nodes.state.version_1 import as_of_now
+from stickslip_ros.regular_files import read_regular
 
 _FORMAT = "stickslip_ros state"
 _VERSION = 2
@@ -25,6 +26,10 @@ _LARGEST = 256_000_000  # bytes; a larger file is none of ours
 
 class StateFileError(StickSlipError, ValueError):
     """A file that is none of ours, or damaged; the text says how."""
+
+
+class NewerStateError(StateFileError):
+    """A sound file of a version that a later release writes."""
 
 
 def default_path(node_name: str) -> Path:
@@ -40,15 +45,15 @@ def read_state(path: Path) -> dict[str, JointMemory]:
 
     Raises
     ------
+    NewerStateError
+        If a later release wrote it.
     StateFileError
         If the file is damaged or none of ours.
     OSError
-        If it cannot be read.
+        If it cannot be read, or is no regular file.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise StateFileError(f"it has more than {_LARGEST} bytes")
-        text = path.read_bytes()
+        text = read_regular(path, _LARGEST)
     except FileNotFoundError:
         return {}
     try:
@@ -57,8 +62,10 @@ def read_state(path: Path) -> dict[str, JointMemory]:
         if not isinstance(expected, dict) or expected.get("format") != _FORMAT:
             raise StateFileError("it is no state of a stickslip_monitor")
         version = expected.get("version")
+        if isinstance(version, int) and not isinstance(version, bool) and version > _VERSION:
+            raise NewerStateError(f"it has version {version}; this release reads versions up to {_VERSION}")
         if version not in (1, _VERSION):
-            raise StateFileError(f"it has version {version}, not {_VERSION}")
+            raise StateFileError(f"it has version {version!r}, not {_VERSION}")
         if expected.get("crc32") != zlib.crc32(body):
             raise StateFileError("its checksum is wrong")
         joints: dict[str, Any] = json.loads(body)
@@ -79,19 +86,21 @@ def as_text(joints: Mapping[str, JointMemory]) -> bytes:
 
 
 def write_state(path: Path, text: bytes) -> None:
-    """Put a file in place of the one before, in one step, for the user alone to read.
+    """Put a file in place of the one before, in one step, for the user alone to read; a link to it stays.
 
     Raises
     ------
     OSError
         If there is no room, or no permission; the file before is then as it was.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, text, mode=_FOR_THE_USER, durable=True)
 
 
 def set_aside(path: Path) -> Path:
     """Keep a damaged file beside the next one, in place of an earlier damaged one; returns where."""
+    # A link to the file stays, and leads to the next one.
+    path = Path(os.path.realpath(path))
     aside = path.with_name(f"{path.name}.damaged")
     path.replace(aside)
     return aside

@@ -11,9 +11,17 @@ from threading import Thread
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from stickslip_ros.files import remove_abandoned
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
-from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, set_aside, write_state
+from stickslip_ros.nodes.state.state_file import (
+    NewerStateError,
+    StateFileError,
+    as_text,
+    read_state,
+    set_aside,
+    write_state,
+)
 
 _EVERY = 60.0  # [s]
 _LONGEST_WAIT = 0.5  # [s] at the end for a file that is being written
@@ -36,8 +44,13 @@ class StateKeeper:
         self._known = self._read(path) if path is not None else {}
 
     def _read(self, path: Path) -> dict[str, JointMemory]:
+        remove_abandoned(path)
         try:
             return read_state(path)
+        except NewerStateError as error:
+            # It is sound, and of use to the release that wrote it.
+            self._path = None
+            self._trouble(f"{path} is newer than this release ({error}); it is left as it is, and nothing is kept")
         except (StateFileError, OSError) as error:
             # What cannot be read now must not be written over either.
             try:

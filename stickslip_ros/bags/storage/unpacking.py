@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Decompression with bounds: a few bytes can stand for more than any memory or disk holds.
+
+What is unpacked at once, a chunk or a message, is at most :attr:`UnpackLimit.at_once`; what is unpacked of one file
+in all is that, or a thousand times its size. Recordings of joints that stand still shrink to a sixtieth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from stickslip_ros.model._validation import require_positive
+
+_MEGABYTE = 1_000_000
+_TIMES = 1000
+_TIMES_IN_A_TABLE = 20
+OPTION = "--largest-unpacked"
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnpackLimit:
+    """How much compressed data may become.
+
+    Attributes
+    ----------
+    largest_unpacked : a chunk or a message [MB]; a whole file may become that, or a thousand times its size.
+
+    Raises
+    ------
+    InvalidParameterError
+        If it is not positive and finite.
+    """
+
+    largest_unpacked: float = 64.0
+
+    def __post_init__(self) -> None:
+        require_positive("largest_unpacked", self.largest_unpacked)
+
+    @property
+    def at_once(self) -> int:
+        """Of a chunk or a message [bytes]."""
+        return int(self.largest_unpacked * _MEGABYTE)
+
+    def of_table(self, size: int) -> int:
+        """Of a table of so many bytes, which is in memory as a whole [bytes]."""
+        return max(self.at_once, _TIMES_IN_A_TABLE * size)
+
+    def of_file(self, size: int) -> int:
+        """Of a file of so many bytes in all [bytes]."""
+        return max(self.at_once, _TIMES * size)
+
+
+class TooMuchUnpackedError(ValueError):
+    """Compressed data that would become more than they may; the text names the bound and the option that raises it."""
+
+    def __init__(self, what: str, largest: int) -> None:
+        super().__init__(f"{what} unpacks to more than {largest / _MEGABYTE:.4g} MB; {OPTION} MB allows more")
+
+
+class Allowance:
+    """What may still be unpacked of one file.
+
+    Parameters
+    ----------
+    size : of the file [bytes].
+    """
+
+    def __init__(self, limit: UnpackLimit, size: int) -> None:
+        self.limit = limit
+        self._whole = self._left = limit.of_file(size)
+        self._decompressor: Any = None
+
+    def restart(self) -> None:
+        """The file is read once more, from the start."""
+        self._left = self._whole
+
+    def spend(self, count: int) -> None:
+        """So many bytes were unpacked.
+
+        Raises
+        ------
+        TooMuchUnpackedError
+            If they are too many, with those before.
+        """
+        self._left -= count
+        if self._left < 0:
+            raise TooMuchUnpackedError("the file", self._whole)
+
+    def zstd(self, data: bytes) -> bytes:
+        """One frame, decompressed.
+
+        Raises
+        ------
+        TooMuchUnpackedError
+            If it becomes too large.
+        ValueError
+            If it is damaged.
+        """
+        import zstandard
+
+        # Making one takes longer than most messages do.
+        self._decompressor = self._decompressor or zstandard.ZstdDecompressor()
+        largest = min(self.limit.at_once, self._left)
+        try:
+            told = zstandard.frame_content_size(data)
+            if told > largest:
+                raise self._too_much(largest)
+            if told >= 0:
+                found: bytes = self._decompressor.decompress(data)
+            else:
+                with self._decompressor.stream_reader(data) as stream:
+                    found = stream.read(largest + 1)
+        except zstandard.ZstdError as error:
+            raise ValueError(f"its compression is damaged: {error}") from error
+        return self._within(found, largest)
+
+    def lz4(self, data: bytes) -> bytes:
+        """One frame, decompressed.
+
+        Raises
+        ------
+        TooMuchUnpackedError
+            If it becomes too large.
+        ValueError
+            If it is damaged.
+        """
+        import lz4.frame
+
+        largest = min(self.limit.at_once, self._left)
+        try:
+            found: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=largest + 1)
+        except RuntimeError as error:
+            raise ValueError(f"its compression is damaged: {error}") from error
+        return self._within(found, largest)
+
+    def _within(self, found: bytes, largest: int) -> bytes:
+        if len(found) > largest:
+            raise self._too_much(largest)
+        self.spend(len(found))
+        return found
+
+    def _too_much(self, largest: int) -> TooMuchUnpackedError:
+        # What is left of the file's allowance says nothing to people.
+        if largest < self.limit.at_once:
+            return TooMuchUnpackedError("the file", self._whole)
+        return TooMuchUnpackedError("it", largest)
