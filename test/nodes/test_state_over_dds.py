@@ -105,6 +105,35 @@ def test_a_damaged_file_is_set_aside(ros_domain: int, learnt: JointMonitor) -> N
     assert path.with_name(f"{path.name}.damaged").read_bytes() == bytes(text)
 
 
+def test_a_newer_file_is_left_alone(learnt: JointMonitor, tmp_path: Path) -> None:
+    """Issue 20: it is called newer, and neither set aside nor written over."""
+    path = tmp_path / "state.json"
+    header, _, body = as_text({"joint1": learnt.memory()}).partition(b"\n")
+    newer = header.replace(b'"version": 2', b'"version": 3') + b"\n" + body
+    path.write_bytes(newer)
+    keeper = StateKeeper(path, Log())  # type: ignore[arg-type]
+    assert "is newer than this release" in keeper.trouble
+    assert "damaged" not in keeper.trouble
+    keeper.save({"joint1": watched(learnt)})
+    assert path.read_bytes() == newer
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_linked_file_is_followed(learnt: JointMonitor, tmp_path: Path) -> None:
+    """Issue 20: written and set aside beside what the link leads to; what killed processes left there is removed."""
+    (tmp_path / "there").mkdir()
+    link, target = tmp_path / "state.json", tmp_path / "there" / "kept.json"
+    link.symlink_to(target)
+    target.write_text("none of ours")
+    (target.parent / ".kept.json.99999999.1.part").write_text("half")
+    keeper = StateKeeper(link, Log())  # type: ignore[arg-type]
+    keeper.save({"joint1": watched(learnt)})
+    assert not keeper.trouble
+    assert link.readlink() == target
+    assert "joint1" in read_state(target)
+    assert sorted(path.name for path in target.parent.iterdir()) == ["kept.json", "kept.json.damaged"]
+
+
 def test_a_folder_is_no_file(ros_domain: int, tmp_path: Path) -> None:
     """Issue 7: refused at the start, and left as it is."""
     with NodeProcess("monitor", {"state_file": str(tmp_path)}) as monitor:

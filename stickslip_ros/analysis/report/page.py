@@ -17,7 +17,9 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.output.wording import OUTCOME_TEXTS
+from stickslip_ros.visible import visible
 
+_OF_LAYOUT = "\n\t"
 YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
 
 
@@ -61,6 +63,7 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) 
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
+        finalize=_visible,
     )
     environment.filters |= {
         "number": _number,
@@ -75,7 +78,7 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) 
     page = environment.get_template(template).render(
         version=stickslip_ros.__version__,
         style=Markup(style),
-        scripts=Markup(f"<script>{library}</script>\n{script}\n<script>{own}</script>" if plots else ""),
+        scripts=Markup(f"<script>{library}</script>\n{_escaped(script)}\n<script>{own}</script>" if plots else ""),
         divs={plot: Markup(div) for plot, div in zip(plots, divs, strict=True)},
         **values,
     )
@@ -105,3 +108,13 @@ def _anchor(name: str) -> str:
 
 def _file_name(path: str) -> str:
     return Path(path).name
+
+
+def _visible(value: Any) -> Any:
+    """What others named, as it may stand on a page; what is marked is this package's own."""
+    return visible(value, kept=_OF_LAYOUT) if type(value) is str else value
+
+
+def _escaped(script: str) -> str:
+    """A script whose strings have escapes for what is not seen."""
+    return "".join(one if one.isprintable() or one in _OF_LAYOUT else f"\\u{ord(one):04x}" for one in script)
