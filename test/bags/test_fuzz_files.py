@@ -195,7 +195,9 @@ def test_whatever_bytes_a_file_has(kind: str, tmp_path: Path) -> None:
     name, make, read = FILES[kind]
     content = make(tmp_path)
 
-    @settings(max_examples=EXAMPLES, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+    @settings(
+        max_examples=EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+    )
     @given(changes=CHANGES, kept=st.sampled_from([1.0, 1.0, 1.0, 0.99, 0.5, 0.0]))
     def whatever(changes: list[Change], kept: float) -> None:
         path = tmp_path / name
@@ -208,7 +210,7 @@ def test_whatever_bytes_a_file_has(kind: str, tmp_path: Path) -> None:
     whatever()
 
 
-@settings(max_examples=EXAMPLES)
+@settings(max_examples=EXAMPLES, deadline=None)
 @given(content=st.binary(max_size=300), kind=st.sampled_from(sorted(FILES)))
 def test_bytes_that_mean_nothing(content: bytes, kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Files that never were of the kind, with its first bytes or without."""
