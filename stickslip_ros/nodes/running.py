@@ -11,10 +11,13 @@ from collections.abc import Callable
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.visible import visible
+
+RCLError = rclpy_implementation.RCLError
 
 
 def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool = False) -> int:
@@ -26,7 +29,11 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
     """
     rclpy.init(args=args)
     try:
-        node = create()
+        try:
+            node = create()
+        except RCLError as error:
+            # No node can be had of the middleware: with DDS security asked for and not there, for one.
+            raise StickSlipError(str(error).partition("\n")[0]) from error
         try:
             while node.context.ok():
                 try:

@@ -87,7 +87,6 @@ class RampMachine(RuleBasedStateMachine):
         self.outcome: Outcome | None = None
         self.withdrawn_at = math.inf
         self.first_request = self.first_effect = 0
-        self.was = Status.STICK_SLIP
         self.complained_at = math.inf
         self.awake = 0.0  # [s] that the monitor has had a processor since something should have ended the ramp
         self.in_between: float | None = None
@@ -106,7 +105,6 @@ class RampMachine(RuleBasedStateMachine):
         self.withdrawn_at = self.complained_at = math.inf
         self.awake = 0.0
         self.first_request, self.first_effect = len(self.controller.requests), len(self.controller.effects)
-        self.was = self.motion.status if self.motion.status in (Status.SMOOTH, Status.AT_RISK) else Status.STICK_SLIP
         self.upset = self.controller.mode != "takes" or max(self.controller.busy, self.controller.delay[1]) > _QUICK
         self.ramp = GainApplication(
             "joint1", self.controller, self.motion, self.journal, scale=1.0, bounds=lambda: self.bounds, rate=0.3,
@@ -299,9 +297,10 @@ class RampMachine(RuleBasedStateMachine):
         elif not self.upset:
             raise AssertionError(f"it does not say what is in force: {message}")
         # Success is what it says.
-        if outcome.success and "; it was" in message:
-            order = [Status.SMOOTH, Status.AT_RISK, Status.STICK_SLIP]
-            assert order.index(self.motion.status) < order.index(self.was)
+        judged = re.search(r"; it was (\w+), it is (\w+)", message)
+        if outcome.success and judged is not None:
+            order = [status.value for status in (Status.SMOOTH, Status.AT_RISK, Status.STICK_SLIP)]
+            assert order.index(judged[2]) < order.index(judged[1])
         # What others set stays, as far as the controller tells of it and may be written to.
         heard = [e for e in effects if e.by == "other"]
         if (

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ import xml.etree.ElementTree as ET
 from contextlib import ExitStack
 from pathlib import Path
 
+import pytest
 from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,6 +42,22 @@ def test_the_policy_grants_what_is_needed_and_no_more(ros_domain: int) -> None:
         assert granted("topics", "subscribe") == found["subscriptions"]
         assert granted("services", "reply") == found["services"]
         assert granted("services", "request") == found["clients"]
+
+
+def test_it_does_not_run_without_the_security_that_is_asked_for(
+    ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Issue 20: with DDS security enforced and no keys, or no security in the middleware, it ends with the reason."""
+    with probe() as one:
+        enforced = {"ENABLE": "true", "STRATEGY": "Enforce", "KEYSTORE": str(tmp_path)}
+        for name, value in enforced.items():
+            monkeypatch.setenv(f"ROS_SECURITY_{name}", value)
+        (tmp_path / "enclaves").mkdir()
+        with NodeProcess("monitor", {}) as monitor:
+            assert monitor.wait(60.0) == 2
+            assert re.search(r"error: .*([Ss]ecurity|SECURITY|enclave)", monitor.output()), monitor.output()
+            assert "Traceback" not in monitor.output()
+        assert "stickslip_monitor" not in one.diagnostics
 
 
 def test_files_are_not_for_the_graph_to_choose(ros_domain: int, tmp_path: Path) -> None:

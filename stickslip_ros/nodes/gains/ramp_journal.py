@@ -16,6 +16,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.nodes.state.plain_data import from_plain
+from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1
 _FOR_THE_USER = 0o600
@@ -117,9 +118,7 @@ def _as_text(ramps: list[UnfinishedRamp]) -> str:
 
 def _read(path: Path) -> dict[str, UnfinishedRamp]:
     try:
-        if path.stat().st_size > _LARGEST:
-            raise ValueError(f"it has more than {_LARGEST} bytes")
-        header, _, body = path.read_text().partition("\n")
+        header, _, body = read_regular(path, _LARGEST).decode().partition("\n")
     except FileNotFoundError:
         return {}
     expected = {"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body.encode())}
