@@ -25,7 +25,6 @@ OPEN_ENDS = {
     "effort_scale.{joint}": {-1.0},
     "load.{joint}": {-1.0},
 }
-ANY_SIGN = ("gains.", "trial.")
 MAY_BE_NAN = ("inertia.", "friction.", "gains.", "trial.", "slowest_velocity.")
 
 
@@ -34,8 +33,6 @@ def allowed(name: str, value: object) -> bool:
     if isinstance(value, float):
         if math.isnan(value):
             return name.startswith(MAY_BE_NAN)
-        if value == -1.0 and name.startswith(ANY_SIGN):
-            return True
         return value in OPEN_ENDS.get(name, ())
     return False
 
