@@ -16,7 +16,13 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import published as told
-from stickslip_ros.output.as_json import dry_friction_json, margin_json, parameter_json, recommendation_json
+from stickslip_ros.output.as_json import (
+    dry_friction_json,
+    growth_json,
+    margin_json,
+    parameter_json,
+    recommendation_json,
+)
 from stickslip_ros.output.csv_table import write_csv
 from stickslip_ros.output.published import number
 
@@ -87,9 +93,10 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         ],
         "cycles": [cycle_json(cycle) for cycle in joint.cycles],
         "transient": None if joint.transient is None else asdict(joint.transient),
-        "friction": _friction(state.estimate),
+        "friction": _friction(state.estimate, state.position),
         "gains": None if gains is None else told.GAINS.for_json(gains) | told.INTEGRAL_GAIN.for_json(gains),
         "margin": margin,
+        "exact_here": None if joint.exact_here is None else told.EXACT.for_json(joint.exact_here),
         "margin_reason": state.margin_reason,
         "recommendation": None
         if state.advice is None
@@ -102,7 +109,7 @@ def cycle_json(cycle: Cycle) -> dict[str, Any]:
     return told.CYCLE_BEGINS.for_json(cycle) | told.CYCLE_SIZE.for_json(cycle) | told.CYCLE_PLACE.for_json(cycle)
 
 
-def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:
+def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, Any] | None:
     if estimate is None:
         return None
     found: dict[str, Any] = {name: parameter_json(estimate[name]) for name in (*NAMES, COULOMB_AND_LOAD)}
@@ -112,6 +119,7 @@ def _friction(estimate: FrictionEstimate | None) -> dict[str, Any] | None:
         "summary": estimate.summary(),
         "mismatch": estimate.mismatch,
         "dry": None if estimate.dry is None else dry_friction_json(estimate.dry),
+        "growth": growth_json(estimate, position),
     }
     return found
 

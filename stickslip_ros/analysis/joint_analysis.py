@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,7 +50,8 @@ class JointAnalysis:
     transient : what the stick slip was, if it died out after starting; None if not.
     velocity : at which margin and advice are worked out [rad/s], the usual one of the worst status; NaN if the joint
         did not move.
-    assessment : what is known at the end. exact : verdict by integration.
+    assessment : what is known at the end. exact : verdict by integration; where friction is known to
+        vary with place or load it is that of the worst place, and exact_here that of the last position; else None.
     settings : what was given of the joint. traces : for drawing, None unless asked for.
     """
 
@@ -70,6 +71,7 @@ class JointAnalysis:
     settings: JointSettings
     traces: JointTraces | None
     problems: tuple[str, ...] = ()
+    exact_here: ExactVerdict | None = None
 
     @property
     def duration(self) -> float:
@@ -173,16 +175,19 @@ class FollowedJoint:
         # Advice is for where it is wanted: at the speed at which it went worst.
         velocity = judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
-        exact = ExactVerdict(smooth=None, reason=assessment.margin_reason)
+        exact, exact_here = ExactVerdict(smooth=None, reason=assessment.margin_reason), None
         if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
             conditions = self.settings.options.conditions
-            exact = ExactQuestion(
+            question = ExactQuestion(
                 joint=assessment.joint,
                 gains=assessment.margin_gains,
                 conditions=conditions,
                 speed=abs(velocity),
                 uncertainty=assessment.uncertainty,
-            ).verdict()
+            )
+            exact = question.verdict()
+            if assessment.here is not None:
+                exact_here = replace(question, joint=assessment.here, uncertainty=None).verdict()
         problems = tuple(
             data_problems(
                 assessment.dropped, assessment.restarts, self._samples, reference_follows=assessment.reference_follows
@@ -209,6 +214,7 @@ class FollowedJoint:
             settings=self.settings,
             traces=self._traces,
             problems=problems,
+            exact_here=exact_here,
         )
 
 

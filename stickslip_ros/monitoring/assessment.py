@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative
@@ -20,6 +22,8 @@ from stickslip_ros.monitoring.detection.status import Finding
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.uncertainty import Uncertainty
+
+_STEP = 0.02  # of the Stribeck friction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +129,19 @@ class Assessment:
     dropped: dict[str, int]
     reference_follows: bool = False
     restarts: int = 0
+
+    @property
+    def here(self) -> Joint | None:
+        """The joint with the Stribeck friction of the present position and load; None where it is not known to vary.
+
+        ``joint`` is as it is at the worst place. In steps of 2 %, so that what is computed from it is seldom anew.
+        """
+        growth = self.estimate.growth if self.estimate is not None else None
+        if growth is None or self.joint is None or self.uncertainty is None or math.isnan(self.position):
+            return None
+        factor = math.ceil(growth.factor(self.position) / _STEP) * _STEP
+        friction = replace(self.joint.friction, stribeck=factor * np.asarray(self.joint.friction.stribeck).item())
+        return replace(self.joint, friction=friction)
 
     @property
     def gains_known(self) -> bool:

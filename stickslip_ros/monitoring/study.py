@@ -23,6 +23,7 @@ from stickslip_ros.monitoring.friction.estimation import (
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.surroundings import Surroundings
 from stickslip_ros.monitoring.friction.trend import lasting_knowledge
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -35,6 +36,7 @@ class Learnt:
     ----------
     parameters : logarithms, by the law of the estimate. drifts : whether friction changes steadily; all is then as it
         is at the last slip.
+    surroundings : what is to be taken off the forces of further slips, None if nothing.
     spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
     """
 
@@ -52,6 +54,7 @@ class Learnt:
     widening: FloatArray
     spread: FloatArray
     drifts: bool = False
+    surroundings: Surroundings | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +125,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         widening=spread / np.maximum(narrow, 1e-300),
         spread=spread,
         drifts=problem.trend,
+        surroundings=fits[0].surroundings,
     )
 
 

@@ -27,7 +27,8 @@ class Findings:
 
     Attributes
     ----------
-    exact, trial : verdicts on the gains of now and on those on trial.
+    exact, trial : verdicts on the gains of now and on those on trial. here : where the joint is, None where friction
+        is not known to vary.
     silent_for : [s], None if it is heard. trouble : why nothing can be said of it, or "".
     missing : why what was configured is not known, or "".
     applied : the last outcome of `~/apply_recommendation`, or "".
@@ -42,6 +43,7 @@ class Findings:
     missing: str
     applied: str
     advised: Gains | None
+    here: ExactVerdict | None = None
 
 
 class Publications:
@@ -95,6 +97,7 @@ class Publications:
                 trouble=one.trouble,
                 missing=one.missing,
                 applied=one.applied,
+                here=one.here,
             )
             array.status.append(diagnostic_status(diagnosis, self._robot))
             rows += margin_row(one.assessment, one.exact, one.trial)

@@ -8,6 +8,7 @@ import math
 import traceback
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
@@ -295,7 +296,16 @@ class Session:
             missing=self._inputs.missing(joint, assessment),
             applied=self._ramps.outcomes.get(joint.name, ""),
             advised=joint.advised(assessment),
+            here=self._verdict_here(joint, assessment, now),
         )
+
+    def _verdict_here(self, joint: WatchedJoint, assessment: Assessment, now: float) -> ExactVerdict | None:
+        """Where friction is known to vary with place or load: the verdict at the present one."""
+        here = assessment.here
+        if here is None:
+            return None
+        local = replace(assessment, joint=here, uncertainty=None)
+        return self._exact_verdict(joint, f"here {joint.name}", local, local.margin_gains, now)
 
     def _exact_verdict(
         self, joint: WatchedJoint, name: str, assessment: Assessment, gains: Gains | None, now: float

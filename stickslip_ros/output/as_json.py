@@ -16,7 +16,7 @@ from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
-from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, ParameterEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import dry_friction_text
@@ -118,6 +118,30 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
             for place in dry.places
         ],
         "summary": dry_friction_text(dry),
+    }
+
+
+def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] | None:
+    """Friction that varies with place or load, at the worst place and at a position [rad]; None where it does not."""
+    growth = estimate.growth
+    if growth is None:
+        return None
+    slope, std = growth.over_load(estimate["stribeck"].value)
+    known = math.isfinite(position)
+    return {
+        "with": "load" if growth.surroundings.with_load else "position",
+        "share": number(growth.share),
+        "share_std": number(growth.std),
+        "coulomb": number(growth.coulomb),
+        "coulomb_std": number(growth.coulomb_std),
+        "stribeck_over_load": number(slope),
+        "stribeck_over_load_std": number(std),
+        "worst_position": number(growth.worst_position),
+        "least_load": number(growth.loads[0]),
+        "largest_load": number(growth.loads[1]),
+        "load_here": number(growth.load_at(position)) if known else None,
+        "stribeck_here": number(growth.factor(position) * estimate["stribeck"].value) if known else None,
+        "summary": growth.text,
     }
 
 

@@ -93,10 +93,27 @@ def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     values += [
         ("friction learnt", "; ".join(words)),
         ("not identified", ", ".join(estimate.unidentified)),
+        *_growth_values(estimate),
         ("slips learnt from [1]", estimate.slips),
         ("slips not explained [1]", estimate.aside),
         ("friction fit mean square [1]", estimate.mean_square),
     ]
+    return values
+
+
+def _growth_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+    """By how much friction varies with place or load; nothing where it is not known to."""
+    growth = estimate.growth
+    if growth is None:
+        return []
+    values: list[tuple[str, object]] = [
+        ("friction varies", growth.text),
+        ("stribeck share that varies [1]", growth.share),
+        ("stribeck share that varies std [1]", growth.std),
+    ]
+    slope, std = growth.over_load(estimate["stribeck"].value)
+    if math.isfinite(slope):
+        values += [("stribeck over load [1]", slope), ("stribeck over load std [1]", std)]
     return values
 
 
@@ -111,12 +128,14 @@ def joint_diagnostic(
     trouble: str = "",
     missing: str = "",
     applied: str = "",
+    here: ExactVerdict | None = None,
 ) -> Diagnosis:
     """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
 
     Parameters
     ----------
-    exact, trial : verdicts on the present gains and on those on trial.
+    exact, trial : verdicts on the present gains and on those on trial. here : on the present gains at the present
+        position and load, where friction is known to vary; the others are of the worst place then.
     silent_for : [s], None if it is heard, infinite if it never was.
     trouble : why nothing can be said of it, "" if something can.
     missing : why gains or reference are not known though they were configured, "" if they are.
@@ -142,6 +161,8 @@ def joint_diagnostic(
         values += told.LOWEST_SMOOTH_VELOCITY.for_diagnostics(assessment.lowest_smooth_velocity)
     if exact.smooth is not None:
         values += told.EXACT.for_diagnostics(exact)
+    if here is not None and here.smooth is not None:
+        values.append(("exact smooth here", str(here.smooth).lower()))
     if exact.reason:
         values.append(("exact reason", exact.reason))
     if gains is not None:

@@ -39,6 +39,10 @@ class Machine:
     load : constant torque against the controller [N·m].
     asymmetry : share by which Coulomb friction is higher in positive direction, and lower in the other.
     ripple : amplitude of Coulomb friction over position, a share of it; ripples : periods per radian.
+    stribeck_ripple : amplitude of Stribeck friction over position, a share of it, with the same periods and phase.
+    gravity : of an arm that is stretched out at position 0: a further load, its cosine [N·m]; bend : turns of the arm
+        by as many radians in a radian of the joint's.
+    load_share : Coulomb friction grows by this share of the load's size, and Stribeck friction with it in proportion.
     drift : share by which all friction grows in a second, from the beginning on [1/s].
     sampled : the controller sees the joint once in a period and holds its effort.
     control_delay : so much later the effort takes effect [s], at most a period.
@@ -58,6 +62,10 @@ class Machine:
     asymmetry: float = 0.0
     ripple: float = 0.0
     ripples: float = 0.0
+    stribeck_ripple: float = 0.0
+    gravity: float = 0.0
+    bend: float = 1.0
+    load_share: float = 0.0
     drift: float = 0.0
     sampled: bool = False
     control_delay: float = 0.0
@@ -72,6 +80,22 @@ class Machine:
             stribeck=factor * self.stribeck,
             drift=0.0,
         )
+
+    def load_at(self, position: float) -> float:
+        """Torque against the controller [N·m] at a position [rad]."""
+        return self.load + self.gravity * math.cos(self.bend * position)
+
+    def at(self, position: float) -> Machine:
+        """The machine whose friction and load are everywhere as they are at a position [rad]."""
+        load = self.load_at(position)
+        wave = math.sin(2.0 * math.pi * self.ripples * position)
+        grown = 1.0 + self.load_share * abs(load) / self.coulomb
+        return replace(
+            self,
+            coulomb=grown * self.coulomb * (1.0 + self.ripple * wave),
+            stribeck=grown * self.stribeck * (1.0 + self.stribeck_ripple * wave),
+            load=load, ripple=0.0, stribeck_ripple=0.0, gravity=0.0, load_share=0.0,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +127,8 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
     plant = np.array([
         machine.inertia, machine.coulomb, machine.viscous, machine.stribeck, machine.stribeck_velocity, machine.lag,
         machine.rise_time, machine.bristle_stiffness, machine.bristle_damping, machine.load, machine.asymmetry,
-        machine.ripple, 2.0 * math.pi * machine.ripples, machine.drift,
+        machine.ripple, 2.0 * math.pi * machine.ripples, machine.drift, machine.stribeck_ripple, machine.gravity,
+        machine.load_share, machine.bend,
     ])  # fmt: skip
     control = np.array([float(gains.stiffness), float(gains.damping), machine.control_delay])
     samples = np.empty((len(references), 3))
@@ -141,8 +166,9 @@ def sticks(machine: Machine, gains: Gains, velocity: float, *, periods: float = 
 
 def drawn(machine: Machine, gains: Gains) -> float:
     """A reference [rad] at which the joint at position 0 still rests, but not for long in positive direction."""
-    friction = (1.0 + machine.asymmetry) * machine.coulomb + 0.3 * machine.stribeck
-    return (friction + machine.load) / float(gains.stiffness)
+    here = machine.at(0.0)
+    friction = (1.0 + machine.asymmetry) * here.coulomb + 0.3 * here.stribeck
+    return (friction + here.load) / float(gains.stiffness)
 
 
 def _longest_step(machine: Machine, gains: Gains) -> float:
@@ -174,9 +200,20 @@ def _at(past, place):
 
 
 @njit(cache=True)
+def _place(x, coulomb, load, gravity, bend, load_share, ripple, stribeck_ripple, wave_number):
+    """Load and Coulomb friction at a position [N·m], and the factor on the Stribeck friction there."""
+    if gravity != 0.0:
+        load += gravity * math.cos(bend * x)
+    grown = 1.0 + load_share * abs(load) / coulomb
+    wave = math.sin(wave_number * x) if wave_number != 0.0 else 0.0
+    return load, grown * coulomb * (1.0 + ripple * wave), grown * (1.0 + stribeck_ripple * wave)
+
+
+@njit(cache=True)
 def _integrate(law, plant, control, sampled, references, velocities, period, steps, creep, samples, slips):
     inertia, coulomb, viscous, stribeck, stribeck_velocity, lag, rise_time = plant[:7]
-    bristle_stiffness, bristle_damping, load, asymmetry, ripple, wave_number, drift = plant[7:]
+    bristle_stiffness, bristle_damping, constant_load, asymmetry, ripple, wave_number, drift = plant[7:14]
+    stribeck_ripple, gravity, load_share, bend = plant[14:]
     stiffness, damping, delay = control
     h = period / steps
     reach = lag / h
@@ -212,8 +249,9 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                         force = stiffness * (reference + speed * s - x) + damping * (speed - v)
                     factor = 1.0 + drift * (t + 0.5 * h * stage)
                     side = 1.0 + asymmetry if v >= 0.0 else 1.0 - asymmetry
-                    dry = coulomb * side * (1.0 + ripple * math.sin(wave_number * x))
-                    steady = dry + stribeck * _share_left(law, v / stribeck_velocity)
+                    load, dry, rough = _place(x, coulomb, constant_load, gravity, bend, load_share, ripple,
+                                              stribeck_ripple, wave_number)  # fmt: skip
+                    steady = side * dry + rough * stribeck * _share_left(law, v / stribeck_velocity)
                     dx = v
                     dz = v - bristle_stiffness * abs(v) / steady * z
                     friction = bristle_stiffness * z + bristle_damping * dz + viscous * v
@@ -236,6 +274,8 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                 last_rest = t
                 excess = 0.0
                 found = -1.0
+                load, dry, rough = _place(x, coulomb, constant_load, gravity, bend, load_share, ripple,
+                                          stribeck_ripple, wave_number)  # fmt: skip
                 for end in range(2):
                     s, now = (k + end) * h, t + end * h
                     if sampled:
@@ -247,8 +287,8 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     dwell = max(now - arrest, 0.0)
                     risen = dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0
                     now_level = level + (stribeck - level) * risen
-                    dry = coulomb * (1.0 + sign * asymmetry) * (1.0 + ripple * math.sin(wave_number * x))
-                    after = abs(force) - (1.0 + drift * now) * (dry + now_level)
+                    held_by = (1.0 + sign * asymmetry) * dry + rough * now_level
+                    after = abs(force) - (1.0 + drift * now) * held_by
                     if end == 0 and after > 0.0:
                         found = 0.0
                         break
@@ -281,8 +321,9 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     share = 1.0
                 else:
                     share = _share_left(law, _at(past, number + s / h - reach) / stribeck_velocity)
-                dry = coulomb * (1.0 + direction * asymmetry) * (1.0 + ripple * math.sin(wave_number * x))
-                friction = direction * (dry + level * share) + viscous * v
+                load, dry, rough = _place(x, coulomb, constant_load, gravity, bend, load_share, ripple,
+                                          stribeck_ripple, wave_number)  # fmt: skip
+                friction = direction * ((1.0 + direction * asymmetry) * dry + rough * level * share) + viscous * v
                 dx, dv = v, (force - load - (1.0 + drift * now) * friction) / inertia
             x, v = x0 + remaining * dx, v0 + remaining * dv
             if v * direction < 0.0:

@@ -30,6 +30,7 @@ _LEAST_OF_A_DIRECTION = 3
 _MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4
 _PARTS, _LEAST_OF_A_PART = 3, 0.1  # of the time: each has that share of the slips, or they do not span it
 _TOGETHER = 0.95  # correlation of time and position, from which on they are not told apart
+_PARABOLA, _MOST_BENDS = 2, 4  # columns of a load over position: with four an arm's weight over a right angle is exact
 _LOADS, _APART = 3, 4.0  # loads that differ by so many standard errors
 
 
@@ -75,6 +76,7 @@ class DryFriction:
     scatter : standard deviation of what is left, from slip to slip [N·m].
     places : friction over position, in order of direction and position.
     direction, position, time, kinetic : of the slips, shape (n,): ±1, [rad], [s], [N·m].
+    load_curve : by how much the load departs from its mean over position, shape (2,) [N·m]; empty where it does not.
     """
 
     coulomb: Term
@@ -89,6 +91,16 @@ class DryFriction:
     position: FloatArray
     time: FloatArray
     kinetic: FloatArray
+    load_curve: tuple[float, ...] = ()
+
+    def load_at(self, position: FloatArray) -> FloatArray:
+        """Load against the controller at positions [rad], shape (n,) [N·m]; beyond those of the slips as at their ends.
+
+        Zero where the motion has but one direction.
+        """
+        mean = self.load.value if self.load is not None else 0.0
+        within = np.clip(position, self.position.min(), self.position.max())
+        return np.asarray(mean + _bends(within, self.position)[:, : len(self.load_curve)] @ np.array(self.load_curve))
 
     @property
     def middle(self) -> float:
@@ -120,10 +132,12 @@ def dry_friction(
     base = np.column_stack([ones, direction]) if fewest >= _LEAST_OF_A_DIRECTION else ones
     since = (time - time.mean())[:, None]
     varying = np.zeros((count, 0))
-    drifts, ripple = False, None
+    drifts, ripple, bends = False, None, 0
     if count >= LEAST_SLIPS:
         if base.shape[1] > 1:
             varying = _varying_load(base, since, kinetic, position, standard_error)
+            bends = varying.shape[1]
+            varying = np.column_stack([varying, _size_of_load(base, varying, kinetic, standard_error)])
         spanned = since if _spans(time) else None
         drifts, ripple = _chosen(np.column_stack([base, varying]), spanned, kinetic, position, standard_error)
     known, size = np.column_stack([base, varying]), base.shape[1] + varying.shape[1]
@@ -134,7 +148,7 @@ def dry_friction(
     steady = kinetic - (ripple.at(position) if ripple else 0.0) - (drift.value * since[:, 0] if drift else 0.0)
     numbers = _numbers_of_places(position)
     # What the load varies by within a place must not pass for friction.
-    load = varying @ fit.coefficients[base.shape[1] : size]
+    load = varying[:, :bends] @ fit.coefficients[base.shape[1] : base.shape[1] + bends]
     steady = steady - load + direction * _means(direction * load, numbers)
     steady_places = _places(steady, direction, position, numbers, fit.scatter)
     return DryFriction(
@@ -143,13 +157,18 @@ def dry_friction(
         drift=drift,
         told_apart=_told_apart(base, since[:, 0], position),
         ripple=ripple,
-        load_dependence=_load_dependence(steady_places) if count >= LEAST_SLIPS else None,
+        load_dependence=_term(fit, size - 1)
+        if varying.shape[1] > bends
+        else _load_dependence(steady_places)
+        if count >= LEAST_SLIPS
+        else None,
         scatter=fit.scatter,
         places=tuple(_places(kinetic, direction, position, numbers, standard_error).values()),
         direction=direction,
         position=position,
         time=time,
         kinetic=kinetic,
+        load_curve=tuple(fit.coefficients[base.shape[1] : base.shape[1] + bends].tolist()),
     )
 
 
@@ -159,7 +178,7 @@ def dry_friction_of(problem: SlipProblem, fit: SlipFit) -> DryFriction | None:
     # No force is known better than the position that the spring rested at.
     errors = problem.stiffness(fit.parameters) * problem.rest_errors
     return dry_friction(
-        (fit.misfits + problem.balance @ fit.kinetic)[used],
+        (fit.misfits + problem.balance @ fit.kinetic + problem.taken_off)[used],
         problem.directions[used],
         problem.rests[used],
         (problem.breakaways + problem.origin)[used],
@@ -203,10 +222,16 @@ def _spans(time: FloatArray) -> bool:
     return bool(float(np.ptp(time)) > 0 and counts.min() >= _LEAST_OF_A_PART * len(time))
 
 
-def _loads(direction: FloatArray, position: FloatArray) -> FloatArray:
-    """Columns of a load that is a parabola over position, shape (n, 2)."""
-    place = (position - position.mean()) / max(float(np.ptp(position)), 1e-300)
-    return np.column_stack([direction * place, direction * (place**2 - float((place**2).mean()))])
+def _bends(position: FloatArray, slips: FloatArray) -> FloatArray:
+    """Columns of a polynomial over position whose mean over the slips' positions is zero, shape (n, 4)."""
+    extent = max(float(np.ptp(slips)), 1e-300)
+    place, own = (position - slips.mean()) / extent, (slips - slips.mean()) / extent
+    return np.column_stack([place**power - float((own**power).mean()) for power in range(1, _MOST_BENDS + 1)])
+
+
+def _loads(direction: FloatArray, position: FloatArray, bends: int = _PARABOLA) -> FloatArray:
+    """Columns of a load that is a polynomial over position, shape (n, bends)."""
+    return direction[:, None] * _bends(position, position)[:, :bends]
 
 
 def _varying_load(
@@ -222,7 +247,25 @@ def _varying_load(
     # Two columns are tried; BIC.
     surely = min(varies.significance(2), varies.significance(3)) < 0.5 * SIGNIFICANT
     worse = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(drifts.scatter, 1e-300))
-    return columns if surely and worse + math.log(len(kinetic)) < 0.0 else columns[:, :0]
+    if not surely or worse + math.log(len(kinetic)) >= 0.0:
+        return columns[:, :0]
+    more = _loads(base[:, 1], position, _MOST_BENDS)
+    bent = regression(np.column_stack([base, more]), kinetic, standard_error)
+    better = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(bent.scatter, 1e-300))
+    return more if better > (_MOST_BENDS - _PARABOLA) * math.log(len(kinetic)) else columns
+
+
+def _size_of_load(base: FloatArray, varying: FloatArray, kinetic: FloatArray, standard_error: float) -> FloatArray:
+    """A column of the size of a load that varies, where Coulomb friction surely follows it; none else."""
+    none = varying[:, :0]
+    if not varying.shape[1]:
+        return none
+    columns = np.column_stack([base, varying])
+    fit = regression(columns, kinetic, standard_error)
+    load = np.abs(base[:, 1] * (columns[:, 1:] @ fit.coefficients[1:]))
+    size = (load - load.mean())[:, None]
+    follows = regression(np.column_stack([columns, size]), kinetic, standard_error)
+    return size if follows.significance(columns.shape[1]) < SIGNIFICANT else none
 
 
 def _told_apart(base: FloatArray, since: FloatArray, position: FloatArray) -> bool:

@@ -30,6 +30,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
+from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.samples import FloatArray
 
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
@@ -104,6 +105,7 @@ class FrictionEstimate:
         otherwise is in the covariance too.
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     dry : what the kinetic friction depends on beside the speed; None per inertia.
+    growth : of friction that varies with place or load; all parameters are then those of the worst place. None else.
     """
 
     source: ForceSource
@@ -124,6 +126,7 @@ class FrictionEstimate:
     alternatives: tuple[LawAlternative, ...] = ()
     drive: DriveGains | None = None
     dry: DryFriction | None = None
+    growth: Growth | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -214,6 +217,8 @@ class FrictionEstimate:
         if self.alternatives:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
             text += f"; the law may be {others} as well"
+        if self.growth is not None:
+            text += f"; {self.growth.text}"
         if self.mismatch:
             text += f"; {self.mismatch}, so that no parameter is certain"
         return text

@@ -38,9 +38,11 @@ from stickslip_ros.monitoring.friction.estimate import (
 from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighed_laws
+from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -93,7 +95,11 @@ def fitted_laws(
             solution = search(problem, known, start)
     if solution is None:
         return []
-    fits = weighed_laws(with_trend(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known), known)
+    first = with_trend(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
+    why = _unexplained(first)
+    if why and not first.problem.trend and not first.problem.normalised:
+        first = with_surroundings(first, known, why)
+    fits = weighed_laws(first, known)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 
@@ -151,15 +157,9 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
     aside = int((~problem.usable).sum())
-    left_over = solution.tolerance / float(np.median(problem.distances))
-    scatter = solution.balance_error / math.exp(fit.parameters[STRIBECK])
-    reasons = []
-    if left_over > _STRAYS:
-        reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
-    if scatter > _SCATTER:
-        reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
-    if aside > _ASIDE * problem.count:
-        reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
+    # What is taken off is only nearly what varies: what is left is not certain either.
+    around = fits[0].surroundings
+    unexplained = around.without if around is not None else _unexplained(fits[0])
     blank = FrictionEstimate(
         source=problem.windows[0].source,
         normalised=problem.normalised,
@@ -171,15 +171,48 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         slips=problem.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
-        left_over=left_over,
+        left_over=solution.tolerance / float(np.median(problem.distances)),
         scatter=solution.balance_error,
-        mismatch=f"{DOES_NOT_FIT}: {'; '.join(reasons)}" if reasons else "",
+        mismatch=f"{DOES_NOT_FIT}: {unexplained}" if unexplained else "",
         configured=configured,
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.normalised else dry_friction_of(problem, fit),
+        growth=_growth(fits[0], covariance),
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
+
+
+def _unexplained(fitted: FittedLaw) -> str:
+    """What a fit does not explain, "" if it explains all."""
+    problem, solution = fitted.problem, fitted.solution
+    left_over = solution.tolerance / float(np.median(problem.distances))
+    scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
+    aside = int((~problem.usable).sum())
+    reasons = []
+    if left_over > _STRAYS:
+        reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
+    if scatter > _SCATTER:
+        reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
+    if aside > _ASIDE * problem.count:
+        reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
+    return "; ".join(reasons)
+
+
+def _growth(fitted: FittedLaw, covariance: FloatArray) -> Growth | None:
+    """By how much friction grows from the best place to the worst; None where it is not seen to."""
+    if fitted.surroundings is None or fitted.problem.growth is None:
+        return None
+    fit = fitted.solution.fit
+    errors = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    return Growth(
+        surroundings=fitted.surroundings,
+        falls=fitted.falls,
+        share=float(fit.parameters[-1]),
+        std=float(errors[len(fit.parameters) - 1]),
+        coulomb=float(fit.kinetic[-1]),
+        coulomb_std=float(errors[-1]),
+    )
 
 
 def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:

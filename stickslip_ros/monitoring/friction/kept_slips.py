@@ -17,6 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -27,6 +28,8 @@ _RUN = 4  # slips in a row that are kept or dropped together: Eq. (6) ties each 
 _SPEED, _DWELL, _GAIN = 0.25, 0.25, 0.2
 _OTHER_DIRECTION = 2.0
 _PLACES, _TIMES = 4.0, 1.5  # of the positions and of the times that the slips extend over, so many are told apart
+_OTHER_PLACES = 8.0  # of the range of the slips in one direction: one as far from all others is elsewhere
+_FEW_WAYS = 8.0  # slips one after the other, in a narrower range than which no place is another
 _OWN = 0.5  # variance of what a slip tells of itself alone, so that a second one like it is of use
 
 
@@ -55,6 +58,18 @@ class KeptSlips:
             self._runs.append([window])
         if len(self) > MOST_SLIPS:
             del self._runs[self._least_telling()]
+
+    def is_elsewhere(self, cycle: Cycle) -> bool:
+        """Whether a slip began where no slip that is kept began in its direction, nor nearly.
+
+        Of motion one way nothing is elsewhere: what varies with place is not told from what varies with time there.
+        """
+        windows = self.windows
+        places = [one.rest_position for one in windows if one.direction * cycle.slip_distance > 0.0]
+        if len(places) in (0, len(windows)):
+            return not places and bool(windows)
+        near = max(max(places) - min(places), _FEW_WAYS * abs(cycle.slip_distance)) / _OTHER_PLACES
+        return min(abs(cycle.position - place) for place in places) > near
 
     def _least_telling(self) -> int:
         """The run without which the others tell most, by slip; the latest is not asked, for it is not complete."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -23,6 +23,7 @@ from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_near, usual_level
+from stickslip_ros.monitoring.friction.surroundings import Surroundings
 from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law that the data exclude
@@ -44,12 +45,16 @@ class FittedLaw:
     Attributes
     ----------
     law : its name. weight : from 0 to 1; those of all laws add up to 1.
+    surroundings : what was taken off the forces of the problem's slips, None if nothing. falls : whether friction that
+        grows with them in the problem grows the other way.
     """
 
     law: str
     problem: SlipProblem
     solution: Solution
     weight: float = 1.0
+    surroundings: Surroundings | None = None
+    falls: bool = False
 
 
 def weighed_laws(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> list[FittedLaw]:
@@ -71,11 +76,7 @@ def weighed_laws(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
         best = int(np.argmin(misfits))
     weights = np.exp(-0.5 * (np.array(misfits) - misfits[best]) / _repeated(fits[best].problem, fits[best].solution))
     weights /= weights.sum()
-    found = [
-        FittedLaw(law=fit.law, problem=fit.problem, solution=fit.solution, weight=float(weight))
-        for fit, weight in zip(fits, weights, strict=True)
-        if weight > EXCLUDED
-    ]
+    found = [replace(fit, weight=float(weight)) for fit, weight in zip(fits, weights, strict=True) if weight > EXCLUDED]
     return sorted(found, key=lambda fit: -fit.weight)
 
 
@@ -91,7 +92,7 @@ def _fitted(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
         solution = fit_near(problem, start, fit, known)
     except LinAlgError:
         return None
-    return FittedLaw(law=law, problem=problem, solution=solution)
+    return replace(first, law=law, problem=problem, solution=solution)
 
 
 def _is_hopeless(problem: SlipProblem, start: FloatArray, known: Solution) -> bool:

@@ -118,6 +118,7 @@ class FrictionLearner:
             last is None
             or self._wanted < _EVERY_SLIP
             or (self._state is not None and self._state.drifts)
+            or self._kept.is_elsewhere(cycle)
             or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
             or any(
                 abs(float(getattr(cycle, name)) - float(getattr(last, name))) > _LIKE * abs(float(getattr(last, name)))
@@ -235,12 +236,20 @@ class FrictionLearner:
             self._studied = 0
             return
         follows = follows_on(state.last_window, window)
+        around, growth = state.surroundings, state.estimate.growth
+        # Of friction that varies from place to place each slip is made one at the worst.
+        rougher = None
+        if growth is not None:
+            rougher, window = np.array([growth.factor(window.rest_position)]), growth.applied(window)
+        elif around is not None:
+            window = around.applied(window)
         problem = SlipProblem(
             [window],
             (state.last_window.arrest, state.remains) if follows else None,
             both_directions=len(state.kinetic) > 1,
             law=LAWS[state.estimate.law],
             delay_shows=window.source is ForceSource.GAINS and len(state.parameters) > PARAMETERS,
+            rougher=rougher,
         )
         problem.take_up(stray=state.stray, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.

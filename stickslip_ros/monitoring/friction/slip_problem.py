@@ -38,6 +38,7 @@ _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
 _DELAY = 1.5  # sample intervals, that a controller may be late
+_GROWTH = 0.5  # of the Stribeck friction, by which it may grow with the load, or from place to place
 _TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
 _LEAST_INERTIA = 0.1  # share that a delay leaves
 _LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
@@ -58,6 +59,9 @@ class SlipProblem(ObservedSlips):
     law : of the Stribeck friction, by its number in ``model._friction_law``.
     delay_shows : whether the controller's delay is unknown too; by default where the gains are not the same throughout,
         for a delay τ is as good as damping of -k_p τ and inertia of -k_v τ.
+    taken_off : of the slips' forces, shape (slips,) [N·m]. growth : what friction may grow with from slip to slip, from
+        -1 to 0, in place of the time; parameters and kinetic friction are then those at 0. rougher : a known factor on
+        the Stribeck friction of each slip instead.
     trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
         those at the last one. Where only speeds are known there is none.
 
@@ -76,8 +80,14 @@ class SlipProblem(ObservedSlips):
         law: int = HESS_SOOM,
         delay_shows: bool | None = None,
         trend: bool = False,
+        taken_off: FloatArray | None = None,
+        growth: FloatArray | None = None,
+        rougher: FloatArray | None = None,
     ) -> None:
         super().__init__(windows)
+        # Where friction is known to be less: by what the levels of Eq. (6) are to be multiplied.
+        self._rougher = rougher
+        self.taken_off = np.zeros(self.count) if taken_off is None else taken_off
         self.law = law
         self.before = (before[0] - self.origin, before[1]) if before else None
         self._usual_duration = float(np.median(self.durations))
@@ -104,8 +114,9 @@ class SlipProblem(ObservedSlips):
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
         self.trend = trend and not self.normalised
-        if self.trend:
-            self.more_errors = np.append(self.more_errors, _TREND)
+        self.growth = None if self.normalised else self.since if self.trend else growth
+        if self.growth is not None:
+            self.more_errors = np.append(self.more_errors, _TREND if self.trend else _GROWTH)
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
@@ -113,8 +124,8 @@ class SlipProblem(ObservedSlips):
             self.balance = np.stack([np.ones(self.count), self.directions], axis=1)
         else:
             self.balance = np.ones((self.count, 1))
-        if self.trend:
-            self.balance = np.column_stack([self.balance, self.since])
+        if self.growth is not None:
+            self.balance = np.column_stack([self.balance, self.growth])
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
@@ -160,11 +171,16 @@ class SlipProblem(ObservedSlips):
             drives = speeds[:, self.groups[self._slip_of_node]] * (self.times - self.times[0])
         starts = unknowns.copy()
         starts[:, :, LEVEL] = levels = np.exp(unknowns[:, :, LEVEL])
-        lighter = more = None
-        if self.trend:
-            # Levels are those that Eq. (6) would have without the trend.
-            more = parameters[:, -1:] * self.since
+        lighter = None
+        more = None
+        if self.growth is not None:
+            # Levels are those that Eq. (6) would have without it.
+            more = parameters[:, -1:] * self.growth
+        elif self._rougher is not None:
+            more = (self._rougher - 1.0)[None]
+        if more is not None:
             starts[:, :, LEVEL] *= 1.0 + more
+        if self.trend:
             gains = np.repeat(gains, len(plants), axis=0)
             gains[:, :, 1] += more * plants[:, VISCOUS, None]
         if self.delay_shows:
@@ -215,7 +231,10 @@ class SlipProblem(ObservedSlips):
 
     def with_law(self, law: int) -> SlipProblem:
         """The problem of the same slips under another friction law; what was found of the stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=law, delay_shows=self.delay_shows, trend=self.trend)
+        other = SlipProblem(
+            self.windows, self.before, law=law, delay_shows=self.delay_shows, trend=self.trend,
+            taken_off=self.taken_off, growth=self.growth,
+        )  # fmt: skip
         other.balance = self.balance
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
@@ -226,11 +245,26 @@ class SlipProblem(ObservedSlips):
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
 
+    def elsewhere(
+        self, windows: list[SlipWindow], taken_off: FloatArray, growth: FloatArray | None = None
+    ) -> SlipProblem:
+        """The problem of the same slips with what their places make of the forces taken off [N·m], shape (slips,).
+
+        Parameters
+        ----------
+        windows : of these slips, without it. growth : a column for what friction grows with beside.
+        """
+        other = SlipProblem(
+            windows, self.before, law=self.law, delay_shows=self.delay_shows, taken_off=taken_off, growth=growth
+        )
+        other.take_up(stray=self.stray, tolerance=0.0)
+        return other
+
     @property
     def lasting(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Indices of the parameters, and of the kinetic friction, that are not those of a trend."""
         parameters, kinetic = PARAMETERS + len(self.more_errors), self.balance.shape[1]
-        return np.arange(parameters - self.trend), np.arange(kinetic - self.trend)
+        return np.arange(parameters - (self.growth is not None)), np.arange(kinetic - (self.growth is not None))
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""

@@ -50,7 +50,7 @@ def lasting_knowledge(problem: SlipProblem, information: FloatArray, prior: Prio
 
     These are at the last slip what they are; the trend itself is as uncertain as it was and says no more.
     """
-    if not problem.trend:
+    if problem.growth is None:
         return information, prior
     lasting, of_balance = problem.lasting
     size = len(prior.mean)
