@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from functools import cache
@@ -19,8 +20,10 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
 from stickslip_ros.monitoring.friction.dry_friction import dry_friction
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.friction.surroundings import Growth, Surroundings
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 from stickslip_ros.output.as_json import growth_json
 
 MACHINE = Machine(
@@ -217,3 +220,18 @@ def test_what_was_not_seen_is_not_guessed() -> None:
     assert growth.factor(-5.0) == pytest.approx(0.8)
     assert growth.factor(9.0) == pytest.approx(1.0)
     assert growth.worst_position == position[-1]
+
+
+def test_what_varies_is_remembered() -> None:
+    """A state file holds it, and a slip that comes later is judged by it: no change of friction is claimed."""
+    recording, monitor, _ = learnt(ARM)
+    memory = from_plain(LearnerMemory, json.loads(json.dumps(to_plain(monitor.learner.memory_of()))))
+    assert memory.learnt is not None
+    growth = memory.learnt.estimate.growth
+    assert growth is not None
+    again = JointMonitor(None, recording.gains, studies_at_once=True, at_arrest=True)
+    assert again.learner.remember(memory)
+    again.process(recording.batch.where(slice(len(recording.batch) * 3 // 4, None)))
+    assert again.learner.change is None
+    assert again.learner.estimate is not None
+    assert again.learner.estimate["stribeck"].value == pytest.approx(memory.learnt.estimate["stribeck"].value, rel=0.15)
