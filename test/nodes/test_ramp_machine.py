@@ -252,7 +252,10 @@ class RampMachine(RuleBasedStateMachine):
     def the_joint_gets_worse(self, complaint: str) -> None:
         """Or well again."""
         self.motion.complaint = complaint
-        if complaint and self.ramp is not None and self.outcome is None:
+        if not complaint:
+            # What was over before anybody looked ends nothing.
+            self.complained_at = math.inf
+        elif self.ramp is not None and self.outcome is None:
             self.complained_at = min(self.complained_at, self.controller.now)
 
     @rule(status=st.sampled_from([Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH, Status.NOT_JUDGED, Status.AT_REST]))
