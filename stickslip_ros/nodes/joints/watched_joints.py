@@ -118,10 +118,10 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
 
     def hear_gains(self, name: str, gains: Gains | None) -> None:
-        """Take gains in the controller's units, None where they are known no more."""
+        """Take gains in the controller's units, None where they are known no more: then what is configured counts."""
         joint = self._joints.get(name)
         if joint is not None:
-            self.set_gains(joint, joint.settings.to_si(gains) if gains is not None else None)
+            self.set_gains(joint, joint.settings.to_si(gains) if gains is not None else joint.settings.gains)
 
     def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
         """Let a joint's monitor know its gains, in SI units."""
