@@ -266,3 +266,22 @@ def test_a_simulated_machine(machine: Machine) -> None:
         assert 1.0 / dry.ripple.period == pytest.approx(20.0, rel=0.05)
     if dry.drift is not None:
         assert dry.drift.value == pytest.approx(8.43 * machine.drift, rel=0.25)
+
+
+def test_a_drift_is_told_as_at_the_last_slip() -> None:
+    """Issue 18: at the end even the few slips that came since the last study are studied, where friction drifts."""
+    machine, gains, rate = replace(MACHINE, drift=0.1 / 60.0), Gains(stiffness=630.0, damping=2.0), 250.0
+    time = np.arange(round(70.0 * rate)) / rate
+    velocities, references = np.full(time.shape, 0.006), drawn(machine, gains) + 0.006 * time
+    motion = simulate(machine, gains, references, velocities, 1.0 / rate)
+    position = 2.5e-5 * np.round(motion.position / 2.5e-5)
+    batch = Batch(time=time, position=position, reference_position=references, reference_velocity=velocities)
+    monitor = JointMonitor(None, gains, studies_at_once=True, at_arrest=True)
+    for begin, end in ((0.0, 60.0), (60.0, 65.0), (65.0, 70.0)):
+        monitor.process(batch.where((time >= begin) & (time < end)))
+        monitor.finish()
+        estimate = monitor.assessment().estimate
+        assert estimate is not None
+        assert estimate.dry is not None
+        # A fifth more slips than at the last study would not have come in five seconds.
+        assert estimate.dry.time.max() > end - 4.0

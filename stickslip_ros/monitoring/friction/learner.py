@@ -150,9 +150,13 @@ class FrictionLearner:
         self._ask(_LATER_STUDIES)
 
     def finish(self) -> None:
-        """No more slips come for now: what came since the last study is worth another."""
+        """No more slips come for now: what came since the last study is worth another.
+
+        Of friction that drifts every slip is: it is told as it is at the last one that was studied.
+        """
         if self._due is None:
-            self._ask(_LAST_STUDY)
+            drifts = self._state is not None and self._state.drifts and self._studied > 0
+            self._ask((self._studied + 1) / self._studied if drifts else _LAST_STUDY)
 
     def _ask(self, more: float) -> None:
         """Let a study be due if there are so many times more slips than at the last one."""
