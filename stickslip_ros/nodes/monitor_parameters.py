@@ -109,7 +109,8 @@ def _can_be_a_name(name: str) -> bool:
 def _check_what_is_given(node: Node, changes: Changes | None) -> None:
     """Check what is said of every joint, and of those that are not heard of yet: it is refused now, not then."""
     given = {spec.name: _value(node, spec.name, changes) for spec in COMMON}
-    if changes is None:
+    # A managed node that waits to be configured stays, and says at configuring what is wrong with its joints.
+    if changes is None and node.get_parameter("autostart").value:
         given = {name: value.value for name, value in node._parameter_overrides.items() if joint_of(name)} | given
     parameters = Parameters(given)
     for joint in sorted({joint_of(name) for name in given}):
