@@ -92,7 +92,10 @@ class BagReader:
     def pieces(self, progress: Callable[[int], None] = lambda _: None) -> Iterator[Piece]:
         """Everything in the order of its recording."""
         for block in self._bag.blocks(self._channels, progress):
-            numbers = {channel: number for number, channel in block.channels.items()}
+            # One channel may have several numbers: where files were merged, or several clients recorded.
+            numbers: dict[Channel, list[int]] = {}
+            for number, channel in block.channels.items():
+                numbers.setdefault(channel, []).append(number)
             gains_at = self._gains_in(block, numbers)
             edges = [0, *(number for number, _ in gains_at), len(block)]
             gains: list[dict[str, Gains]] = [{}, *(found for _, found in gains_at)]
@@ -100,13 +103,13 @@ class BagReader:
                 if known or end > begin:
                     yield self._piece(block, numbers, begin, end, known)
 
-    def _gains_in(self, block: Block, numbers: dict[Channel, int]) -> list[tuple[int, dict[str, Gains]]]:
+    def _gains_in(self, block: Block, numbers: dict[Channel, list[int]]) -> list[tuple[int, dict[str, Gains]]]:
         """At which messages of a block which gains change."""
         found: dict[int, dict[str, Gains]] = {}
         for channel in dict.fromkeys(
             one for topics in self._robots.values() for one in (*topics.gains, *topics.events)
         ):
-            for number in np.flatnonzero(block.channel == numbers.get(channel, -1)).tolist():
+            for number in self._chosen(block, numbers, channel, 0, len(block)).tolist():
                 try:
                     message = self._slow[channel].decode(block.message(number))
                     gains = None if channel.type == EVENTS_TYPE else gains_from_message(message)
@@ -121,7 +124,9 @@ class BagReader:
                         found.setdefault(number, {})[_full_name(robot, joint)] = value
         return sorted(found.items())
 
-    def _piece(self, block: Block, numbers: dict[Channel, int], begin: int, end: int, gains: dict[str, Gains]) -> Piece:
+    def _piece(
+        self, block: Block, numbers: dict[Channel, list[int]], begin: int, end: int, gains: dict[str, Gains]
+    ) -> Piece:
         samples: dict[str, FloatArray] = {}
         references: dict[str, FloatArray] = {}
         clock = np.nan
@@ -156,8 +161,8 @@ class BagReader:
         return None
 
     @staticmethod
-    def _chosen(block: Block, numbers: dict[Channel, int], channel: Channel, begin: int, end: int) -> Integers:
-        chosen: Integers = begin + np.flatnonzero(block.channel[begin:end] == numbers.get(channel, -1))
+    def _chosen(block: Block, numbers: dict[Channel, list[int]], channel: Channel, begin: int, end: int) -> Integers:
+        chosen: Integers = begin + np.flatnonzero(np.isin(block.channel[begin:end], numbers.get(channel, [])))
         return chosen
 
     def _joint_states(self, channel: Channel, block: Block, chosen: Integers) -> tuple[dict[str, FloatArray], float]:

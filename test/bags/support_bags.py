@@ -60,23 +60,26 @@ def write_mcap(
     *,
     schemas: dict[str, tuple[str, str]] | None = None,
     compression: CompressionType = CompressionType.NONE,
+    channels_each: int = 1,
     **more: Any,
 ) -> Path:
     """Write messages of topic, type, time of recording [s] and content by the mcap package.
 
-    ``schemas`` gives encoding and text of a type where they are not to be the right ones.
+    ``schemas`` gives encoding and text of a type where they are not to be the right ones; with ``channels_each``
+    messages of a topic take so many channels by turns, as in files that were merged.
     """
     with path.open("wb") as file:
         writer = Writer(file, compression=compression, **more)
         writer.start("ros2", "test")
-        channels: dict[str, int] = {}
+        channels: dict[str, list[int]] = {}
         for topic, kind, time, content in messages:
             if topic not in channels:
                 encoding, text = (schemas or {}).get(kind) or ("ros2msg", definition(kind))
                 schema = writer.register_schema(kind, encoding, text.encode())
-                channels[topic] = writer.register_channel(topic, "cdr", schema)
+                channels[topic] = [writer.register_channel(topic, "cdr", schema) for _ in range(channels_each)]
             data = content if isinstance(content, bytes) else bytes(STORE.serialize_cdr(content, kind))
-            writer.add_message(channels[topic], round(time * 1e9), data, round(time * 1e9))
+            channels[topic].append(channels[topic].pop(0))
+            writer.add_message(channels[topic][0], round(time * 1e9), data, round(time * 1e9))
         writer.finish()
     return path
 

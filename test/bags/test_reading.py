@@ -103,6 +103,8 @@ def rewritten(bag: Path, path: Path, **more: Any) -> Path:
         {"enable_crcs": False},
         {"compression": CompressionType.LZ4, "repeat_channels": False, "repeat_schemas": False},
         {"schemas": {JOINT_STATE: ("", "")}},
+        {"channels_each": 3},
+        {"channels_each": 3, "use_chunking": False, "use_statistics": False},
     ],
 )
 def test_every_way_of_writing_mcap_reads_the_same(bag: Path, tmp_path: Path, how: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import IO, Any
@@ -81,8 +82,10 @@ class McapStorage:
         if not self._file.packed:
             self._summary = self._read_summary()
         if self._summary is not None:
-            found = self._summary.channels
-            return {channel: self._summary.counts.get(number, 0) for number, channel in found.items()}
+            told: Counter[Channel] = Counter()
+            for number, described in self._summary.channels.items():
+                told[described] += self._summary.counts.get(number, 0)
+            return dict(told)
         counts: dict[Channel, int] = {}
         self._want(None)
         said: list[str] = []
