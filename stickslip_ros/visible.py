@@ -4,11 +4,6 @@
 
 from __future__ import annotations
 
-import unicodedata
-
-# Controls (of terminals), formats (which turn the direction of writing), surrogates, separators of lines.
-_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-
 
 def visible(text: str, *, kept: str = "") -> str:
     r"""The text, with ``\x1b``, ``\n`` or ``\u202e`` for characters that are not seen but do something.
@@ -17,10 +12,10 @@ def visible(text: str, *, kept: str = "") -> str:
     ----------
     kept : characters that stay as they are.
     """
-    # Most texts are plain, and asked for often.
-    if text.isascii() and text.isprintable():
+    # Controls of terminals, what turns the direction of writing, separators, characters without a common meaning.
+    if text.isprintable():
         return text
-    return "".join(_shown(one) if one not in kept and unicodedata.category(one) in _HIDDEN else one for one in text)
+    return "".join(one if one in kept or one.isprintable() else _shown(one) for one in text)
 
 
 def _shown(character: str) -> str:
