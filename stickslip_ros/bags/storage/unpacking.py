@@ -8,6 +8,7 @@ in all is that, or a thousand times its size. Recordings of joints that stand st
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -89,35 +90,38 @@ class Allowance:
             raise TooMuchUnpackedError("the file", self._whole)
 
     def zstd(self, data: bytes) -> bytes:
-        """One frame, decompressed.
-
-        Raises
-        ------
-        TooMuchUnpackedError
-            If it becomes too large.
-        ValueError
-            If it is damaged.
-        """
+        """One frame, decompressed; raises as :meth:`_unpacked`."""
         import zstandard
 
         # Making one takes longer than most messages do.
         self._decompressor = self._decompressor or zstandard.ZstdDecompressor()
-        largest = min(self.limit.at_once, self._left)
-        try:
+
+        def unpack(largest: int) -> bytes:
             told = zstandard.frame_content_size(data)
             if told > largest:
                 raise self._too_much(largest)
             if told >= 0:
-                found: bytes = self._decompressor.decompress(data)
-            else:
-                with self._decompressor.stream_reader(data) as stream:
-                    found = stream.read(largest + 1)
-        except zstandard.ZstdError as error:
-            raise ValueError(f"its compression is damaged: {error}") from error
-        return self._within(found, largest)
+                whole: bytes = self._decompressor.decompress(data)
+                return whole
+            with self._decompressor.stream_reader(data) as stream:
+                return bytes(stream.read(largest + 1))
+
+        return self._unpacked(unpack, zstandard.ZstdError)
 
     def lz4(self, data: bytes) -> bytes:
-        """One frame, decompressed.
+        """One frame, decompressed; raises as :meth:`_unpacked`."""
+        import lz4.frame
+
+        decompressor = lz4.frame.LZ4FrameDecompressor()
+        return self._unpacked(lambda largest: decompressor.decompress(data, max_length=largest + 1), RuntimeError)
+
+    def _unpacked(self, unpack: Callable[[int], bytes], damage: type[Exception]) -> bytes:
+        """What a library makes of a frame, and no more of it than may be.
+
+        Parameters
+        ----------
+        unpack : called with the largest size; it may return one byte more, to show that there is more.
+        damage : what it raises of damaged frames.
 
         Raises
         ------
@@ -126,16 +130,11 @@ class Allowance:
         ValueError
             If it is damaged.
         """
-        import lz4.frame
-
         largest = min(self.limit.at_once, self._left)
         try:
-            found: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=largest + 1)
-        except RuntimeError as error:
+            found = unpack(largest)
+        except damage as error:
             raise ValueError(f"its compression is damaged: {error}") from error
-        return self._within(found, largest)
-
-    def _within(self, found: bytes, largest: int) -> bytes:
         if len(found) > largest:
             raise self._too_much(largest)
         self.spend(len(found))

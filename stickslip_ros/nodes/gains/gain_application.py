@@ -18,7 +18,6 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
-from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.gains.gain_writer import (
     Controller,
@@ -28,8 +27,8 @@ from stickslip_ros.nodes.gains.gain_writer import (
     Waiting,
     WithdrawnError,
 )
-from stickslip_ros.nodes.gains.motion_watch import WATCH
-from stickslip_ros.nodes.gains.ramp_journal import UnfinishedRamp
+from stickslip_ros.nodes.gains.motion_watch import WATCH, Watch
+from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
 _RETREAT_PERIOD = 0.05  # [s]
@@ -54,37 +53,6 @@ class Log(Protocol):
 
     def error(self, message: str) -> object:
         """Log a failure."""
-
-
-class Watch(Protocol):
-    """The joint's motion, as :class:`MotionWatch` sees it."""
-
-    @property
-    def status(self) -> Status:
-        """Of now."""
-
-    @property
-    def cycles(self) -> int:
-        """Counted so far."""
-
-    def assessment(self) -> Assessment:
-        """What is known of the joint now."""
-
-    def begin(self, begin: Gains, target: Gains) -> str:
-        """Take the motion of now as the measure of that to come; returns why that cannot be, or ""."""
-
-    def objection(self, softer: float) -> str:
-        """Why the gains should not be changed further, or ""."""
-
-
-class Journal(Protocol):
-    """Remembers ramps beyond the end of the process, as :class:`RampJournal` does."""
-
-    def begin(self, ramp: UnfinishedRamp) -> None:
-        """Remember one; it raises StickSlipError if that cannot be."""
-
-    def end(self, joint: str) -> None:
-        """Forget one."""
 
 
 class _WorseError(StoppedError):
@@ -118,7 +86,7 @@ class GainApplication:
 
     Parameters
     ----------
-    joint : its name. controller : parameters of its controller. watch : its motion.
+    joint : its name. controller : parameters of its controller. watch : its motion. journal : of unfinished ramps.
     scale : one of the controller's units in SI units.
     bounds : of p and of d, in the controller's units, as they are now.
     rate : relative change a second [1/s].
@@ -132,7 +100,7 @@ class GainApplication:
         joint: str,
         controller: Controller,
         watch: Watch,
-        journal: Journal,
+        journal: RampJournal,
         *,
         scale: float,
         bounds: Bounds,
@@ -346,12 +314,19 @@ class GainApplication:
         return Target(gains=former, ramp=ramp, reason="back to the gains before the ramp that was cut off")
 
     def _check_bounds(self, gains: GainPair) -> None:
+        outside = self._outside(gains)
+        if outside:
+            raise StoppedError(outside)
+
+    def _outside(self, gains: GainPair) -> str:
+        """How gains are outside the limits of now, "" if they are within."""
         for (kind, value), (least, largest) in zip(gains.values().items(), self._bounds(), strict=True):
             if not (least <= value <= largest or math.isclose(value, least) or math.isclose(value, largest)):
-                raise StoppedError(
+                return (
                     f"the gain {kind} of {value:.4g} is outside its limits {least:.4g} to {largest:.4g} "
                     f"(limits.{self.joint}.{kind}_min, {kind}_max)"
                 )
+        return ""
 
     def _step(self, gains: GainPair, why: str) -> Waiting[None]:
         """Write gains in the place of those that are in force."""
@@ -377,7 +352,7 @@ class GainApplication:
             If something does.
         """
         if not self._may_write():
-            raise WithdrawnError("allow_apply was set to false, and nothing was written after that")
+            raise WithdrawnError
         self._writer.look_for_others()
         if self._bounded is not None and not self._returning:
             self._check_bounds(self._bounded)
@@ -396,18 +371,11 @@ class GainApplication:
             return f"{said}{stopped}"
         if isinstance(stopped, _WorseError):
             return said + (yield from self._go_back(str(stopped), self._settled_before()))
-        within = [number for number, (_, gains) in enumerate(self._good) if self._is_within_bounds(gains)]
-        outside = self._back_to is None and not self._is_within_bounds(self._good[-1][1])
+        outside = self._back_to is None and self._outside(self._good[-1][1])
         if outside and not self._writer.silent:
+            within = [number for number, (_, gains) in enumerate(self._good) if not self._outside(gains)]
             return said + (yield from self._go_back(str(stopped), within[-1] if within else 0))
         return f"{said}{stopped}"
-
-    def _is_within_bounds(self, gains: GainPair) -> bool:
-        try:
-            self._check_bounds(gains)
-        except StoppedError:
-            return False
-        return True
 
     def _settled_before(self) -> int:
         """Which were the last gains under which all was well for long enough."""

@@ -35,6 +35,9 @@ class StoppedError(StickSlipError):
 class WithdrawnError(StoppedError):
     """Gains may not be written any more."""
 
+    def __init__(self) -> None:
+        super().__init__("allow_apply was set to false, and nothing was written after that")
+
 
 class SetByOthersError(StoppedError):
     """Somebody else has set gains.
@@ -294,7 +297,7 @@ class GainWriter:
     def _sent(self, values: dict[str, float], new: GainPair) -> Waiting[Any]:
         """Write, and wait for the answer; the only place at which anything is written."""
         if not self._allowed():
-            raise WithdrawnError("allow_apply was set to false, and nothing was written after that")
+            raise WithdrawnError
         answers: list[Any] = []
         self._news_due.append(values)
         self._sent_last = values

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
@@ -22,6 +23,27 @@ _CYCLES = 2.0  # of stick slip that the baseline has to cover
 _BAND = 5.0  # times the natural frequency, up to which the motion is the joint's own
 _SWINGS = 2.0  # natural periods in which an unstable joint is seen to go to and fro
 _LONGEST_SWINGS = 5.0  # [s]
+
+
+class Watch(Protocol):
+    """The joint's motion, as :class:`MotionWatch` sees it."""
+
+    @property
+    def status(self) -> Status:
+        """Of now."""
+
+    @property
+    def cycles(self) -> int:
+        """Counted so far."""
+
+    def assessment(self) -> Assessment:
+        """What is known of the joint now."""
+
+    def begin(self, begin: Gains, target: Gains) -> str:
+        """Take the motion of now as the measure of that to come; returns why that cannot be, or ""."""
+
+    def objection(self, softer: float) -> str:
+        """Why the gains should not be changed further, or ""."""
 
 
 class MotionWatch:
