@@ -97,12 +97,26 @@ def _lives(process: int) -> bool:
 
 def _remove_unless_locked(partial: Path) -> None:
     """Remove a file of this user: a process of another container has a number that means nothing here, but locks it."""
-    with suppress(OSError):
-        handle = os.open(partial, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-        try:
-            state = os.fstat(handle)
-            if stat.S_ISREG(state.st_mode) and state.st_uid == os.getuid():
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                partial.unlink(missing_ok=True)
-        finally:
-            os.close(handle)
+    with suppress(OSError), in_nobodys_use(partial) as state:
+        if stat.S_ISREG(state.st_mode):
+            partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def in_nobodys_use(path: Path) -> Iterator[os.stat_result]:
+    """Hold the lock of a file or folder of this user that no living process holds; gives its state.
+
+    Raises
+    ------
+    OSError
+        If it is another user's, a link, or in use.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        state = os.fstat(handle)
+        if state.st_uid != os.getuid():
+            raise PermissionError(f"{path} is another user's")
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield state
+    finally:
+        os.close(handle)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -39,6 +39,14 @@ class Channel:
         # Robots are named after topics; whoever reads a bag sees them, and types them, as they are shown.
         for name in ("topic", "type", "encoding"):
             object.__setattr__(self, name, visible(getattr(self, name)))
+
+
+def counts_by_channel(channels: Mapping[int, Channel], counts: Mapping[int, int]) -> dict[Channel, int]:
+    """How many messages each channel has, of the numbers that stand for it: there may be several."""
+    found: dict[Channel, int] = dict.fromkeys(channels.values(), 0)
+    for number, channel in channels.items():
+        found[channel] += counts.get(number, 0)
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)

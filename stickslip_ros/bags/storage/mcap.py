@@ -12,7 +12,6 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import IO, Any
@@ -27,7 +26,7 @@ from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 from stickslip_ros.bags.storage import _record_kernel as kernel
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
-from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn
+from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = 9 + 20
@@ -82,10 +81,7 @@ class McapStorage:
         if not self._file.packed:
             self._summary = self._read_summary()
         if self._summary is not None:
-            told: Counter[Channel] = Counter()
-            for number, described in self._summary.channels.items():
-                told[described] += self._summary.counts.get(number, 0)
-            return dict(told)
+            return counts_by_channel(self._summary.channels, self._summary.counts)
         counts: dict[Channel, int] = {}
         self._want(None)
         said: list[str] = []

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn
+from stickslip_ros.messages.blocks import Block, Channel, Warn, counts_by_channel
 
 _MESSAGES, _BYTES = 4096, 16_000_000  # in a block
 _ENCODINGS = ("ros2msg", "ros2idl")
@@ -58,10 +58,7 @@ class SqliteStorage:
                 self._counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
         except _DAMAGE as error:
             raise ValueError(f"not a rosbag2 database: {' '.join(str(error).split())}") from error
-        found: dict[Channel, int] = {}
-        for number, channel in self._channels.items():
-            found[channel] = found.get(channel, 0) + self._counts.get(number, 0)
-        return found
+        return counts_by_channel(self._channels, self._counts)
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from stickslip_ros.files import in_nobodys_use
+
 _PREFIX = "stickslip_unpacked_"
 
 
@@ -38,13 +40,7 @@ def own_folder() -> Iterator[Path]:
 def _remove_abandoned(parent: Path) -> None:
     """Remove such folders of this user whose processes are gone."""
     for folder in parent.glob(f"{_PREFIX}*"):
-        with suppress(OSError):
-            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
-            try:
-                # One that is empty may be about to be locked.
-                if os.fstat(handle).st_uid != os.getuid() or not any(folder.iterdir()):
-                    continue
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # One that is empty may be about to be locked; who locks it waits as long as it is held here.
+        with suppress(OSError), in_nobodys_use(folder):
+            if any(folder.iterdir()):
                 shutil.rmtree(folder, ignore_errors=True)
-            finally:
-                os.close(handle)

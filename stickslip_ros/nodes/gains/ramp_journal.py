@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import math
-import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
@@ -16,6 +15,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.nodes.state.plain_data import from_plain
+from stickslip_ros.nodes.state.sealed_text import sealed, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1
@@ -100,9 +100,10 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
 
     def _set(self, ramps: dict[str, UnfinishedRamp]) -> None:
         if self._path is not None:
+            content = sealed(_FORMAT, _VERSION, json.dumps([asdict(one) for one in ramps.values()]))
             try:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
-                write_whole(self._path, _as_text(list(ramps.values())), mode=_FOR_THE_USER, durable=True)
+                write_whole(self._path, content, mode=_FOR_THE_USER, durable=True)
             except OSError as error:
                 raise JournalError(
                     f"what is to be changed cannot be noted in {self._path} first: {error.strerror or error}"
@@ -110,20 +111,11 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         self._ramps, self.trouble = ramps, ""
 
 
-def _as_text(ramps: list[UnfinishedRamp]) -> str:
-    body = json.dumps([asdict(one) for one in ramps])
-    header = {"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body.encode())}
-    return f"{json.dumps(header)}\n{body}"
-
-
 def _read(path: Path) -> dict[str, UnfinishedRamp]:
     try:
-        header, _, body = read_regular(path, _LARGEST).decode().partition("\n")
+        _, body = unsealed(read_regular(path, _LARGEST), _FORMAT, _VERSION)
     except FileNotFoundError:
         return {}
-    expected = {"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body.encode())}
-    if json.loads(header) != expected:
-        raise ValueError("it is damaged, of another version, or none of a stickslip_monitor")
     ramps = [from_plain(UnfinishedRamp, one) for one in json.loads(body)]
     for ramp in ramps:
         # A number that is none would go through every comparison.

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.state.sealed_text import NewerVersionError, sealed, unsealed
 from stickslip_ros.nodes.state.version_1 import as_of_now
 from stickslip_ros.regular_files import read_regular
 
@@ -57,32 +57,20 @@ def read_state(path: Path) -> dict[str, JointMemory]:
     except FileNotFoundError:
         return {}
     try:
-        header, _, body = text.partition(b"\n")
-        expected = json.loads(header)
-        if not isinstance(expected, dict) or expected.get("format") != _FORMAT:
-            raise StateFileError("it is no state of a stickslip_monitor")
-        version = expected.get("version")
-        if isinstance(version, int) and not isinstance(version, bool) and version > _VERSION:
-            raise NewerStateError(f"it has version {version}; this release reads versions up to {_VERSION}")
-        if version not in (1, _VERSION):
-            raise StateFileError(f"it has version {version!r}, not {_VERSION}")
-        if expected.get("crc32") != zlib.crc32(body):
-            raise StateFileError("its checksum is wrong")
+        version, body = unsealed(text, _FORMAT, _VERSION)
         joints: dict[str, Any] = json.loads(body)
         if version == 1:
             joints = {name: as_of_now(data) for name, data in joints.items()}
         return {name: from_plain(JointMemory, data) for name, data in joints.items()}
+    except NewerVersionError as error:
+        raise NewerStateError(str(error)) from error
     except (ValueError, RecursionError, AttributeError) as error:
-        if isinstance(error, StateFileError):
-            raise
         raise StateFileError(str(error)) from error
 
 
 def as_text(joints: Mapping[str, JointMemory]) -> bytes:
     """The content of the file."""
-    body = json.dumps({name: to_plain(memory) for name, memory in joints.items()}).encode()
-    header = json.dumps({"format": _FORMAT, "version": _VERSION, "crc32": zlib.crc32(body)}).encode()
-    return header + b"\n" + body
+    return sealed(_FORMAT, _VERSION, json.dumps({name: to_plain(memory) for name, memory in joints.items()}))
 
 
 def write_state(path: Path, text: bytes) -> None:
