@@ -38,15 +38,22 @@ def writes(joint: NodeProcess) -> list[float]:
     return [float(time) for time in re.findall(r"^wrote ([\d.]+) ", joint.output(), re.MULTILINE)]
 
 
+def under_way(one: Probe) -> bool:
+    """Whether a ramp has begun."""
+    return "of the way" in one.diagnostics["stickslip_monitor"][2]["apply_recommendation"]
+
+
 def ask(one: Probe) -> Future:
     """Ask for the advice to be applied until that is taken up: a joint may stand still for a moment."""
     until = time.monotonic() + 60.0
     while True:
         asked = one.call("apply_recommendation")
-        one.spin(0.5)
+        # Where the advice is being worked out the refusal, too, comes late.
+        one.wait(lambda: asked.done() or under_way(one), 20.0, "a ramp, or a refusal")  # noqa: B023
         if not asked.done() or not asked.result().message.startswith("refused: joint1 "):
             return asked
         assert time.monotonic() < until, asked.result().message
+        one.spin(0.2)
 
 
 def begin(one: Probe, joint: NodeProcess, steps: int = 5) -> Future:

@@ -57,6 +57,8 @@ class MotionWatch:
     def __init__(self, watched: WatchedJoint, clock: Callable[[], float]) -> None:
         self._watched, self._monitor, self._clock = watched, watched.monitor, clock
         self._before: Vitals | None = None
+        self._seen: tuple[float, float, float] | None = None  # what was asked of last, and the answer
+        self._said = ""
         self._band = self._swings = math.nan
 
     def assessment(self) -> Assessment:
@@ -83,6 +85,7 @@ class MotionWatch:
         self._swings = min(max(WATCH, _SWINGS / slowest), _LONGEST_SWINGS) if slowest > 0.0 else WATCH
         cycle = assessment.last_cycle
         longest = _CYCLES * cycle.period if cycle is not None else 0.0
+        self._seen = None
         self._before = self._vitals(min(max(_LEAST_BASELINE, self._swings, longest), _LONGEST_BASELINE))
         return "" if self._before is not None else "there are no samples of the joint to watch it by"
 
@@ -95,18 +98,18 @@ class MotionWatch:
         """
         if self._clock() - self._watched.heard > _SILENCE:
             return f"the joint has not been heard for {_SILENCE:g} s"
-        if self._before is None:
-            return ""
+        # It is asked once more right before each write, when there seldom is a new sample.
+        seen = (self._monitor.last_time, softer, self._watched.settings.options.limits.effort)
+        if seen != self._seen:
+            self._seen, self._said = seen, self._what_got_worse(softer, effort_limit=seen[2])
+        return self._said
+
+    def _what_got_worse(self, softer: float, effort_limit: float) -> str:
         recent = self._vitals(WATCH)
-        if recent is None:
+        if self._before is None or recent is None:
             return ""
-        return what_got_worse(
-            self._before,
-            recent,
-            softer=softer,
-            resolution=self._monitor.resolution,
-            effort_limit=self._watched.settings.options.limits.effort,
-        )
+        resolution = self._monitor.resolution
+        return what_got_worse(self._before, recent, softer=softer, resolution=resolution, effort_limit=effort_limit)
 
     def _vitals(self, duration: float) -> Vitals | None:
         recent = self._monitor.recent(duration)
