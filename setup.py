@@ -15,11 +15,9 @@ BY_PIP = any("wheel" in argument for argument in sys.argv)
 # The versions of Jazzy, from wheels: for machines without ROS.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"]
 DASK = ["dask", "distributed"]
-PARQUET = ["pyarrow"]
 DOCS = ["furo", "latex2mathml", "myst-parser", "sphinx"]
 TEST = [
     *DASK,
-    *PARQUET,
     *DOCS,
     "catkin-pkg",
     "colcon-common-extensions",
@@ -71,6 +69,7 @@ setup(
         "mcap",
         "numba",
         "numpy",
+        "pyarrow",
         "pyyaml",
         "rich",
         "rosbags",
@@ -78,7 +77,7 @@ setup(
         "setuptools",
         "zstandard",
     ],
-    extras_require={"ros": ROS_WHEELS, "dask": DASK, "parquet": PARQUET, "docs": DOCS, "test": TEST},
+    extras_require={"ros": ROS_WHEELS, "dask": DASK, "docs": DOCS, "test": TEST},
     zip_safe=False,
     maintainer="The stickslip_ros developers",
     maintainer_email="stickslip-ros@example.org",

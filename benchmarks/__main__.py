@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from benchmarks import advice, estimation, exact, monitoring, node, paper, recordings, start
+from benchmarks import advice, estimation, exact, monitoring, node, paper, recordings, reversal, start
 
 if __name__ == "__main__":
     start.run()
     paper.run()
     monitoring.run()
     exact.run()
+    reversal.run()
     advice.run()
     recordings.run()
     node.run()

@@ -2,8 +2,9 @@
 # Copyright 2026 The stickslip_ros developers
 """Draws the pictures of README and docs/, each made by the program itself: make pictures.
 
-The demo, the terminal view, the stability map as the monitor publishes it, the report on a recording, Fig. 13; and with
-a folder of real recordings as argument those of docs/detection.md. Chromium photographs what is no picture yet.
+The demo, the terminal view, the stability map as the monitor publishes it, the report on a recording, a comparison,
+Fig. 13; and with a folder of real recordings as argument those of docs/detection.md. Chromium photographs what is no
+picture yet.
 """
 
 from __future__ import annotations
@@ -94,6 +95,15 @@ def draw_report(folder: Path) -> None:
     photograph(page, PICTURES / "report.png", 1200, 1500)
 
 
+def draw_comparison(folder: Path) -> None:
+    """The top of the page on a cure."""
+    bags, page = [str(folder / f"{name}.mcap") for name in ("before", "after")], folder / "comparison.html"
+    for bag, gains in zip(bags, ([], ["--stiffness", "7400", "--damping", "40"]), strict=True):
+        stickslip(["simulate", "--out", bag, "--names", "shoulder", "--duration", "30", *gains])
+    stickslip(["compare", *bags, "--html", str(page)])
+    photograph(page, PICTURES / "comparison.png", 1000, 900)
+
+
 def draw_figure(folder: Path) -> None:
     """Fig. 13 of the paper."""
     stickslip(["figures", "13", "--out", str(folder)])
@@ -104,6 +114,7 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
         draw_running(Path(name))
         draw_report(Path(name))
+        draw_comparison(Path(name))
         draw_figure(Path(name))
     draw_demo()
     if len(sys.argv) > 1:

@@ -9,6 +9,20 @@ from collections.abc import Sequence
 from stickslip_ros.visible import visible
 
 
+def in_words(error: Exception) -> str:
+    """An error as it is told: of the system's the file and the reason, without its number."""
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {reason(error)}"
+    return reason(error)
+
+
+def reason(error: Exception) -> str:
+    """What went wrong, on one line, without the file that it is about where the system has that beside it."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror[:1].lower()}{error.strerror[1:]}"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 class StickSlipError(Exception):
     """Base of every error that the package raises on purpose.
 

@@ -38,9 +38,7 @@ def whole_file(path: Path, *, mode: int = _READ_BY_ALL, durable: bool = False) -
     """
     path = Path(os.path.realpath(path))
     remove_abandoned(path)
-    # Other processes and threads may be writing the same one; a link that lies there is not followed.
-    partial = path.with_name(f"{_begin(path)}{os.getpid()}.{threading.get_ident()}{_PART}")
-    handle = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, mode)
+    partial, handle = _opened(path, mode)
     try:
         with os.fdopen(handle, "wb") as file:
             # The lock goes with the process, however it ends; some network folders have none.
@@ -51,8 +49,34 @@ def whole_file(path: Path, *, mode: int = _READ_BY_ALL, durable: bool = False) -
                 file.flush()
                 os.fsync(file.fileno())
         partial.replace(path)
-    except BaseException:
+    except BaseException as error:
         partial.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename in (None, str(partial)):
+            error.filename, error.filename2 = str(path), None
+        raise
+
+
+def check_writable(path: Path) -> None:
+    """See that a file of this name can be begun: permissions and read-only disks are told by trying alone.
+
+    Raises
+    ------
+    OSError
+        If it cannot; nothing is left of the trial.
+    """
+    partial, handle = _opened(Path(os.path.realpath(path)), _READ_BY_ALL)
+    os.close(handle)
+    partial.unlink(missing_ok=True)
+
+
+def _opened(path: Path, mode: int) -> tuple[Path, int]:
+    """The beginning of a file, and its handle; an error is about the file itself."""
+    # Other processes and threads may be writing the same one; a link that lies there is not followed.
+    partial = path.with_name(f"{_begin(path)}{os.getpid()}.{threading.get_ident()}{_PART}")
+    try:
+        return partial, os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, mode)
+    except OSError as error:
+        error.filename = str(path)
         raise
 
 

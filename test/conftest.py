@@ -116,6 +116,7 @@ def recording(name: str) -> Batch:
     if not files:
         pytest.skip(f"recording {name} is not in {RECORDINGS} (set STICKSLIP_RECORDINGS)")
     if files[0].suffix == ".csv":
+        pytest.importorskip("pyarrow")
         return load_recording(files[0]).batch
     return slider(files[0])
 

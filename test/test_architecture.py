@@ -151,6 +151,18 @@ def test_a_release_tool_reads_manifest_and_changelog() -> None:
     assert notes
 
 
+def test_no_address_is_made_up() -> None:
+    """Issue 22, item 10: how to get the package has no placeholder; why it has no public address is said once."""
+    install = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    assert "REPOSITORY" not in install
+    assert "no public address yet" in install
+    manifest = (ROOT / "package.xml").read_text(encoding="utf-8")
+    in_setup = re.search(r'maintainer_email="([^"]+)"', (ROOT / "setup.py").read_text(encoding="utf-8"))
+    assert in_setup is not None
+    assert f'<maintainer email="{in_setup.group(1)}">' in manifest
+    assert "docs/install.md says why" in manifest
+
+
 def test_every_source_file_names_its_licence() -> None:
     """Issue 2: Apache-2.0, in two lines on top of every file."""
     for path in [
@@ -185,7 +197,7 @@ def test_bad_joint_files_are_refused(tmp_path: Path, change: dict[str, object], 
     path.write_text(yaml.safe_dump({**content, **change}))
     with pytest.raises(JointFileError, match=re.escape(message)):
         load_joint(str(path))
-    with pytest.raises(JointFileError, match="No such file"):
+    with pytest.raises(JointFileError, match="no such file"):
         load_joint(str(tmp_path / "other.yaml"))
 
 

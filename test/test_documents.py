@@ -110,6 +110,8 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
     with ExitStack() as stack:
         for block in blocks(path):
             how, _, rest = block.how.partition(" ")
+            if how in ("file", "monitor"):
+                (folder / rest).write_text(block.code)
             if block.language == "sh":
                 if how == "background":
                     stack.enter_context(background(block.code, folder, environment))
@@ -129,8 +131,6 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
                 run(f"{sys.executable} -c {shlex.quote(block.code)}", folder, environment, 0)
             elif block.language == "yaml":
                 content = yaml.safe_load(block.code)
-                if how in ("file", "monitor"):
-                    (folder / rest).write_text(block.code)
                 if how == "monitor":
                     check_monitor_parameters(content["/**"]["ros__parameters"])
 

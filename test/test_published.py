@@ -13,8 +13,10 @@ import pytest
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.model.reversal import Reversal
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
+from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
@@ -45,7 +47,12 @@ def state() -> Assessment:
     options = MonitorOptions(trial=Gains(stiffness=150.0, damping=4.0))
     monitor = JointMonitor(joint, Gains(stiffness=100.0), options, studies_at_once=True)
     monitor.process(batch)
-    return monitor.assessment()
+    last = Reversal(
+        time=1.0, direction=1, standing=0.1, lost_motion=0.01, peak_error=0.02, running_error=0.01, stops=0,
+        settles_after=0.1,
+    )  # fmt: skip
+    reversals = ReversalRecord(count=1, last=last, standing=0.1, lost_motion=0.01, peak_error=0.02, largest_error=0.02)
+    return replace(monitor.assessment(), reversals=reversals)
 
 
 def with_a_row_more(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
@@ -104,6 +111,7 @@ def test_the_places_of_the_margin_table(state: Assessment) -> None:
         "exact_smooth", "exact_critical_damping_ratio", "exact_lowest_smooth_velocity", "exact_least_smooth_stiffness",
         "margin_std", "stick_slip_probability", "stiffness_factor", "damping_factor", "trial_energy_margin",
         "trial_damping_ratio", "trial_critical_damping_ratio", "trial_exact_smooth", "exact_steady_damping_ratio",
+        "reversal_standing", "reversal_peak_error",
     )  # fmt: skip
     numbers = dict(zip(MARGIN_FIELDS, margin_row(state, KNOWN, KNOWN), strict=True))
     assert numbers["stiffness"] == 100.0

@@ -29,7 +29,7 @@ leg() {
     "$bin/python" -m pip install --quiet --upgrade pip "setuptools<80" wheel || return
     # Not editable, so that what setup.py leaves out is missed; nor made of what an earlier build left.
     rm -rf build
-    "$bin/python" -m pip install --quiet --no-build-isolation ".[ros,parquet]" pytest hypothesis mcap-ros2-support \
+    "$bin/python" -m pip install --quiet --no-build-isolation ".[ros]" pytest hypothesis mcap-ros2-support \
         catkin-pkg "$@" || return
     "$bin/python" -c 'import numpy, scipy, numba, sys
 print("Python", sys.version.split()[0], "numpy", numpy.__version__, "scipy", scipy.__version__, "numba", numba.__version__)'

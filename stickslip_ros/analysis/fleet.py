@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import multiprocessing
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -22,7 +24,7 @@ import stickslip_ros
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.bags.storage.bag_paths import is_bag_file, is_bag_folder
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.regular_files import read_regular
 
@@ -31,8 +33,11 @@ _LARGEST_ANSWER = 1_000_000_000  # bytes
 _ATTEMPTS = 2  # of a bag whose process dies
 _KILLED = "its process was killed twice: is there too little memory?"
 
+_LOOKED_EVERY = 0.2  # [s] at how far processes are
+
 Answer = dict[str, Any]
-Progress = Callable[[int, int], None]
+# Of how many bags how many are done; a part of one counts as that.
+Progress = Callable[[float, float], None]
 
 
 @dataclass(frozen=True)
@@ -43,12 +48,35 @@ class BagTask:
     options: AnalysisOptions
 
 
-def answer(task: BagTask) -> Answer:
-    """A bag's JSON object, or one with an error; raises nothing that a bag can cause."""
+@dataclass(frozen=True)
+class TimedAnswer:
+    """A bag's answer, and how long it took [s]; NaN if it was kept from before."""
+
+    answer: Answer
+    seconds: float
+
+
+def answer(task: BagTask, share: Callable[[float], None] = lambda _: None) -> TimedAnswer:
+    """A bag's JSON object, or one with an error; raises nothing that a bag can cause.
+
+    Parameters
+    ----------
+    share : told which share of the bag has been read.
+    """
+    began = time.monotonic()
+
+    def read(done: int, total: int) -> None:
+        share(done / total if total else 0.0)
+
     try:
-        return bag_json(analyze(task.path, task.options))
+        found = bag_json(analyze(task.path, task.options, read))
     except (StickSlipError, OSError) as error:
-        return {"path": str(task.path), "error": str(error)}
+        found = {"path": str(task.path), "error": in_words(error)}
+    return TimedAnswer(found, time.monotonic() - began)
+
+
+def _no_answer(task: BagTask) -> TimedAnswer:
+    return TimedAnswer({"path": str(task.path), "error": f"bag {task.path}: {_KILLED}"}, math.nan)
 
 
 def find_bags(paths: Sequence[Path]) -> list[Path]:
@@ -124,13 +152,15 @@ def analyze_fleet(
     scheduler: str | None = None,
     results: Path | None = None,
     progress: Progress = lambda _, __: None,
+    finished: Callable[[TimedAnswer], None] = lambda _: None,
 ) -> list[Answer]:
     """The answers to all bags, in their order.
 
     Parameters
     ----------
     jobs : processes on this machine. scheduler : address of a Dask scheduler, whose workers see the same files.
-    results : folder in which answers are kept, and looked for first. progress : told how many are done of how many.
+    results : folder in which answers are kept, and looked for first.
+    progress : told how many are done of how many, while a bag is read too. finished : told of each bag as it is done.
 
     Raises
     ------
@@ -144,52 +174,85 @@ def analyze_fleet(
         known = kept.get(task)
         if known is not None:
             found[number] = known
-    progress(len(found), len(tasks))
+            finished(TimedAnswer(known, math.nan))
+
+    reached = 0.0
+
+    def tell(share: float) -> None:
+        """Of the bags that are being read; a bag that has to be read again takes nothing back."""
+        nonlocal reached
+        reached = max(reached, len(found) + share)
+        progress(reached, len(tasks))
+
+    tell(0.0)
     missing = [number for number in range(len(tasks)) if number not in found]
     if scheduler is not None:
         coming = _by_dask(tasks, missing, scheduler)
     elif jobs > 1:
-        coming = _by_processes(tasks, missing, jobs)
+        coming = _by_processes(tasks, missing, jobs, tell)
     else:
-        coming = ((number, answer(tasks[number])) for number in missing)
+        coming = ((number, answer(tasks[number], tell)) for number in missing)
     for number, one in coming:
         # As from a file, whatever way it came.
-        found[number] = json.loads(json.dumps(one))
+        found[number] = json.loads(json.dumps(one.answer))
         kept.keep(tasks[number], found[number])
-        progress(len(found), len(tasks))
+        finished(one)
+        tell(0.0)
     return [found[number] for number in range(len(tasks))]
 
 
-def _by_processes(tasks: Sequence[BagTask], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, Answer]]:
+_shares: Any = None  # of the bags that have been read, shared by the processes
+
+
+def _share_with(shares: Any) -> None:
+    global _shares
+    _shares = shares
+
+
+def _answer_of(number: int, task: BagTask) -> TimedAnswer:
+    """An answer, in a process of its own."""
+
+    def tell(share: float) -> None:
+        _shares[number] = share
+
+    return answer(task, tell)
+
+
+def _by_processes(
+    tasks: Sequence[BagTask], numbers: Sequence[int], jobs: int, tell: Callable[[float], None]
+) -> Iterator[tuple[int, TimedAnswer]]:
     """Answers as they come from processes; one that dies takes no other bag with it."""
     waiting = list(numbers)
     attempts = dict.fromkeys(numbers, 0)
     context = multiprocessing.get_context("spawn")
     while waiting:
         done: set[int] = set()
-        with ProcessPoolExecutor(min(jobs, len(waiting)), mp_context=context) as pool:
-            running: dict[Future[Answer], int] = {}
+        # Plain memory: a lock would stay with a process that dies.
+        shares = context.RawArray("d", len(tasks))
+        with ProcessPoolExecutor(min(jobs, len(waiting)), context, _share_with, (shares,)) as pool:
+            running: dict[Future[TimedAnswer], int] = {}
             queue = iter(list(waiting))
             try:
                 while True:
                     # No more than there are processes, so that it is known which bags were being read.
                     while len(running) < jobs and (number := next(queue, None)) is not None:
-                        running[pool.submit(answer, tasks[number])] = number
+                        running[pool.submit(_answer_of, number, tasks[number])] = number
                     if not running:
                         break
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    for future in wait(running, _LOOKED_EVERY, FIRST_COMPLETED).done:
                         yield running[future], future.result()
                         done.add(running.pop(future))
+                    tell(sum(shares[number] for number in running.values()))
             except BrokenProcessPool:
                 for number in running.values():
                     attempts[number] += 1
         waiting = [number for number in waiting if number not in done]
         for number in [number for number in waiting if attempts[number] >= _ATTEMPTS]:
-            yield number, {"path": str(tasks[number].path), "error": f"bag {tasks[number].path}: {_KILLED}"}
+            yield number, _no_answer(tasks[number])
             waiting.remove(number)
 
 
-def _by_dask(tasks: Sequence[BagTask], numbers: Sequence[int], scheduler: str) -> Iterator[tuple[int, Answer]]:
+def _by_dask(tasks: Sequence[BagTask], numbers: Sequence[int], scheduler: str) -> Iterator[tuple[int, TimedAnswer]]:
     """Answers as they come from the workers of a cluster, which gives the bags of a dead worker to others."""
     try:
         from distributed import Client, KilledWorker, as_completed
@@ -206,4 +269,4 @@ def _by_dask(tasks: Sequence[BagTask], numbers: Sequence[int], scheduler: str) -
             try:
                 yield number, future.result()
             except KilledWorker:
-                yield number, {"path": str(tasks[number].path), "error": f"bag {tasks[number].path}: {_KILLED}"}
+                yield number, _no_answer(tasks[number])

@@ -12,6 +12,7 @@ from typing import Any
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.files import whole_file
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
@@ -128,7 +129,7 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     for key in (*NAMES, COULOMB_AND_LOAD):
         found = (friction or {}).get(key, {})
         row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
-    row |= told.BELIEF.for_fleet(margin)
+    row |= told.BELIEF.for_fleet(margin) | told.REVERSALS.for_fleet(joint.get("reversals"))
     for section in told.OF_ADVICE:
         row |= section.for_fleet(advice)
     return row
@@ -161,7 +162,7 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise StickSlipError(f"Parquet needs the package {error.name}: pip install 'stickslip_ros[parquet]'") from error
+        raise StickSlipError(f"Parquet needs the package {error.name}: pip install pyarrow") from error
     text, whole = pyarrow.string(), pyarrow.int64()
     # What has no unit is an answer, if it is no text.
     flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
@@ -170,4 +171,5 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole)
     # Types by name, not by what happens to be there: tables of many runs fit together.
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in (rows[0] if rows else ["bag"])])
-    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=schema), path)
+    with whole_file(path) as file:
+        pyarrow.parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=schema), file)

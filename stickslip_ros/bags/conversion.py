@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,24 +17,30 @@ from stickslip_ros.monitoring.samples import Batch
 
 
 def write_recording(
-    path: Path, batch: Batch, name: str, start: float, gains: Gains | None = None, compression: str = "zstd"
+    path: Path, batches: Mapping[str, Batch], start: float, gains: Gains | None = None, compression: str = "zstd"
 ) -> int:
-    """Write samples of one joint as a bag; returns how many.
+    """Write samples of joints as a bag; returns how many of each.
 
     Parameters
     ----------
-    start : what is added to the times [s]. gains : of the controller then, None if unknown.
+    batches : of each joint, all of the same times; samples without a time are left out.
+    start : what is added to the times [s]. gains : of each joint's controller then, None if unknown.
 
     Raises
     ------
     RecordingError
         If there is a directory of that name already.
     """
-    batch = batch.where(np.isfinite(batch.time))
-    times = batch.time + start
-    nothing = np.full(len(batch), np.nan)
-    states = np.stack([batch.position, batch.velocity, batch.effort], axis=1)[:, :, None]
-    references = np.stack([batch.reference_position, batch.reference_velocity, nothing], axis=1)[:, :, None]
+    names = tuple(batches)
+    time = batches[names[0]].time
+    known = np.isfinite(time)
+    times = time[known] + start
+    parts = [batch.where(known) for batch in batches.values()]
+    nothing = np.full(len(times), np.nan)
+    states = np.stack([np.stack([one.position, one.velocity, one.effort], axis=1) for one in parts], axis=2)
+    references = np.stack(
+        [np.stack([one.reference_position, one.reference_velocity, nothing], axis=1) for one in parts], axis=2
+    )
     topics = {STATES: JOINT_STATE}
     if np.isfinite(references).any():
         topics[REFERENCES] = JOINT_STATE
@@ -41,10 +48,11 @@ def write_recording(
         topics[GAINS] = "std_msgs/msg/Float64MultiArray"
     with BagWriter(path, topics, compression) as writer:
         if gains is not None and len(times):
-            table = writer.table(name, "p,d", np.array([[float(gains.stiffness), float(gains.damping)]]))
+            values = np.tile([float(gains.stiffness), float(gains.damping)], (len(names), 1))
+            table = writer.table(",".join(names), "p,d", values)
             writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
-        streams = [writer.joint_states(STATES, (name,), times, states)]
+        streams = [writer.joint_states(STATES, names, times, states)]
         if REFERENCES in topics:
-            streams.insert(0, writer.joint_states(REFERENCES, (name,), times, references))
+            streams.insert(0, writer.joint_states(REFERENCES, names, times, references))
         writer.write(*streams)
-    return len(batch)
+    return len(times)

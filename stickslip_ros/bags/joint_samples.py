@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""All samples of one joint in a bag, at once."""
+"""Samples of joints in a bag, at once: all of one, or stretches of several; and which joints it has."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from stickslip_ros.bags.reading import BagReader
+import numpy as np
+
+from stickslip_ros.bags.reading import BagReader, FloatArray
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.bags.topics import TopicChoice, find_topics
+from stickslip_ros.bags.topics import TopicChoice, find_robots, find_topics
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
 
@@ -47,3 +50,44 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit:
         names = ", ".join(sorted(there)) or "none"
         raise RecordingError(f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --on)")
     return batch
+
+
+def joint_names(path: Path, choice: TopicChoice, limit: UnpackLimit | None = None) -> Iterator[set[str]]:
+    """Names of a bag's joints, those of all robots, as they turn up; with the robot's and without it.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
+    with Bag(path, limit) as bag:
+        reader = BagReader(bag, find_robots(bag.channels(), choice), choice.controller)
+        known = 0
+        for _ in reader.pieces():
+            if len(reader.joints) > known:
+                known = len(reader.joints)
+                yield {*reader.joints, *(joint for _, joint in reader.joints.values())}
+
+
+def read_windows(
+    path: Path, windows: Mapping[str, tuple[float, float]], choice: TopicChoice, limit: UnpackLimit | None = None
+) -> dict[str, FloatArray]:
+    """Stamps and positions of joints, each from a stamp to another [s]: of each that was recorded, of shape (n, 2).
+
+    Parameters
+    ----------
+    windows : by the joints' names, with the robot's where there are several.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
+    found: dict[str, list[FloatArray]] = {}
+    with Bag(path, limit) as bag:
+        for piece in BagReader(bag, find_robots(bag.channels(), choice), choice.controller).pieces():
+            for name, (begin, end) in windows.items():
+                if name in piece.samples:
+                    rows = piece.samples[name][:, :2]
+                    found.setdefault(name, []).append(rows[(rows[:, 0] >= begin) & (rows[:, 0] <= end)])
+    return {name: np.concatenate(parts) for name, parts in found.items()}

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,6 +68,7 @@ def write_simulation(
     jitter: float = 0.0,
     with_gains: bool = True,
     compression: str = "zstd",
+    progress: Callable[[int, int], None] = lambda _, __: None,
 ) -> None:
     """Simulate joints under PD control and write what rosbag2 would have recorded of them.
 
@@ -75,7 +76,7 @@ def write_simulation(
     ----------
     duration : [s]. rate : of joint states and references [Hz]. start : stamp of the beginning [s].
     seed : of the noise. jitter : standard deviation of the stamps, at most a fifth of the interval [s].
-    with_gains : whether the gains are recorded too.
+    with_gains : whether the gains are recorded too. progress : told how many samples of how many are written.
 
     Raises
     ------
@@ -107,6 +108,7 @@ def write_simulation(
             writer.write([writer.serialized(round(start * 1e9), GAINS, writer.table(",".join(names), "p,d", values))])
         total = round(duration * rate)
         for begin in range(0, total, _AT_ONCE):
+            progress(begin, total)
             count = min(_AT_ONCE, total - begin)
             times = start + (begin + 1 + np.arange(count)) / rate
             times += np.clip(jitter * generator.standard_normal(count), -0.4 / rate, 0.4 / rate)

@@ -1,52 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Recordings that are tables (.csv, .npz) with the unit in every column's name, as batches of samples."""
+"""Recordings that are tables (CSV, Parquet, NPZ) of one joint or many, as batches of samples in SI units."""
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import environ
 from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
+from stickslip_ros.bags.table_columns import POSITION, TIME, TRANSLATION, UNITS, USUAL_UNIT, Column, Named, assign
+from stickslip_ros.bags.table_files import SUFFIXES, FloatArray, MissingPackageError, TableFile, open_table
+from stickslip_ros.errors import StickSlipError, reason
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.regular_files import open_regular
 from stickslip_ros.settings.known_joints import config_folder
+from stickslip_ros.settings.parameter_names import nearest_joint
 
-# A column's name begins with what it is and ends with its unit; the first kind that is there serves.
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "time": ("time", "stamp", "t"),
-    "position": ("position", "q", "angle"),
-    "velocity": ("velocity", "qd", "speed"),
-    "effort": ("effort", "measured_torque", "friction_torque", "commanded_torque", "torque", "force"),
-    "reference_position": ("reference", "reference_position", "desired_position"),
-    "reference_velocity": ("reference_velocity", "desired_velocity"),
-}
-_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0}
-_TRANSLATION = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_EFFORT = {"nm": 1.0, "n": 1.0, "mnm": 1e-3}
-_SPEED = {f"{unit}_per_s": factor for unit, factor in (_ROTATION | _TRANSLATION).items()} | {"rpm": math.pi / 30.0}
-UNITS = {
-    "time": _TIME,
-    "position": _ROTATION | _TRANSLATION,
-    "velocity": _SPEED,
-    "effort": _EFFORT,
-    "reference_position": _ROTATION | _TRANSLATION,
-    "reference_velocity": _SPEED,
-}
 # What a damaged table makes its readers raise.
-_DAMAGE = (ValueError, csv.Error, EOFError, KeyError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
+_DAMAGE = (ValueError, EOFError, KeyError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 FOLDER_VARIABLE = "STICKSLIP_RECORDINGS"
+ONLY = "joint1"  # the joint of a table whose columns name none
+# Stamps since 1970 are of this size in each unit; times from zero are told by their steps.
+_SINCE_1970 = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
+_STEPS = ((1e5, "ns"), (1e2, "us"), (1.0, "ms"), (0.0, "s"))
 
 
 class RecordingError(StickSlipError, ValueError):
@@ -62,6 +43,38 @@ class Recording:
     batch: Batch
 
 
+@dataclass(frozen=True, kw_only=True)
+class Use:
+    """A column that serves, and its unit; ``assumed``: the name has none, it is the usual one."""
+
+    column: str
+    unit: str
+    assumed: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of samples.
+
+    Attributes
+    ----------
+    name : of the file, without its ending. form : how it is written, in words.
+    time : the columns whose sum it is. joints : of each joint the columns of its fields. unused : the other columns.
+    batches : the samples of each joint, all of the same times.
+    """
+
+    name: str
+    form: str
+    time: tuple[Use, ...]
+    joints: dict[str, dict[str, Use]]
+    unused: tuple[str, ...]
+    batches: dict[str, Batch]
+
+    def unit(self, joint: str) -> str:
+        """Of a joint's position: "rad" or "m"."""
+        return "m" if self.joints[joint][POSITION].unit in TRANSLATION else "rad"
+
+
 def find_recording(name_or_path: str) -> Path:
     """A file by its path, or by the beginning of its name in the package's examples or $STICKSLIP_RECORDINGS.
 
@@ -71,12 +84,16 @@ def find_recording(name_or_path: str) -> Path:
         If there is none, or more than one; the message lists those that are there.
     """
     path = Path(name_or_path)
-    if path.suffix in (".csv", ".npz"):
+    if path.suffix in SUFFIXES:
         return path
+    if path.is_file():
+        raise RecordingError(
+            f"recording {path}: must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; a spreadsheet is saved as CSV"
+        )
     folders = [config_folder().parent / "examples" / "recordings"]
     if environ.get(FOLDER_VARIABLE):
         folders.append(Path(environ[FOLDER_VARIABLE]))
-    there = [file for folder in folders for file in sorted(folder.glob("*")) if file.suffix in (".csv", ".npz")]
+    there = [file for folder in folders for file in sorted(folder.glob("*")) if file.suffix in SUFFIXES]
     found = [file for file in there if file.stem == name_or_path] or [
         file for file in there if file.stem.startswith(name_or_path)
     ]
@@ -90,16 +107,12 @@ def find_recording(name_or_path: str) -> Path:
     )
 
 
-def load_recording(
-    path: Path, named: Mapping[str, tuple[str, str]] | None = None, limit: UnpackLimit | None = None
-) -> Recording:
-    """Read a table of samples of one joint, in SI units.
+def load_table(path: Path, named: Sequence[Named] = (), limit: UnpackLimit | None = None) -> Table:
+    """Read a table of samples, every joint of it, in SI units.
 
     Parameters
     ----------
-    named : column and unit of a field, where they are not to be found by the column's name; "" for the unit that the
-        name ends with.
-    limit : of what is unpacked; none: the usual one.
+    named : columns whose meaning is not to be told by their names. limit : of what is unpacked; none: the usual one.
 
     Raises
     ------
@@ -107,79 +120,86 @@ def load_recording(
         If the file cannot be read, has no time or position column, or a column or unit named is not there.
     """
     try:
-        columns = _read_npz(path, limit or UnpackLimit()) if path.suffix == ".npz" else _read_csv(path)
+        with open_table(path, limit or UnpackLimit()) as file:
+            return _read(path, file, named)
+    except MissingPackageError as error:
+        raise RecordingError(f"recording {path}: {error}") from error
     except (*_DAMAGE, OSError) as error:
         raise RecordingError(f"recording {path}: {_one_line(error)}") from error
-    fields, translates = {}, False
-    for field in COLUMNS:
-        try:
-            found = _find(field, columns, (named or {}).get(field))
-        except ValueError as error:
-            raise RecordingError(f"recording {path}: {error}") from error
-        if found is not None:
-            name, unit = found
-            fields[field] = columns[name] * UNITS[field][unit]
-            translates = translates or (field == "position" and unit in _TRANSLATION)
-        elif field in ("time", "position"):
-            names = " or ".join(f"{COLUMNS[field][0]}_{unit}" for unit in UNITS[field])
-            raise RecordingError(
-                f"recording {path}: needs a column {names}, or one named with --column; has {', '.join(columns)}"
-            )
-    return Recording(name=path.stem, unit="m" if translates else "rad", batch=Batch(**fields))
 
 
-def _find(field: str, columns: Mapping[str, np.ndarray], named: tuple[str, str] | None) -> tuple[str, str] | None:
-    """A field's column and its unit, None if there is none.
+def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | None = None) -> Recording:
+    """Read one joint of a table.
+
+    Parameters
+    ----------
+    joint : where there are several. limit : of what is unpacked; none: the usual one.
 
     Raises
     ------
-    ValueError
-        If a column named is not there, or its unit is none of the field's.
+    RecordingError
+        As of :func:`load_table`; or if the table has several joints, and none of this name.
     """
-    units = UNITS[field]
-    if named is not None:
-        name, unit = named
-        if name not in columns:
-            raise ValueError(f"no column {name!r} for {field}; has {', '.join(columns)}")
-        unit = unit or next((one for one in sorted(units, key=len, reverse=True) if name.endswith(f"_{one}")), "")
-        if unit not in units:
-            raise ValueError(f"column {name!r} for {field} needs a unit of {', '.join(units)}, got {unit!r}")
-        return name, unit
-    for kind in COLUMNS[field]:
-        for unit in units:
-            if f"{kind}_{unit}" in columns:
-                return f"{kind}_{unit}", unit
-    return None
+    table = load_table(path, limit=limit)
+    names = list(table.batches)
+    if len(names) > 1 and joint not in names:
+        near = nearest_joint(joint or "", names)
+        problem = "several joints" if joint is None else f"no joint {joint!r}"
+        problem += f"; did you mean {near!r}?" if near else ""
+        raise RecordingError(
+            f"recording {path}: has {problem}; there are {', '.join(names)}; all of them become a bag by "
+            f"stickslip convert {path} --out {path.stem}.mcap"
+        )
+    chosen = names[0] if len(names) == 1 else str(joint)
+    return Recording(name=table.name, unit=table.unit(chosen), batch=table.batches[chosen])
 
 
-def _read_csv(path: Path) -> dict[str, np.ndarray]:
-    with open_regular(path) as raw, io.TextIOWrapper(raw, encoding="utf-8", newline="") as file:
-        reader = csv.reader(file)
-        header = next(reader, None)
-        if header is None:
-            raise ValueError("the file is empty")
-        rows = [[float(value) if value else np.nan for value in row] for row in reader if row]
-    if any(len(row) != len(header) for row in rows) or not rows:
-        raise ValueError(f"every row must have the header's {len(header)} values")
-    return dict(zip(header, np.array(rows).T, strict=True))
+def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
+    found = assign(file.names, named)
+    columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
+    values = file.read(list(dict.fromkeys(one.name for one in columns)))
+    time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]
+    stamps = np.sum([values[use.column] * UNITS[TIME][use.unit] for use in time], axis=0)
+    if not len(stamps):
+        raise ValueError("it has no rows")
+    joints: dict[str, dict[str, Use]] = {}
+    batches: dict[str, Batch] = {}
+    for label, fields in found.joints.items():
+        name = file.joints.get(label.removeprefix("joint"), label or ONLY)
+        uses = {field: _use(one, values[one.name]) for field, one in fields.items()}
+        if name in joints:
+            raise ValueError(f"two joints would have the name {name!r}: columns {joints[name][POSITION].column} and "
+                             f"{uses[POSITION].column}; name the right one with --column")  # fmt: skip
+        joints[name] = uses
+        batches[name] = Batch(
+            time=stamps, **{field: values[use.column] * UNITS[field][use.unit] for field, use in uses.items()}
+        )
+    return Table(name=path.stem, form=file.form, time=tuple(time), joints=joints, unused=found.unused, batches=batches)
 
 
-def _read_npz(path: Path, limit: UnpackLimit) -> dict[str, np.ndarray]:
-    with open_regular(path) as file:
-        # What the archive says of its members is what is unpacked of them at most.
-        with zipfile.ZipFile(file) as members:
-            largest = limit.of_table(path.stat().st_size)
-            if sum(member.file_size for member in members.infolist()) > largest:
-                raise TooMuchUnpackedError("it", largest)
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as archive:
-            columns = {name: np.atleast_1d(archive[name]).astype(float) for name in archive.files}
-    if len({column.shape for column in columns.values()}) != 1 or any(one.ndim != 1 for one in columns.values()):
-        raise ValueError("every column must be one row of as many numbers as the others")
-    return columns
+def _use(column: Column, values: FloatArray, is_date: bool = False) -> Use:
+    if is_date:
+        return Use(column=column.name, unit="s", assumed=False)
+    unit = column.unit or USUAL_UNIT[column.field] or _unit_of_time(values)
+    return Use(column=column.name, unit=unit, assumed=not column.unit)
+
+
+def _unit_of_time(values: FloatArray) -> str:
+    """The unit of stamps whose column does not say it."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return "s"
+    latest = float(np.abs(known).max())
+    for least, unit in _SINCE_1970:
+        # Nanoseconds from zero are as many as milliseconds since 1970: their steps tell them.
+        if latest >= least and float(np.abs(known).min()) > 0.5 * latest:
+            return unit
+    steps = np.diff(known)
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    return next(unit for least, unit in _STEPS if step >= least)
 
 
 def _one_line(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return "it says that it holds more than the memory does"
-    return " ".join(str(error).split()) or type(error).__name__
+    return reason(error)

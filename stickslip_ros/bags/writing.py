@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from stickslip_ros.bags.storage.bag_paths import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.files import whole_file
+from stickslip_ros.files import whole_file, write_whole
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 
@@ -100,7 +100,7 @@ class BagWriter:
             self._writer.finish()
         if self._directory is not None:
             text = yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False)
-            (self._directory / METADATA).write_text(text, encoding="utf-8")
+            write_whole(self._directory / METADATA, text)
 
     def write(self, *streams: Iterable[Serialized]) -> None:
         """Write serialized messages, of several streams in the order of their recording."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from datetime import datetime
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,8 +14,8 @@ from rich.table import Table
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
-from stickslip_ros.analysis.data_problems import lacks_data
-from stickslip_ros.analysis.fleet import Answer
+from stickslip_ros.analysis.data_problems import lacks_data, nothing_judged
+from stickslip_ros.analysis.fleet import Answer, TimedAnswer
 from stickslip_ros.analysis.fleet_table import (
     by_joint,
     dry_friction,
@@ -32,11 +33,12 @@ from stickslip_ros.visible import visible
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _WIDTH = 120
+_STICKS = Status.STICK_SLIP.value
 
 
 def print_analysis(analysis: BagAnalysis) -> None:
     """One bag: a row for each joint, then in words what matters, the joint that stuck most first."""
-    console = _console()
+    console = console_of_tables()
     console.print(f"[bold]{escape(visible(analysis.path))}[/]", soft_wrap=True)
     joints = list(analysis.joints.values())
     console.print(_joints_table(joints, _columns(console, joints)))
@@ -91,9 +93,9 @@ def _cells(joint: JointAnalysis) -> dict[str, str]:
     exactly = "-" if joint.exact.outcome is None else OUTCOME_WORDS[joint.exact.outcome.value]
     return {
         "joint\n": escape(visible(joint.name)),
-        "status\n": _status(joint.status.value),
+        "status\n": status_text(joint.status.value),
         "stick slip\n": words.percent(joint.stick_slip_share),
-        "worst\n": _status(joint.worst.value),
+        "worst\n": status_text(joint.worst.value),
         "sticks\n[s]": f"{joint.time_in(Status.STICK_SLIP):.3g}",
         "of\n[s]": f"{joint.moving_time:.4g}",
         "cycles\n": str(len(joint.cycles)),
@@ -110,7 +112,7 @@ def _share(share: float) -> float:
 
 def print_fleet(answers: Sequence[Answer]) -> None:
     """Many bags: a row for each joint of each robot."""
-    console = _console()
+    console = console_of_tables()
     table = Table(box=None, padding=(0, 1))
     for heading in (
         "robot\n", "joint\n", "status\n", "stick slip\n", "worst\n", "bags\n", "sticking\n", "sticks\n[s]", "of\n[s]",
@@ -122,9 +124,9 @@ def print_fleet(answers: Sequence[Answer]) -> None:
         table.add_row(
             escape(visible(robot)),
             escape(visible(joint)),
-            _status(usual_status(rows)),
+            status_text(usual_status(rows)),
             words.percent(stick_slip_share(rows)),
-            _status(worst_status(rows)),
+            status_text(worst_status(rows)),
             str(len(rows)),
             str(stuck_in(rows)),
             f"{sum(row['sticking_time'] for row in rows):.3g}",
@@ -145,13 +147,36 @@ def print_fleet(answers: Sequence[Answer]) -> None:
             console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
 
 
-def _console() -> Console:
+def print_finished(found: TimedAnswer) -> None:
+    """One bag of many, on stderr: when it was done, what it shows, how long it took."""
+    now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    took = f"{found.seconds:.1f} s" if math.isfinite(found.seconds) else "kept from before"
+    text = f"{now} {found.answer['path']}: {_result(found.answer)} ({took})"
+    Terminal(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
+
+
+def _result(found: Answer) -> str:
+    if "error" in found:
+        return "could not be analysed"
+    joints = found["joints"]
+    if nothing_judged(found):
+        return "no joint could be judged"
+    sticking = {name: joint["stick_slip_share"] for name, joint in joints.items() if joint["worst_status"] == _STICKS}
+    if not sticking:
+        return f"none of {len(joints)} joints stuck and slipped"
+    worst = sorted(sticking.items(), key=lambda one: -(one[1] or 0.0))
+    listed = ", ".join(f"{name} {words.percent(math.nan if share is None else share)}" for name, share in worst)
+    return f"{len(sticking)} of {len(joints)} joints stuck and slipped: {listed}"
+
+
+def console_of_tables() -> Console:
     """As wide as the terminal; where there is none, as wide as the tables."""
     console = Terminal(highlight=False)
     return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
 
 
-def _status(word: str) -> str:
+def status_text(word: str) -> str:
+    """A status word in its colour."""
     return f"[{_COLOURS.get(word, 'dim')}]{word}[/]"
 
 

@@ -11,7 +11,9 @@ be analysed, or none of its joints be judged.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +23,17 @@ from stickslip_ros.analysis.annotation import Annotation
 from stickslip_ros.analysis.data_problems import nothing_judged
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
+from stickslip_ros.analysis.joint_analysis import FollowedJoint
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import print_analysis, print_fleet
-from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_output
+from stickslip_ros.cli.analysis_tables import print_analysis, print_finished, print_fleet
+from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_named_joints
+from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import complain
-from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.cli.terminal import Terminal, complain
+from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
+from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.output.as_json import json_text
 
 _ANNOTATED_EVERY = 1.0  # [s]
@@ -40,10 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_arguments(parser)
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    output.add_argument("--csv", type=Path, metavar="FILE", help="write every cycle into a table")
-    output.add_argument("--html", type=Path, metavar="FILE", help="write a report: one page that needs no network")
+    output.add_argument("--csv", type=CSV, metavar="FILE", help="write every cycle into a table")
+    output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")
     output.add_argument(
-        "--out", type=Path, metavar="BAG", help="write cycles, margins and diagnostics as a bag, to be opened beside it"
+        "--out",
+        type=OutputBag(),
+        metavar="BAG",
+        help="write cycles, margins and diagnostics as a bag",
     )
     output.add_argument(
         "--fail-on-stick-slip", action="store_true", help="exit status 1 if a joint sticks and slips, however short"
@@ -51,9 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     fleet = parser.add_argument_group("many bags")
     fleet.add_argument("--jobs", type=int, metavar="N", default=1, help="bags at once (default: %(default)s)")
     fleet.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that sees the files: tcp://…")
-    fleet.add_argument("--results", type=Path, metavar="FOLDER", help="keep answers, and begin with those in it")
     fleet.add_argument(
-        "--table", type=Path, metavar="FILE", help="write a row for each joint of each bag (.csv or .parquet)"
+        "--results", type=OutputFolder(), metavar="FOLDER", help="keep answers here, and begin with them"
+    )
+    fleet.add_argument(
+        "--table", type=TABLE, metavar="FILE", help="write a row for each joint of each bag (.csv or .parquet)"
     )
 
 
@@ -64,51 +74,89 @@ def run(options: argparse.Namespace) -> int:
     bags = find_bags(options.bags)
     if not bags:
         raise RecordingError(f"no bags in {', '.join(map(str, options.bags))}")
-    for path in (options.csv, options.html, options.out, options.table):
-        if path is not None:
-            check_output(path, bags)
-    if len(bags) == 1 and options.scheduler is None and options.results is None:
-        answers, analysis = _one(bags[0], options)
-    else:
-        if options.out is not None:
-            raise InvalidParameterError("--out", "used with one bag, by itself", options.out)
-        answers, analysis = _many(bags, options), None
+    refuse_inputs({f"--{name}": getattr(options, name) for name in ("csv", "html", "out", "table")}, bags)
+    alone = len(bags) == 1 and options.scheduler is None and options.results is None
+    if options.out is not None and not alone:
+        raise InvalidParameterError("--out", "used with one bag, by itself", options.out)
+    chosen = analysis_options(options)
+    check_named_joints(options, chosen, bags)
+    answers, analysis, unwritten = _one(bags[0], chosen, options) if alone else (_many(bags, chosen, options), None, [])
     errors = [found["error"] for found in answers if "error" in found]
     blind = [text for found in answers if (text := nothing_judged(found))]
     for text in (*errors, *blind):
         complain(text)
-    if options.csv:
-        write_cycles(options.csv, answers)
-    if options.table:
-        write_table(options.table, rows_of(answers))
-    if options.html and analysis is None:
-        write_fleet_page(options.html, answers)
-    if options.json:
-        print(json_text({"bags": answers}))
-    elif analysis is not None:
-        print_analysis(analysis)
-    elif len(bags) > 1 or not errors:
-        print_fleet(answers)
+    try:
+        unwritten += _write(options, answers, analysis)
+    finally:
+        # Whatever becomes of the files, the answer is not lost.
+        if options.json:
+            print(json_text({"bags": answers}))
+        elif analysis is not None:
+            print_analysis(analysis)
+        elif len(bags) > 1 or not errors:
+            print_fleet(answers)
+    for text in unwritten:
+        complain(text)
     worst = [joint["worst_status"] for found in answers for joint in found.get("joints", {}).values()]
     if options.fail_on_stick_slip and "stick_slip" in worst:
         return 1
-    return 2 if errors or blind else 0
+    return 2 if errors or blind or unwritten else 0
 
 
-def _one(path: Path, options: argparse.Namespace) -> tuple[list[Answer], BagAnalysis | None]:
-    """One bag, with what only its analysis at hand can give: annotations and report."""
-    more: dict[str, Any] = {"with_traces": options.html is not None}
-    if options.out is not None:
-        more["longest_piece"] = _ANNOTATED_EVERY
-    chosen = analysis_options(options, **more)
+def _write(options: argparse.Namespace, answers: Sequence[Answer], analysis: BagAnalysis | None) -> list[str]:
+    """Write the files that are asked for; returns of each that was not why: one takes no other with it."""
+    writers: dict[str, Callable[[Path], None]] = {
+        "csv": lambda path: write_cycles(path, answers),
+        "table": lambda path: write_table(path, rows_of(answers)),
+        "html": lambda path: write_fleet_page(path, answers) if analysis is None else write_report(path, analysis),
+    }
+    unwritten = []
+    for name, write in writers.items():
+        path = getattr(options, name)
+        try:
+            if path is not None:
+                write(path)
+        except (StickSlipError, OSError) as error:
+            unwritten.append(_unwritten(name, path, error))
+    return unwritten
+
+
+def _unwritten(name: str, path: Path, error: Exception) -> str:
+    reason = in_words(error).removeprefix(f"{path}: ")
+    return f"--{name} {path} was not written: {reason}"
+
+
+def _one(
+    path: Path, chosen: AnalysisOptions, options: argparse.Namespace
+) -> tuple[list[Answer], BagAnalysis | None, list[str]]:
+    """One bag, with what only its analysis at hand can give: traces for a report, and annotations; and why these were
+    not written.
+    """
+    chosen = replace(
+        chosen,
+        with_traces=options.html is not None,
+        longest_piece=chosen.longest_piece if options.out is None else _ANNOTATED_EVERY,
+    )
+    analysis: BagAnalysis | None = None
+    failed: list[OSError] = []
     try:
         with progress_bar(f"reading {path.name}") as progress, _annotation(chosen, options.out) as annotation:
-            analysis = analyze(path, chosen, progress, *([annotation] if annotation is not None else []))
+
+            def watch(joints: dict[str, FollowedJoint], found: dict[str, list[Cycle]], clock: float) -> None:
+                try:
+                    if annotation is not None and not failed:
+                        annotation(joints, found, clock)
+                except OSError as error:
+                    failed.append(error)
+
+            analysis = analyze(path, chosen, progress, watch)
+            if failed:
+                raise failed[0]
     except (StickSlipError, OSError) as error:
-        return [{"path": str(path), "error": str(error)}], None
-    if options.html is not None:
-        write_report(options.html, analysis)
-    return [bag_json(analysis)], analysis
+        if analysis is None:
+            return [{"path": str(path), "error": in_words(error)}], None, []
+        return [bag_json(analysis)], analysis, [_unwritten("out", options.out, error)]
+    return [bag_json(analysis)], analysis, []
 
 
 def _annotation(chosen: AnalysisOptions, path: Path | None) -> Any:
@@ -116,13 +164,16 @@ def _annotation(chosen: AnalysisOptions, path: Path | None) -> Any:
     return nullcontext() if path is None else Annotation(path, chosen.parameters.settings_of("*").options.warn_margin)
 
 
-def _many(bags: list[Path], options: argparse.Namespace) -> list[Answer]:
+def _many(bags: list[Path], chosen: AnalysisOptions, options: argparse.Namespace) -> list[Answer]:
+    watched = Terminal(stderr=True).is_terminal
     with progress_bar("bags") as progress:
         return analyze_fleet(
             bags,
-            analysis_options(options),
+            chosen,
             jobs=options.jobs,
             scheduler=options.scheduler,
             results=options.results,
             progress=progress,
+            # Where nobody watches a bar, a log has a line a bag.
+            finished=(lambda _: None) if watched else print_finished,
         )

@@ -6,15 +6,19 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
+from stickslip_ros.bags.joint_samples import joint_names
 from stickslip_ros.bags.storage.unpacking import OPTION, UnpackLimit
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.nearest_name import nearest_name
 from stickslip_ros.settings.parameter_file import Parameters
+from stickslip_ros.settings.parameter_names import nearest_joint
 
 _EVERY = "*"
 
@@ -75,8 +79,12 @@ def unpack_limit(options: argparse.Namespace) -> UnpackLimit:
     return UnpackLimit(largest_unpacked=options.largest_unpacked)
 
 
-def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOptions:
+def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = ()) -> AnalysisOptions:
     """What the options say.
+
+    Parameters
+    ----------
+    gains_after : texts of --gains-after, before those of --gains.
 
     Raises
     ------
@@ -91,15 +99,9 @@ def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOption
         except StickSlipError as error:
             raise StickSlipError(f"--model {text}: {error}") from error
         given[f"model.{joint}"] = name
-    for text in options.gains:
-        joint, values = _of_joint(text)
-        try:
-            numbers = [float(value) for value in values.split(",")]
-            if len(numbers) > 2 or not all(math.isfinite(number) for number in numbers):
-                raise ValueError
-        except ValueError as error:
-            raise InvalidParameterError("--gains", "of the form 630 or 630,12 or joint1=630,12", text) from error
-        given |= dict(zip((f"gains.{joint}.p", f"gains.{joint}.d"), numbers, strict=False))
+    for option, texts in (("--gains", options.gains), ("--gains-after", gains_after)):
+        for text in texts:
+            given |= _gains(option, text)
     if options.no_learning:
         given["learn"] = False
     references = options.references
@@ -115,8 +117,20 @@ def analysis_options(options: argparse.Namespace, **more: Any) -> AnalysisOption
         end=options.end,
         parameters=Parameters.of_files(options.parameters, given),
         unpacking=unpack_limit(options),
-        **more,
     )
+
+
+def _gains(option: str, text: str) -> dict[str, float]:
+    joint, values = _of_joint(text)
+    try:
+        numbers = [float(value) for value in values.split(",")]
+        if len(numbers) > 2:
+            raise ValueError
+    except ValueError as error:
+        raise InvalidParameterError(option, "of the form 630 or 630,12 or joint1=630,12", text) from error
+    if not all(0.0 <= number < math.inf for number in numbers):
+        raise InvalidParameterError(option, "finite and >= 0", text)
+    return dict(zip((f"gains.{joint}.p", f"gains.{joint}.d"), numbers, strict=False))
 
 
 def _of_joint(text: str) -> tuple[str, str]:
@@ -124,13 +138,34 @@ def _of_joint(text: str) -> tuple[str, str]:
     return (joint, value) if equals else (_EVERY, text)
 
 
-def check_output(path: Path, inputs: list[Path]) -> None:
-    """Refuse to write over what is read.
+def check_named_joints(options: argparse.Namespace, chosen: AnalysisOptions, bags: Sequence[Path]) -> None:
+    """See that every joint named in --gains and --model is in a bag; no more is read than it takes to find them.
 
     Raises
     ------
-    InvalidParameterError
-        If the path is one of the inputs.
+    StickSlipError
+        If one is in none; the text has the option as it was typed, and the name that was probably meant.
     """
-    if path.exists() and any(one.exists() and path.samefile(one) for one in inputs):
-        raise InvalidParameterError("output", "another file than the recording", path)
+    named = {
+        joint: f"--{option.replace('_', '-')} {text}"
+        for option in ("gains", "gains_after", "model")
+        for text in getattr(options, option, ())
+        if (joint := _of_joint(text)[0]) != _EVERY
+    }
+    missing, there = set(named), set[str]()
+    for path in bags if missing else ():
+        try:
+            for names in joint_names(path, chosen.topics, chosen.unpacking):
+                there |= names
+                missing -= names
+                if not missing:
+                    return
+        except (StickSlipError, OSError):
+            # Said of the bag when it is analysed.
+            continue
+    for joint in sorted(missing) if there else ():
+        near = nearest_joint(joint, there) or nearest_name(joint, there)
+        meant = f"; did you mean {near!r}?" if near else ""
+        where = "the bag" if len(bags) == 1 else f"any of {len(bags)} bags"
+        listed = ", ".join(sorted(there))
+        raise StickSlipError(f"{named[joint]}: no joint {joint!r} in {where}{meant}; joints there: {listed}")

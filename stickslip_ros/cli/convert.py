@@ -1,41 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip convert`: a table of samples (.csv, .npz) as a bag, so that it takes the same road as any other.
+"""`stickslip convert`: a table of samples (CSV, Parquet, NPZ) as a bag, so that it takes the same road as any other.
 
-A column is found by its name, as in time_s, position_rad, velocity_deg_per_s, torque_nm, reference_rad; or it is
-named, with its unit where the name has none: --column position=q1:deg. Stamps are kept as they are.
+Every joint of the table is taken. A column is found by its name, as in timestamp, q1, shoulder_pos, position[0],
+/joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]"; or it is named, with its unit where the name has
+none: --column 'position=q*:deg', where * stands for the joint. What was found is shown before anything is written.
+Stamps are kept as they are.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
 
 import numpy as np
+from rich.markup import escape
+from rich.table import Table as Grid
 
 from stickslip_ros.bags.conversion import write_recording
-from stickslip_ros.bags.table import COLUMNS, UNITS, find_recording, load_recording
+from stickslip_ros.bags.table import Table, Use, find_recording, load_table
+from stickslip_ros.bags.table_columns import FIELDS, POSITION, TIME, UNITS, Named
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.bag_options import add_unpack_argument, check_output, unpack_limit
+from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
+from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.samples import Batch
+
+_WIDTH = 160
+_MOST_UNUSED = 12
+_MANY_TURNS = 40.0  # [rad] that a joint hardly spans: more than six turns
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("recording", metavar="RECORDING", help="a .csv or .npz file, or a known one")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="BAG", help="one file if it ends in .mcap, else a directory"
+        "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known one"
     )
-    parser.add_argument("--name", default="joint1", help="of the joint (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
+    )
+    add_force_argument(parser)
+    parser.add_argument(
+        "--names",
+        "--name",
+        metavar="A,B",
+        help="of the joints, in the table's order (default: as the columns have them)",
+    )
     parser.add_argument(
         "--column", action="append", metavar="FIELD=COLUMN[:UNIT]", default=[],
-        help=f"FIELD one of {', '.join(COLUMNS)}; UNIT as in position=q1:deg; may be repeated",
+        help=f"FIELD one of {', '.join(FIELDS)}; * stands for the joint, as in position=q*:deg; may be repeated",
     )  # fmt: skip
     parser.add_argument("--start", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)")
-    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then, to be recorded too")
+    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controllers then, to be recorded too")
     parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then (default 0)")
     add_unpack_argument(parser)
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
@@ -44,36 +62,101 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Convert; exit status 0."""
     path = find_recording(options.recording)
-    check_output(options.out, [path])
-    recording = load_recording(path, dict(_column(text) for text in options.column), unpack_limit(options))
-    first = float(np.nanmin(recording.batch.time))
+    refuse_inputs({"--out": options.out}, [path])
+    refuse_to_overwrite("--out", options.out, force=options.force)
+    gains = None
+    if options.stiffness is not None:
+        gains = Gains(stiffness=options.stiffness, damping=options.damping)
+    table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
+    names = _names(options.names, table)
+    first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
     # A stamp of zero means that there is none.
     start = options.start if options.start is not None else (0.0 if first > 0.0 else 1.0 - first)
     if not math.isfinite(start) or first + start <= 0.0:
         raise InvalidParameterError("--start", f"such that the first stamp is after zero (> {-first:g})", start)
-    gains = None
-    if options.stiffness is not None:
-        gains = Gains(stiffness=options.stiffness, damping=options.damping)
-    count = write_recording(options.out, recording.batch, options.name, start, gains, options.compression)
-    left = len(recording.batch) - count
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
-    console.print(f"{options.out}: {count} samples of {options.name}; now: stickslip analyze {options.out}")
+    _show(table, names)
+    batches = dict(zip(names, table.batches.values(), strict=True))
+    count = write_recording(options.out, batches, start, gains, options.compression)
+    console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: stickslip analyze {options.out}")
+    left = len(next(iter(batches.values()))) - count
     if left:
         console.print(f"[yellow]warning:[/] {left} rows have no time and were left out")
-    unit = recording.unit
-    if unit != "rad":
-        console.print(f"[yellow]note:[/] positions are in {unit}; wherever rad is said, read {unit}")
+    _warn(console, table, batches)
     return 0
 
 
-def _column(text: str) -> tuple[str, tuple[str, str]]:
+def _names(text: str | None, table: Table) -> list[str]:
+    found = list(table.joints)
+    if text is None:
+        return found
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != len(found) or len(set(names)) != len(names) or not all(names):
+        listed = f"{len(found)} different names, separated by commas, of the joints {', '.join(found)}"
+        raise InvalidParameterError("--names", listed if len(found) > 1 else "one name", text)
+    return names
+
+
+def _show(table: Table, names: list[str]) -> None:
+    """Which columns were taken for what."""
+    console = Terminal(stderr=True, highlight=False)
+    console = console if console.is_terminal else Terminal(stderr=True, highlight=False, width=_WIDTH)
+    fields = [field for field in FIELDS if any(field in uses for uses in table.joints.values())]
+    grid = Grid(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    for heading in ("joint", *(field.replace("_", " ") for field in fields)):
+        grid.add_column(heading, no_wrap=True)
+    for name, uses in zip(names, table.joints.values(), strict=True):
+        grid.add_row(escape(name), *(_shown(uses[field]) if field in uses else "-" for field in fields))
+    form = f" ({table.form})" if table.form else ""
+    time = " + ".join(_shown(use) for use in table.time)
+    console.print(f"[bold]{escape(table.name)}[/]{escape(form)}: time from {time}", soft_wrap=True)
+    console.print(grid)
+    assumed = [use for use in table.time if use.assumed]
+    assumed += [use for uses in table.joints.values() for use in uses.values() if use.assumed]
+    if assumed:
+        console.print(
+            "[dim]?: the column's name has no unit; of time it is told by the values, else it is the usual one. "
+            "Another: --column 'position=q*:deg'[/]",
+            soft_wrap=True,
+        )
+    if table.unused:
+        more = len(table.unused) - _MOST_UNUSED
+        listed = ", ".join(table.unused[:_MOST_UNUSED]) + (f" and {more} more" if more > 0 else "")
+        console.print(f"[dim]not used: {escape(listed)}[/]", soft_wrap=True)
+
+
+def _shown(use: Use) -> str:
+    unit = use.unit.replace("_per_", "/").replace("nm", "N·m")
+    return escape(f"{use.column} [{unit}{'?' if use.assumed else ''}]")
+
+
+def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
+    for (name, batch), (own, uses) in zip(batches.items(), table.joints.items(), strict=True):
+        unit = table.unit(own)
+        if unit != "rad":
+            console.print(
+                f"[yellow]note:[/] positions of {escape(name)} are in {unit}; wherever rad is said, read {unit}"
+            )
+        known = batch.position[np.isfinite(batch.position)]
+        span = float(known.max() - known.min()) if len(known) else 0.0
+        if uses[POSITION].assumed and span > _MANY_TURNS:
+            column = escape(uses[POSITION].column)
+            console.print(
+                f"[yellow]warning:[/] {escape(name)} spans {span:.3g} rad: is {column} in degrees? Then: "
+                f"--column 'position={column}:deg'"
+            )
+
+
+def _column(text: str) -> Named:
     field, equals, rest = text.partition("=")
     name, colon, unit = rest.rpartition(":")
     if not colon:
         name, unit = rest, ""
-    if not equals or field not in COLUMNS or not name:
-        wanted = f"FIELD=COLUMN[:UNIT] with a field of {', '.join(COLUMNS)}"
+    if not equals or field not in FIELDS or not name:
+        wanted = f"FIELD=COLUMN[:UNIT] with a field of {', '.join(FIELDS)}"
         raise InvalidParameterError("--column", wanted, text)
+    if field == TIME and "*" in name:
+        raise InvalidParameterError("--column", "of one column, where it is of the time", text)
     if unit and unit not in UNITS[field]:
         raise InvalidParameterError(f"--column {text}", f"a unit of {', '.join(UNITS[field])}", unit)
-    return field, (name, unit)
+    return Named(field=field, column=name, unit=unit)

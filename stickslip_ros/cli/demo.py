@@ -18,16 +18,22 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 
+from stickslip_ros.analysis.comparison import compare_joints
+from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
 from stickslip_ros.bags.table import find_recording, load_recording
+from stickslip_ros.cli.comparison_tables import print_joints
+from stickslip_ros.cli.outputs import DRAWING
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.warm_up import compile_ahead, is_warm
 
 if TYPE_CHECKING:
-    from stickslip_ros.cli.demo_log import DemoListener
+    from stickslip_ros.cli.demo_log import DemoData, DemoListener
 
 _JOINT = "joint1"
 # Its friction is known; what is learnt from the first slips would move the advice while it is being followed.
@@ -41,7 +47,7 @@ _KNOWN: dict[str, object] = {
     f"limits.{_JOINT}.d_max": 300.0,
 }
 _CYCLES_TO_SEE = 4
-_SMOOTH_TO_SEE = 5.0  # [s]
+_SMOOTH_TO_SEE = 7.0  # [s]: chance would hardly leave so many cycles out
 _START_LIMIT = 60.0
 _STICK_LIMIT = 20.0
 _SMOOTH_LIMIT = 25.0
@@ -51,12 +57,13 @@ _APPLY_LIMIT = 45.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "--out", type=Path, default=Path("stickslip_demo.png"), help="where to save the picture (default: %(default)s)"
-    )
+        "--out", type=DRAWING, default="stickslip_demo.png", metavar="FILE",
+        help="where to save the picture: .png, .svg or .pdf (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--recording",
         metavar="NAME",
-        help="replay a recorded joint instead: a .csv or .npz file, or the beginning of a known one's name",
+        help="replay a recorded joint instead: a table (.csv, .parquet, .npz), or the beginning of a known one's name",
     )
     parser.add_argument(
         "--speed",
@@ -73,8 +80,6 @@ def run(options: argparse.Namespace) -> int:
         import rclpy  # noqa: F401
     except ImportError as error:
         raise StickSlipError(f"the demo needs ROS 2 (rclpy): {error}; `make demo` installs it from wheels") from error
-    if options.out.suffix not in (".png", ".svg", ".pdf") or not options.out.resolve().parent.is_dir():
-        raise StickSlipError(f"--out must be a .png, .svg or .pdf in a folder that exists: {options.out}")
     console = Terminal(highlight=False, soft_wrap=True)
     domain = isolate()
     console.print(f"[dim]ROS domain {domain}, this machine only[/]")
@@ -138,7 +143,7 @@ def _cure(console: Console, out: Path) -> int:
             f"Margin of Eq. (43): [red]{margin:.3g}[/] M·x˙_s² (negative)."
         )
         console.print(f"Advice: [bold]{listener.value('recommendation')}[/].")
-        changed_at = listener.now
+        changed_at, gains_before = listener.now, _gains_heard(listener)
         console.print(
             "Asked to apply it ([bold]~/apply_recommendation[/]), the monitor ramps the gains in small steps while the "
             "joint moves, and watches it."
@@ -148,6 +153,7 @@ def _cure(console: Console, out: Path) -> int:
         if not answer.result().success:
             raise StickSlipError(f"not applied: {answer.result().message}")
         console.print(f"Applied: {answer.result().message}.")
+        applied_at = listener.now
         smooth_since: list[float] = []
 
         def smooth_for_long() -> bool:
@@ -168,6 +174,11 @@ def _cure(console: Console, out: Path) -> int:
             f"[bold green]Smooth[/]: no cycle for {listener.now - smooth_since[0]:.0f} s. "
             f"Margin of Eq. (43): [green]+{after:.3g}[/] M·x˙_s²."
         )
+        halves = (
+            _half(data, -math.inf, changed_at, gains_before),
+            _half(data, applied_at, math.inf, _gains_heard(listener)),
+        )
+        print_joints(console, [compare_joints(*halves)])
         draw(
             data,
             out,
@@ -177,6 +188,23 @@ def _cure(console: Console, out: Path) -> int:
         )
     console.print(f"Picture: [bold]{out}[/]")
     return 0
+
+
+def _gains_heard(listener: DemoListener) -> dict[str, object]:
+    """The gains that the monitor knows, as parameters."""
+    keys = {"p": "stiffness [N*m/rad]", "d": "damping [N*m*s/rad]"}
+    return {f"gains.{_JOINT}.{name}": float(listener.value(key)) for name, key in keys.items()}
+
+
+def _half(data: DemoData, begin: float, end: float, gains: dict[str, object]) -> JointAnalysis:
+    """What was heard from one time to another [s], analysed as a recording is."""
+    given = {f"model.{_JOINT}": _KNOWN[f"model.{_JOINT}"], "learn": False, **gains}
+    joint = FollowedJoint(_JOINT, Parameters(given), with_traces=False, at_once=1)
+    states = [(*row, math.nan) for row in data.states if begin <= row[0] <= end]
+    references = [(*row, math.nan) for row in data.references if begin <= row[0] <= end]
+    joint.take(np.array(states), np.array(references))
+    joint.end()
+    return joint.analysis()
 
 
 def _replay(console: Console, options: argparse.Namespace) -> int:

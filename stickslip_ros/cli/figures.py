@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 
 from stickslip_ros.cli import paper_figures
+from stickslip_ros.cli.outputs import OutputFolder
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.extinction_map import extinction_map
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "numbers", nargs="*", type=int, metavar="N", help=f"figures to draw, of {numbers} (default: all)"
     )
-    parser.add_argument("--out", type=Path, default=Path("figures"), metavar="FOLDER", help="default: figures")
+    parser.add_argument("--out", type=OutputFolder(), default="figures", metavar="FOLDER", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip identify`: inertia and friction of a joint, from a recording or from an experiment that moves it.
 
-From a recording (.csv or .npz, columns named with their units, or a bag with JointStates): its slips,
+From a recording (a table as `stickslip convert` takes it, or a bag with JointStates): its slips,
 and where the effort is known its sliding, are fitted. The experiment rests, moves slowly, faster, and the same
 way back, by the parameters of a simulated joint or as a trajectory for a joint_trajectory_controller; --plan
 only says what it would do.
@@ -25,6 +25,7 @@ from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
+from stickslip_ros.cli.outputs import JOINT_FILE
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recording",
         nargs="?",
         metavar="RECORDING",
-        help="a .csv or .npz file, a bag (MCAP file, rosbag2 directory or .db3 file), or a known recording",
+        help="a table (.csv, .parquet, .npz), a bag (MCAP file, rosbag2 directory or .db3 file), or a known recording",
     )
     topics = parser.add_argument_group("topics of a bag, where there are several that could be meant")
     topics.add_argument("--states", metavar="TOPIC", help="joint states")
@@ -78,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     experiment.add_argument("--plan", action="store_true", help="say what would be done, and move nothing")
     parser.add_argument("--name", help="of the joint in the joint file (default: the recording's or the joint's)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write a joint file (.yaml), for config/joints")
+    parser.add_argument("--out", type=JOINT_FILE, metavar="FILE", help="write a joint file (.yaml), for config/joints")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -130,7 +131,7 @@ def _samples(path: Path, options: argparse.Namespace) -> Batch:
     limit = unpack_limit(options)
     if is_read_as_bag(path):
         return read_joint(path, options.on, _topics(options), limit)
-    return load_recording(path, limit=limit).batch
+    return load_recording(path, options.on, limit).batch
 
 
 def _topics(options: argparse.Namespace) -> TopicChoice:

@@ -9,14 +9,15 @@ line on stderr.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from importlib import import_module
 from typing import NamedTuple, NoReturn
 
 import stickslip_ros
 from stickslip_ros.cli.ending import Ended, ended_by_exception
-from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
 from stickslip_ros.visible import visible
 
 
@@ -32,7 +33,9 @@ class Command(NamedTuple):
 COMMANDS = {
     "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?"),
     "recommend": Command("recommend", "gains that would make this joint smooth"),
+    "reversal": Command("reversal", "how long a joint stands, and falls behind, where its reference turns round"),
     "analyze": Command("analyze", "find stick slip in recorded bags"),
+    "compare": Command("compare", "two recordings, before and after a change: did it help?"),
     "identify": Command("identify", "learn a joint's inertia and friction from a recording or an experiment"),
     "watch": Command("watch", "every joint, live in the terminal", compiled=False),
     "map": Command("stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is"),
@@ -42,6 +45,8 @@ COMMANDS = {
     "demo": Command("demo", "stick slip detected, explained and cured, in half a minute", compiled=False),
     "warm-up": Command("warm_up", "compile everything ahead, once after installation", compiled=False),
 }
+
+_OPTION, _NEGATIVE = re.compile(r"--[a-z][a-z-]*"), re.compile(r"-\.?\d")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -68,7 +73,7 @@ def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit status."""
-    given = sys.argv[1:] if arguments is None else arguments
+    given = _with_negative_values(sys.argv[1:] if arguments is None else arguments)
     try:
         with ended_by_exception():
             options = build_parser(given[:1]).parse_args(given)
@@ -80,12 +85,23 @@ def main(arguments: list[str] | None = None) -> int:
     except (StickSlipError, OSError) as error:
         from stickslip_ros.cli.terminal import complain
 
-        complain(str(error))
+        complain(in_words(error))
         return 2
     except KeyboardInterrupt:
         return 130
     except Ended as ended:
         return ended.status
+
+
+def _with_negative_values(given: Sequence[str]) -> list[str]:
+    """Arguments in which `--gains -630,0` is `--gains=-630,0`: argparse takes it for two options."""
+    found: list[str] = []
+    for word in given:
+        if found and _NEGATIVE.match(word) and _OPTION.fullmatch(found[-1]):
+            found[-1] += f"={word}"
+        else:
+            found.append(word)
+    return found
 
 
 def _compile() -> None:

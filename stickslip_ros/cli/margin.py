@@ -12,19 +12,26 @@ from rich.table import Table
 
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
+from stickslip_ros.model.controlled import HUNTING, OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS
+from stickslip_ros.model.hunting import hunting, largest_quiet_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import json_text, margin_json
+from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 # What is needed comes first, what cancels last.
-_FRICTION = sorted(FRICTION_PARAMETERS, key=lambda one: (one.name == "coulomb", one.name == "viscous"))
+_FRICTION = [
+    *sorted(FRICTION_PARAMETERS, key=lambda one: (one.name == "coulomb", one.name == "viscous")),
+    *PRESLIDING_PARAMETERS,
+]
+_DEFAULTS = {"presliding_stiffness": math.inf}  # of what may be left out; 0 otherwise
 _NOTES = {"coulomb": "; cancels from the result"}
+_CONTACT = "how a contact of finite presliding stiffness yields (default: the joint's, or elasto_plastic)"
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
 _WORTH_TELLING = 1e3  # a factor on a gain or the speed that somebody might set
@@ -34,7 +41,13 @@ _FASTEST = 1e4  # [rad/s]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser)
-    beyond = parser.add_argument_group("beyond the paper, for the exact verdict")
+    add_conditions(parser, "beyond the paper, for the exact verdict")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def add_conditions(parser: argparse.ArgumentParser, title: str) -> None:
+    """Options of load and sampled control; read by :func:`conditions_from`."""
+    beyond = parser.add_argument_group(title)
     beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
     beyond.add_argument(
         "--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s] (default: none)"
@@ -42,11 +55,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     beyond.add_argument(
         "--control-delay", action="store_true", help="the effort takes effect one controller period late"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
-def add_joint_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options that name a joint, its gains and its speed; read by :func:`joint_from`."""
+def conditions_from(options: argparse.Namespace) -> OperatingConditions:
+    """Load and sampled control that the options give."""
+    return OperatingConditions(
+        load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
+    )
+
+
+def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = True) -> None:
+    """Options that name a joint, its gains and, if wanted, its speed; read by :func:`joint_from`."""
     parser.add_argument(
         "--joint",
         metavar="NAME",
@@ -56,21 +75,25 @@ def add_joint_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stiffness", type=float, metavar="KP", help=f"k_p [{unit_of(Gains, 'stiffness')}]")
     parser.add_argument("--damping", type=float, metavar="KV", help=f"k_v [{unit_of(Gains, 'damping')}] (default 0)")
     parser.add_argument("--integral", type=float, metavar="KI", help=f"k_i [{unit_of(Gains, 'integral')}] (default 0)")
-    parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
+    if velocity:
+        parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
+    else:
+        parser.set_defaults(velocity=0.0)
     for one in _FRICTION:
         text = f"{one.help} [{one.unit}]{_NOTES.get(one.name, '')}"
         parser.add_argument(f"--{one.name.replace('_', '-')}", type=float, metavar="X", help=text)
     parser.add_argument("--law", choices=list(LAWS), help=_LAW)
+    parser.add_argument("--contact", choices=list(CONTACTS), help=_CONTACT)
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the margin; exit status 0 whatever the verdict."""
     joint, gains, velocity = joint_from(options)
-    conditions = OperatingConditions(
-        load=options.load, controller_period=options.controller_period, control_delay=options.control_delay
-    )
+    conditions = conditions_from(options)
     with Terminal(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
         result = margin_json(joint, gains, velocity, conditions)
+        if result["exact"]["reason"] == HUNTING:
+            result["hunting"] = _hunting(joint, gains, conditions)
     if options.json:
         print(json_text(result))
     else:
@@ -99,17 +122,22 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
             given = fallback
         if given is None:
             raise InvalidParameterError(f"--{name.replace('_', '-')}", "given, or a --joint that has it", None)
-        if not math.isfinite(given):
+        if not math.isfinite(given) and given is not fallback:
             raise InvalidParameterError(f"--{name.replace('_', '-')}", "a finite number", given)
         return float(given)
 
     friction = {
-        name: value(name, getattr(known.joint.friction, name) if known else (None if name in _REQUIRED else 0.0))
+        name: value(
+            name,
+            getattr(known.joint.friction, name) if known else (None if name in _REQUIRED else _DEFAULTS.get(name, 0.0)),
+        )
         for name in (one.name for one in _FRICTION)
     }
     law = options.law or (known.joint.friction.law if known else PAPERS_LAW)
+    contact = options.contact or (known.joint.friction.contact if known else ELASTO_PLASTIC)
     joint = Joint(
-        inertia=value("inertia", known.joint.inertia if known else None), friction=Friction(**friction, law=law)
+        inertia=value("inertia", known.joint.inertia if known else None),
+        friction=Friction(**friction, law=law, contact=contact),
     )
     gains = Gains(
         stiffness=value("stiffness", known.gains.stiffness if known else None),
@@ -122,9 +150,33 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     return joint, gains, velocity
 
 
+def _hunting(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dict[str, Any]:
+    """How it hunts, and which gains would not; null where none of those that are tried do not."""
+    found = hunting(joint, gains, conditions)
+    return {
+        "period": number(found.period),
+        "amplitude": number(found.amplitude),
+        "starts": list(found.starts),
+        "largest_quiet_integral": number(largest_quiet_integral(joint, gains, conditions)) or None,
+        "least_quiet_stiffness": number(least_quiet_stiffness(joint, gains, conditions)),
+    }
+
+
+def _hunts_in_words(found: dict[str, Any]) -> str:
+    text = "It hunts"
+    if found["amplitude"] is not None and found["period"] is not None:
+        text += f" by ±{1e3 * found['amplitude']:.3g} mrad, once in {found['period']:.3g} s"
+    integral, stiffness = found["largest_quiet_integral"], found["least_quiet_stiffness"]
+    less = "no k_i down to a thousandth of it ends that" if integral is None else f"a k_i up to {integral:.3g} does not"
+    more = (
+        "no k_p up to a thousand times as much does" if stiffness is None else f"a k_p from {stiffness:.4g} on does not"
+    )
+    return f"{text}; {less}, {more}."
+
+
 def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
-    console.print(f"[dim]{_judged(joint, gains)}[/]")
+    console.print(f"[dim]{judged(joint, gains)}[/]")
     exact = result["exact"]
     if exact["outcome"] is None:
         console.print(f"[yellow]Integrated, there is {exact['reason']}.[/]")
@@ -135,6 +187,8 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
         console.print(f"{text}.")
         if exact["depends_on_start"]:
             console.print("[yellow]It depends on how it starts: this is the worst.[/]")
+    if "hunting" in result:
+        console.print(_hunts_in_words(result["hunting"]))
     if not result["applicable"]:
         console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
     if result["applicable"] or exact["critical_damping_ratio"] is not None:
@@ -152,19 +206,21 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
         console.print(f"[dim]By Eq. (43) the verdict changes at {', or '.join(parts)}.[/]")
 
 
-def _judged(joint: Joint, gains: Gains) -> str:
-    """What the verdict is on, in the order of Eqs (1)-(6)."""
+def judged(joint: Joint, gains: Gains, *, coulomb: bool = False) -> str:
+    """What the verdict is on, in the order of Eqs (1)-(6); Coulomb friction where it matters."""
     friction = joint.friction
     parts = [
         f"M {float(joint.inertia):.4g} kg·m²",
         f"k_p {float(gains.stiffness):.4g} N·m/rad",
         f"k_v {float(gains.damping):.4g} N·m·s/rad",
         *([f"k_i {float(gains.integral):.4g} N·m/(rad·s)"] if gains.integral else []),
+        *([f"Coulomb friction {float(friction.coulomb):.4g} N·m"] if coulomb else []),
         f"Stribeck friction {float(friction.stribeck):.4g} N·m at {float(friction.stribeck_velocity):.4g} rad/s",
         f"lag {float(friction.lag):.4g} s",
         f"rise time {float(friction.rise_time):.4g} s",
         f"viscous {float(friction.viscous):.4g} N·m·s/rad",
-        *([] if friction.of_the_paper else [f"law {friction.law}"]),
+        *([] if friction.rigid else [f"presliding stiffness {float(friction.presliding_stiffness):.4g} N·m/rad"]),
+        *([] if friction.of_the_paper else [f"law {friction.law_in_words}"]),
     ]
     return f"Judged: {', '.join(parts)}."
 

@@ -16,7 +16,7 @@ from stickslip_ros.cli.terminal import Terminal
 
 
 @contextmanager
-def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[int, int], None]]:
+def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[float, float], None]]:
     """A bar that is told what is done and of how much; nothing is drawn where stderr is no terminal.
 
     Parameters
@@ -30,7 +30,7 @@ def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[int,
     with _interrupts() as came, bar as progress:
         task = progress.add_task(text, total=None)
 
-        def tell(done: int, total: int) -> None:
+        def tell(done: float, total: float) -> None:
             if came:
                 came.clear()
                 raise KeyboardInterrupt

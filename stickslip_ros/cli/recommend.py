@@ -12,7 +12,15 @@ from typing import Any
 
 from rich.table import Table
 
+from stickslip_ros.cli.compensation_table import (
+    CompensationTable,
+    compensation_table,
+    compensations,
+    print_table,
+    write_feedforward,
+)
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
+from stickslip_ros.cli.outputs import COMPENSATION
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
@@ -26,6 +34,7 @@ from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
+_PERIOD = 1e-3  # [s] of a controller of which nothing is known
 _WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
 
 
@@ -73,6 +82,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--factors", action="store_true", help="advice in factors: the gains are known per inertia only"
     )
     parser.add_argument("--what-if", metavar="p=P,d=D", help="the margin with other gains beside the present one")
+    parser.add_argument(
+        "--compensation", action="store_true", help="what friction compensation buys beside the advised gains"
+    )
+    parser.add_argument(
+        "--compensation-out", type=COMPENSATION, metavar="FILE", help="the feed-forward over speed: .csv, .yaml"
+    )
+    parser.add_argument(
+        "--speed-filter", type=float, metavar="S", default=0.01,
+        help="time constant of the measured speed that compensation goes by [s] (default %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(
         run=run,
@@ -91,6 +110,7 @@ def run(options: argparse.Namespace) -> int:
         require_positive("sample_rate", options.sample_rate)
     if options.tracking_error is not None:
         require_not_negative("tracking_error", options.tracking_error)
+    require_not_negative("speed_filter", options.speed_filter)
     loop = ObservedLoop(
         conditions=OperatingConditions(
             controller_period=options.controller_period, control_delay=options.control_delay
@@ -115,13 +135,38 @@ def run(options: argparse.Namespace) -> int:
                 "margin": margin_json(joint, trial, velocity, loop.conditions),
                 "present_margin": margin_json(joint, gains, velocity, loop.conditions),
             }
+        table = _compensation(options, joint, gains, advice, loop.conditions) if options.compensation else None
+        if table is not None:
+            result["compensation"] = table.as_json()
+    if options.compensation_out is not None:
+        write_feedforward(options.compensation_out, joint.friction)
     if options.json:
         print(json_text(result))
     else:
         _print(advice, found, joint, gains)
+        if table is not None:
+            print_table(table, advice.velocity)
         if trial is not None:
             _print_what_if(result["what_if"])
     return 0 if advice[Kind.LEAST_CHANGE].found else 1
+
+
+def _compensation(
+    options: argparse.Namespace, joint: Joint, gains: Gains, advice: Recommendation, conditions: OperatingConditions
+) -> CompensationTable:
+    """With the advised gains, or the present ones where there are none."""
+    if not advice.velocity > 0:
+        raise InvalidParameterError("--velocity", "> 0 for a table of compensation", advice.velocity)
+    variant = advice[Kind.LEAST_CHANGE]
+    used = variant.gains if variant.found else gains
+    known = load_joint(options.joint) if options.joint else None
+    kinds = compensations(
+        joint, used,
+        resolution=0.0 if known is None else known.encoder_resolution,
+        speed_filter=options.speed_filter,
+        period=conditions.controller_period or _PERIOD,
+    )  # fmt: skip
+    return compensation_table(joint, used, advice.velocity, conditions, kinds)
 
 
 def _limits(options: argparse.Namespace) -> AdviceLimits:
@@ -163,7 +208,7 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
     console = Terminal(highlight=False, soft_wrap=True)
     name = "Eq. (43)" if advice.condition is Criterion.PAPER else "the exact condition"
     if not joint.friction.of_the_paper:
-        name += f" (Eq. (43) is not of the law {joint.friction.law})"
+        name += f" (Eq. (43) is not of the law {joint.friction.law_in_words})"
     first = advice[Kind.LEAST_CHANGE]
     colour = "green" if first.found else "yellow"
     speed = f" at {advice.velocity:.4g} rad/s" if first.found else ""

@@ -8,10 +8,11 @@ Joint n moves at n times the speed, so that of several joints the first stick an
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
+from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_to_overwrite
+from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
@@ -21,8 +22,9 @@ from stickslip_ros.settings.known_joints import load_joint
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="BAG", help="one file if it ends in .mcap, else a directory"
+        "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
     )
+    add_force_argument(parser)
     parser.add_argument("--joint", metavar="NAME", default="puma560_joint1", help="known joint or joint file")
     parser.add_argument("--names", metavar="A,B", default="joint1", help="of the joints (default: %(default)s)")
     parser.add_argument("--velocity", metavar="V[,V]", help="one after the other [rad/s] (default: the known joint's)")
@@ -46,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate and write."""
+    refuse_to_overwrite("--out", options.out, force=options.force)
     known = load_joint(options.joint)
     velocities = _velocities(options.velocity) if options.velocity else (known.velocity,)
     names = [name.strip() for name in options.names.split(",")]
@@ -67,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         )
         for number, name in enumerate(names)
     }
-    with Terminal(stderr=True).status("simulating"):
+    with progress_bar("simulating") as progress:
         write_simulation(
             options.out,
             joints,
@@ -78,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
             jitter=options.jitter,
             with_gains=not options.no_gains,
             compression=options.compression,
+            progress=progress,
         )
     Terminal(stderr=True, highlight=False, soft_wrap=True).print(
         f"{options.out}: {options.duration:g} s of {', '.join(names)}; now: stickslip analyze {options.out}"

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
+from stickslip_ros.cli.outputs import PICTURE
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.output.plotting import save
@@ -22,14 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_joint_arguments(parser)
     parser.add_argument("--points", type=int, default=4000, metavar="N", help="points to integrate (default 4000)")
     parser.add_argument(
-        "--out", type=Path, default=Path("extinction_map.png"), metavar="FILE.png", help="default: extinction_map.png"
+        "--out", type=PICTURE, default="extinction_map.png", metavar="FILE.png", help="default: %(default)s"
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the map as PNG, SVG and CSV and print the paths."""
-    if options.out.suffix != ".png":
-        raise InvalidParameterError("--out", "a file that ends in .png", str(options.out))
     if options.points < _LEAST_POINTS:
         raise InvalidParameterError("--points", f">= {_LEAST_POINTS}", options.points)
     joint, gains, velocity = joint_from(options)

@@ -17,6 +17,12 @@ def require_positive(name: str, value: ArrayLike) -> None:
         raise InvalidParameterError(name, "finite and > 0", value)
 
 
+def require_positive_or_infinite(name: str, value: ArrayLike) -> None:
+    """Raise InvalidParameterError unless every element is > 0; infinity is."""
+    if not np.all(np.asarray(value, dtype=float) > 0):
+        raise InvalidParameterError(name, "> 0, or infinite", value)
+
+
 def require_not_negative(name: str, value: ArrayLike) -> None:
     """Raise InvalidParameterError unless every element is finite and >= 0."""
     array = np.asarray(value, dtype=float)

@@ -14,6 +14,7 @@ import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative
+from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
 from stickslip_ros.model.outcome import STEADY_SWING, Outcome
@@ -31,11 +32,6 @@ _PERIODS_AT_ONCE = 8
 _SAMPLES_A_PERIOD = 64
 _SLIDING_PERIODS = 16
 _FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above which sampling is not followed
-_HUNTS = 40  # slips
-_HUNT_PERIODS = 1e5
-_HUNT_KEEPS = 0.9  # share of the slips' length that is left twenty slips later
-_VANISHED = 1e-3
-_LONGEST_STRETCH = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +44,8 @@ class OperatingConditions:
         integral, and changes no verdict.
     controller_period : the controller samples so often and holds its effort [s]; 0: continuous control.
     control_delay : the effort takes effect one controller period late.
+    compensation : torques that the controller adds, looking at the joint once in its own period, or in that of a
+        sampled controller.
 
     Raises
     ------
@@ -58,12 +56,20 @@ class OperatingConditions:
     load: float = field(default=0.0, metadata={"unit": "N·m"})
     controller_period: float = field(default=0.0, metadata={"unit": "s"})
     control_delay: bool = False
+    compensation: Compensation | None = None
 
     def __post_init__(self) -> None:
         require_finite("load", self.load)
         require_not_negative("controller_period", self.controller_period)
         if self.control_delay and self.controller_period == 0:
             raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
+
+    @property
+    def period(self) -> float:
+        """Of what the controller does once in a while [s]; 0 where it does all continuously."""
+        if self.controller_period > 0 or self.compensation is None:
+            return self.controller_period
+        return self.compensation.period
 
 
 def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> float:
@@ -97,8 +103,8 @@ def _course(
 ) -> tuple[float, Outcome | None]:
     """Whether the cycle persists, and what becomes of the joint if it is followed to the end."""
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
-    natural_period = _natural_period(joint, gains)
-    period = _step_period(conditions, natural_period)
+    natural = natural_period(joint, gains)
+    period = step_period(conditions, natural)
     if math.isnan(period):
         return math.nan, None
     friction = joint.friction
@@ -116,11 +122,12 @@ def _course(
         load=conditions.load,
         sampled=conditions.controller_period > 0,
         control_delay=conditions.control_delay,
+        compensation=conditions.compensation,
     )
-    count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
+    count = max(1, round(_PERIODS_AT_ONCE * natural / period))
     levels: list[float] = []
     slowest_before, last_event, swing_before, alike = -math.inf, 0.0, math.inf, 0
-    while simulation.time < _MOST_PERIODS * natural_period and len(levels) < _MOST_CYCLES:
+    while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
         motion = simulation.advance(period, force / stiffness + speed * times, np.full(count, speed))
         for event in motion.events:
@@ -134,7 +141,7 @@ def _course(
         if simulation.stuck:
             continue
         slowest = float(motion.velocity.min()) if not motion.events else -math.inf
-        if simulation.time - last_event > _SLIDING_PERIODS * natural_period and slowest >= slowest_before:
+        if simulation.time - last_event > _SLIDING_PERIODS * natural and slowest >= slowest_before:
             swing = float(np.abs(motion.velocity - speed).max()) / speed
             alike = alike + 1 if abs(swing - swing_before) <= _ALIKE * swing else 0
             if not to_the_end:
@@ -145,68 +152,19 @@ def _course(
                 return 0.0, Outcome.SWINGS
             swing_before = swing
         slowest_before = slowest
-    died = simulation.time - last_event > _SLIDING_PERIODS * natural_period
+    died = simulation.time - last_event > _SLIDING_PERIODS * natural
     return (0.0, None) if died and to_the_end else (1.0, Outcome.STICKS)
 
 
-def hunts(joint: Joint, gains: Gains, conditions: OperatingConditions) -> float:
-    """Whether integral action makes the joint slip to and fro for ever about a reference that stands still.
-
-    The joint starts stuck, with full static friction, off the reference by what the spring can hold.
-
-    Returns
-    -------
-    1.0 if the slips go on without vanishing, 0.0 if they do not; NaN if that cannot be followed.
-    """
-    natural_period = _natural_period(joint, gains)
-    if gains.integral == 0:
-        return 0.0
-    friction = joint.friction
-    period = _step_period(conditions, natural_period)
-    if math.isnan(period):
-        return math.nan
-    offset = max(float(friction.coulomb) + float(friction.stribeck), 1e-12) / float(gains.stiffness)
-    simulation = JointSimulation(
-        joint,
-        gains,
-        load=conditions.load,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-    )
-    count = max(1, round(_PERIODS_AT_ONCE * natural_period / period))
-    slips: list[float] = []
-    slipped_from = 0.0
-    stretch = 1
-    while len(slips) < _HUNTS and simulation.time < _HUNT_PERIODS * natural_period:
-        # A joint that stays stuck is followed in ever longer stretches.
-        size = count * stretch
-        motion = simulation.advance(period, np.full(size, offset), np.zeros(size))
-        if not np.isfinite(motion.position).all():
-            return 1.0
-        for event in motion.events:
-            if event.kind is EventKind.BREAKAWAY:
-                slipped_from = event.position
-            else:
-                slips.append(abs(event.position - slipped_from))
-        stretch = min(2 * stretch, _LONGEST_STRETCH) if not motion.events else 1
-        error = float(np.abs(motion.position - offset).max())
-        if error < _VANISHED * offset or (slips and slips[-1] < _VANISHED * slips[0]):
-            return 0.0
-    if len(slips) < _HUNTS:
-        # Long slips: an oscillation without a stop, or a slow creep to the reference.
-        return float(len(slips) > 2)
-    recent, earlier = max(slips[-4:]), max(slips[-_HUNTS // 2 - 4 : -_HUNTS // 2])
-    return float(recent > _HUNT_KEEPS * earlier)
-
-
-def _natural_period(joint: Joint, gains: Gains) -> float:
+def natural_period(joint: Joint, gains: Gains) -> float:
+    """2π/ω [s]."""
     return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
 
 
-def _step_period(conditions: OperatingConditions, natural_period: float) -> float:
+def step_period(conditions: OperatingConditions, natural: float) -> float:
     """The controller's period, or a sampling of continuous control; NaN if too short to be followed [s]."""
-    period = conditions.controller_period or natural_period / _SAMPLES_A_PERIOD
-    return math.nan if period * _FASTEST_CONTROLLER < natural_period else period
+    period = conditions.period or natural / _SAMPLES_A_PERIOD
+    return math.nan if period * _FASTEST_CONTROLLER < natural else period
 
 
 def _settled(levels: list[float]) -> bool:

@@ -8,6 +8,7 @@ same code. Equation numbers are those of Armstrong-Hélouvry (1993).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -15,9 +16,16 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW, risen_level, stribeck_friction
+from stickslip_ros.model._friction_law import (
+    CONTACTS,
+    ELASTO_PLASTIC,
+    LAWS,
+    PAPERS_LAW,
+    risen_level,
+    stribeck_friction,
+)
 from stickslip_ros.model._friction_law import Real as Real
-from stickslip_ros.model._validation import require_not_negative, require_positive
+from stickslip_ros.model._validation import require_not_negative, require_positive, require_positive_or_infinite
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,11 +42,16 @@ class Friction:
     coulomb : F_k [N·m], kinetic friction; it cancels from every stability result.
     law : how Stribeck friction falls with speed, Ψ of Eq. (5). "hess_soom", 1/(1 + (x˙/x˙_s)²) after Hess and Soom,
         is the paper's, and the only one that Eq. (43) holds for; "exponential" is exp(−(x˙/x˙_s)²).
+    presliding_stiffness : σ₀ [N·m/rad], of the contact before it breaks away, see
+        :mod:`stickslip_ros.model.joint_simulation`; infinite, as the paper has it, where a stuck joint does not move.
+    presliding_damping : σ₁ [N·m·s/rad], of the contact's deflection.
+    contact : how the contact yields: "elasto_plastic", elastic up to breakaway, or "lugre", ever more the closer to it.
 
     Raises
     ------
     InvalidParameterError
-        If a value is not finite or negative, the Stribeck velocity is zero, or the law is not known.
+        If a value is not finite or negative, the Stribeck velocity or the presliding stiffness is zero, or a law or a
+        contact is not known. An infinite presliding stiffness is none.
     """
 
     stribeck: Real = field(metadata={"unit": "N·m"})
@@ -48,13 +61,19 @@ class Friction:
     viscous: Real = field(default=0.0, metadata={"unit": "N·m·s/rad"})
     coulomb: Real = field(default=0.0, metadata={"unit": "N·m"})
     law: str = PAPERS_LAW
+    presliding_stiffness: Real = field(default=math.inf, metadata={"unit": "N·m/rad"})
+    presliding_damping: Real = field(default=0.0, metadata={"unit": "N·m·s/rad"})
+    contact: str = ELASTO_PLASTIC
 
     def __post_init__(self) -> None:
         require_positive("stribeck_velocity", self.stribeck_velocity)
-        for name in ("stribeck", "lag", "rise_time", "viscous", "coulomb"):
+        require_positive_or_infinite("presliding_stiffness", self.presliding_stiffness)
+        for name in ("stribeck", "lag", "rise_time", "viscous", "coulomb", "presliding_damping"):
             require_not_negative(name, getattr(self, name))
         if not isinstance(self.law, str) or self.law not in LAWS:
             raise InvalidParameterError("law", f"one of {', '.join(LAWS)}", self.law)
+        if not isinstance(self.contact, str) or self.contact not in CONTACTS:
+            raise InvalidParameterError("contact", f"one of {', '.join(CONTACTS)}", self.contact)
 
     @property
     def numbers(self) -> dict[str, Real]:
@@ -68,8 +87,18 @@ class Friction:
 
     @property
     def of_the_paper(self) -> bool:
-        """Whether the law is the paper's."""
-        return self.law == PAPERS_LAW
+        """Whether the law is the paper's, all of it: its Stribeck curve, and no presliding."""
+        return self.law == PAPERS_LAW and self.rigid
+
+    @property
+    def law_in_words(self) -> str:
+        """The law's name, with its contact where that is not rigid."""
+        return self.law if self.rigid else f"{self.law} with presliding ({self.contact})"
+
+    @property
+    def rigid(self) -> bool:
+        """Whether a stuck joint does not move at all."""
+        return bool(np.isinf(self.presliding_stiffness).all())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,3 +66,7 @@ INERTIA = FrictionParameter(
     name="inertia", unit=unit_of(Joint, "inertia"), unit_per_inertia="1", label="inertia", symbol="M", help="inertia"
 )
 JOINT_PARAMETERS = (INERTIA, *FRICTION_PARAMETERS)
+PRESLIDING_PARAMETERS = (
+    _of_friction("presliding_stiffness", "presliding stiffness", "σ₀", "presliding stiffness σ₀ (default: infinite)"),
+    _of_friction("presliding_damping", "presliding damping", "σ₁", "presliding damping σ₁"),
+)  # where a joint at rest is not held rigidly

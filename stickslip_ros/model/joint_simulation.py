@@ -2,6 +2,13 @@
 # Copyright 2026 The stickslip_ros developers
 """Integration of Eqs (4)-(6) in SI units: one joint under PID control that follows any sampled reference.
 
+Presliding, which the paper leaves to later work: a joint at rest leans on an elastic contact, friction σ₀ z + σ₁ z˙
+with the contact's deflection z. By "elasto_plastic" (Dupont, Hayward, Armstrong and Altpeter, IEEE TAC 47(5), 2002,
+with the onset of yielding at its limit) the contact is elastic, z˙ = x˙, while σ₀ |z| ≤ F_k + F_s(t₂). There the joint
+breaks away and slides by Eq. (4); where it arrests, the contact springs back from σ₀ |z| = F_k + F_s,a. With σ₀ → ∞
+that is the paper's law. By "lugre" (Canudas de Wit and others, IEEE TAC 40(3), 1995) the contact yields all the time,
+z˙ = x˙ − σ₀ |x˙| z/(F_k + F_s Ψ).
+
 Cycles of steady motion, for any number of joints, are :mod:`stickslip_ros.model.simulation`.
 """
 
@@ -15,13 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _joint_kernel as kernel
-from stickslip_ros.model._friction_law import LAWS
+from stickslip_ros.model import _joint_state as at
+from stickslip_ros.model._friction_law import CONTACTS, LAWS, RIGID
 from stickslip_ros.model._validation import require_finite, require_positive
+from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.friction import Gains, Joint
 
 # Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
 # then below a millionth.
 _STEPS_PER_RADIAN = 40.0
+_REMEMBERED = 600  # velocities of a slip at least; a creeping contact has its own steps
 
 
 class EventKind(Enum):
@@ -77,6 +87,8 @@ class JointSimulation:
     load : constant torque against the controller [N·m].
     sampled : the controller sees the joint only at the start of each period and holds its effort through it.
     control_delay : a sampled controller's effort takes effect one period late.
+    compensation : torques that the controller adds; it looks at the joint once a period of ``advance``, and its own
+        period counts for nothing but its filter.
 
     Raises
     ------
@@ -94,6 +106,7 @@ class JointSimulation:
         load: float = 0.0,
         sampled: bool = False,
         control_delay: bool = False,
+        compensation: Compensation | None = None,
     ) -> None:
         require_finite("position", position)
         require_finite("load", load)
@@ -101,12 +114,13 @@ class JointSimulation:
         self.load = load
         self.sampled = sampled
         self.control_delay = control_delay
-        self._held = np.array([0.0, error_integral])
+        self._held = np.array([0.0, error_integral, position, 0.0])
+        self.compensation = compensation
         self.gains = gains
-        self._state = np.zeros(kernel.STATE_SIZE)
-        self._state[kernel.POSITION] = position
-        self._state[kernel.INTEGRAL] = error_integral
-        self._state[kernel.LEVEL] = float(joint.friction.stribeck)
+        self._state = np.zeros(at.STATE_SIZE)
+        self._state[at.POSITION] = position
+        self._state[at.INTEGRAL] = error_integral
+        self._state[at.LEVEL] = float(joint.friction.stribeck)
         self._history = np.zeros((0, 3))
 
     @property
@@ -121,27 +135,41 @@ class JointSimulation:
         self._gains = gains
 
     @property
+    def compensation(self) -> Compensation | None:
+        """What the controller adds; setting it takes effect with the next period."""
+        return self._compensation
+
+    @compensation.setter
+    def compensation(self, compensation: Compensation | None) -> None:
+        self._compensation = compensation
+        self._compensating = np.zeros(at.COMPENSATION_SIZE) if compensation is None else compensation.numbers
+
+    @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self._state[kernel.TIME])
+        return float(self._state[at.TIME])
 
     @property
     def position(self) -> float:
         """Position [rad]."""
-        return float(self._state[kernel.POSITION])
+        return float(self._state[at.POSITION])
 
     @property
     def stuck(self) -> bool:
         """Whether static friction holds the joint now."""
-        return bool(self._state[kernel.DIRECTION] == 0.0)
+        return bool(self._state[at.DIRECTION] == 0.0)
 
     def advance(
-        self, period: float, references: NDArray[np.float64], reference_velocities: NDArray[np.float64]
+        self,
+        period: float,
+        references: NDArray[np.float64],
+        reference_velocities: NDArray[np.float64],
+        torque: float = 0.0,
     ) -> Trajectory:
         """Integrate over ``len(references)`` periods [s].
 
         ``references[i]`` [rad] is the desired position at the start of period i; during the period it
-        moves with ``reference_velocities[i]`` [rad/s].
+        moves with ``reference_velocities[i]`` [rad/s]. ``torque`` [N·m] is what somebody tells the controller to add.
         """
         require_positive("period", period)
         references = np.ascontiguousarray(references, dtype=float)
@@ -151,14 +179,19 @@ class JointSimulation:
         if references.shape != reference_velocities.shape or references.ndim != 1:
             raise ValueError(f"{references.shape=} but {reference_velocities.shape=}; both must be (n,)")
         parameters = self._parameters()
+        if self.time == 0.0 and not self.joint.friction.rigid:
+            self._lean_on_contact(references[0], reference_velocities[0])
         step = self._step(parameters)
         self._make_room(step, period)
         start = self.time
         samples = np.empty((references.size, 3))
-        events = np.empty((8 * references.size + 16, kernel.EVENT_COLUMNS))
+        events = np.empty((8 * references.size + 16, at.EVENT_COLUMNS))
+        added = np.full(references.size, float(torque))
+        if self._compensation is not None and self._compensation.feedforward > 0:
+            added += self._compensation.feedforward_torque(reference_velocities)
         count = kernel.advance(
             self._state, self._history, parameters, self._held, self.sampled, self.control_delay,
-            step, period, references, reference_velocities, samples, events,
+            step, period, references, reference_velocities, added, self._compensating, samples, events,
         )  # fmt: skip
         return Trajectory(
             time=start + period * np.arange(1.0, references.size + 1.0),
@@ -170,26 +203,40 @@ class JointSimulation:
 
     def _parameters(self) -> NDArray[np.float64]:
         friction, gains = self.joint.friction, self._gains
-        parameters = np.empty(kernel.PARAMETERS_SIZE)
-        parameters[kernel.INERTIA] = self.joint.inertia
-        parameters[kernel.COULOMB] = friction.coulomb
-        parameters[kernel.VISCOUS] = friction.viscous
-        parameters[kernel.STRIBECK] = friction.stribeck
-        parameters[kernel.STRIBECK_VELOCITY] = friction.stribeck_velocity
-        parameters[kernel.LAG] = friction.lag
-        parameters[kernel.RISE_TIME] = friction.rise_time
-        parameters[kernel.LAW] = LAWS[friction.law]
-        parameters[kernel.STIFFNESS] = gains.stiffness
-        parameters[kernel.DAMPING] = gains.damping
-        parameters[kernel.INTEGRAL_GAIN] = gains.integral
-        parameters[kernel.LOAD] = self.load
+        parameters = np.empty(at.PARAMETERS_SIZE)
+        parameters[at.INERTIA] = self.joint.inertia
+        parameters[at.COULOMB] = friction.coulomb
+        parameters[at.VISCOUS] = friction.viscous
+        parameters[at.STRIBECK] = friction.stribeck
+        parameters[at.STRIBECK_VELOCITY] = friction.stribeck_velocity
+        parameters[at.LAG] = friction.lag
+        parameters[at.RISE_TIME] = friction.rise_time
+        parameters[at.LAW] = LAWS[friction.law]
+        parameters[at.CONTACT] = RIGID if friction.rigid else CONTACTS[friction.contact]
+        parameters[at.CONTACT_STIFFNESS] = 0.0 if friction.rigid else friction.presliding_stiffness
+        parameters[at.CONTACT_DAMPING] = friction.presliding_damping
+        parameters[at.STIFFNESS] = gains.stiffness
+        parameters[at.DAMPING] = gains.damping
+        parameters[at.INTEGRAL_GAIN] = gains.integral
+        parameters[at.LOAD] = self.load
         return parameters
+
+    def _lean_on_contact(self, reference: float, reference_velocity: float) -> None:
+        """Let an elastic contact carry what the controller begins with, as far as it can; nothing rings then."""
+        friction, gains = self.joint.friction, self._gains
+        error = reference - self.position
+        effort = float(
+            gains.stiffness * error + gains.damping * reference_velocity + gains.integral * self._state[at.INTEGRAL]
+        )
+        self._held[at.EFFORT] = effort
+        most = float(friction.coulomb + friction.stribeck)
+        self._state[at.DEFLECTION] = min(max(effort - self.load, -most), most) / float(friction.presliding_stiffness)
 
     @staticmethod
     def _step(parameters: NDArray[np.float64]) -> float:
-        inertia = parameters[kernel.INERTIA]
-        frequency = math.sqrt(abs(parameters[kernel.STIFFNESS]) / inertia)
-        decay = abs(parameters[kernel.DAMPING] + parameters[kernel.VISCOUS]) / inertia
+        inertia = parameters[at.INERTIA]
+        frequency = math.sqrt(abs(parameters[at.STIFFNESS]) / inertia)
+        decay = abs(parameters[at.DAMPING] + parameters[at.VISCOUS]) / inertia
         # The kernel's steps end with the sampling periods and are no longer than the lag.
         return float(1.0 / (_STEPS_PER_RADIAN * max(frequency, decay, 1e-9)))
 
@@ -197,11 +244,11 @@ class JointSimulation:
         """Let the ring hold the velocities of one lag, keeping what it has."""
         lag = float(self.joint.friction.lag)
         shortest = min(step, period)
-        capacity = int(3 * lag / shortest) + 2 * int(lag / period) + 64
+        capacity = int(3 * lag / shortest) + 2 * int(lag / period) + _REMEMBERED
         if capacity <= len(self._history):
             return
         history = np.zeros((capacity, 3))
-        head, count = int(self._state[kernel.HISTORY_HEAD]), int(self._state[kernel.HISTORY_COUNT])
+        head, count = int(self._state[at.HISTORY_HEAD]), int(self._state[at.HISTORY_COUNT])
         for index in range(head - count, head):
             history[index % capacity] = self._history[index % len(self._history)]
         self._history = history
@@ -223,7 +270,7 @@ def simulate(
 
 def _event(row: NDArray[np.float64]) -> Event:
     return Event(
-        kind=EventKind.BREAKAWAY if row[1] == kernel.BREAKAWAY else EventKind.ARREST,
+        kind=EventKind.BREAKAWAY if row[1] == at.BREAKAWAY else EventKind.ARREST,
         time=float(row[0]),
         direction=int(row[2]),
         position=float(row[3]),

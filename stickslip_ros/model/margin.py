@@ -25,6 +25,7 @@ _SCAN_POINTS = 400
 _BISECTIONS = 52
 _VELOCITY_DECADES = (-3.0, 3.0)
 _STIFFNESS_DECADES = 8.0
+_RIGID = 1000.0  # times k_p, from which on presliding changes cycles and verdicts by a hundredth or so
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +71,7 @@ def damping_reserve(damping_ratio: Real, critical_damping_ratio: Real) -> Real:
     return reserve if reserve.ndim else float(reserve)
 
 
-def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:
+def _reasons(joint: Joint, groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:
     """Why Eq. (43) does not apply, element by element; None where it does. The last check listed wins."""
     shape = np.broadcast_shapes(
         *(np.shape(value) for value in groups.numbers),
@@ -94,6 +95,8 @@ def _reasons(groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArr
     )
     if groups.law != PAPERS_LAW:
         mark(True, f"it is of the paper's friction law ({PAPERS_LAW}), and this joint's is {groups.law}")
+    soft = ~(np.asarray(joint.friction.presliding_stiffness) >= _RIGID * np.abs(np.asarray(gains.stiffness)))
+    mark(soft, f"the contact gives way before it breaks: its presliding stiffness is below {_RIGID:g} times k_p")
     finite = (
         np.isfinite(velocity) & np.isfinite(gains.stiffness) & np.isfinite(gains.damping) & np.isfinite(gains.integral)
     )
@@ -123,7 +126,7 @@ def stability_margin(
 
 def _stability_margin(joint: Joint, gains: Gains, velocity: Real, rises_from_coulomb: bool) -> StabilityMargin:
     groups = dimensionless_groups(joint, gains, velocity)
-    reasons = _reasons(groups, gains, velocity)
+    reasons = _reasons(joint, groups, gains, velocity)
     applicable: NDArray[np.bool_] = np.array([reason is None for reason in reasons.flat], dtype=np.bool_)
     applicable = applicable.reshape(reasons.shape)
 

@@ -16,7 +16,6 @@ from stickslip_ros.model.controlled import (
     OperatingConditions,
     controlled_cycle_persists,
     controlled_outcome,
-    hunts,
 )
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import (
@@ -26,6 +25,7 @@ from stickslip_ros.model.exact import (
     exact_lowest_smooth_velocity,
 )
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.hunting import hunting
 from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 
 _CONTROLLED_TOLERANCE = 1e-2
@@ -81,7 +81,7 @@ def exact_verdict(
         return _no_answer(why)
     if velocity == 0:
         return _standstill(joint, gains, conditions)
-    if _beyond_the_paper(gains, conditions):
+    if beyond_the_paper(joint, gains, conditions):
         return _controlled(joint, gains, velocity, conditions)
     groups = dimensionless_groups(joint, gains, velocity)
     found = outcomes(groups)
@@ -111,15 +111,16 @@ def exactly_smooth(
         return None
     if velocity == 0:
         return _standstill(joint, gains, conditions).smooth
-    if _beyond_the_paper(gains, conditions):
+    if beyond_the_paper(joint, gains, conditions):
         persists = controlled_cycle_persists(joint, gains, velocity, conditions)
         return None if math.isnan(persists) else persists == 0.0
     worst = outcomes(dimensionless_groups(joint, gains, velocity)).worst
     return None if worst is None else worst is not Outcome.STICKS
 
 
-def _beyond_the_paper(gains: Gains, conditions: OperatingConditions) -> bool:
-    return bool(gains.integral != 0) or conditions.controller_period > 0
+def beyond_the_paper(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
+    """Whether the five dimensionless groups do not tell the verdict, so that the joint is simulated in SI units."""
+    return bool(gains.integral != 0) or conditions.period > 0 or not joint.friction.rigid
 
 
 def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:
@@ -147,13 +148,13 @@ def _no_answer(why: str) -> ExactVerdict:
 
 
 def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> ExactVerdict:
-    hunting = hunts(joint, gains, conditions)
-    if math.isnan(hunting):
+    found = hunting(joint, gains, conditions)
+    if found.hunts is None:
         return _no_answer("the controller is too fast beside the joint to be followed")
     return ExactVerdict(
-        smooth=hunting == 0.0,
-        outcome=Outcome.STICKS if hunting else Outcome.STEADY,
-        reason=HUNTING if hunting else None,
+        smooth=not found.hunts,
+        outcome=Outcome.STICKS if found.hunts else Outcome.STEADY,
+        reason=HUNTING if found.hunts else None,
     )
 
 

@@ -18,6 +18,7 @@ from stickslip_ros.monitoring.advice.adviser import Advice
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import Finding
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
@@ -95,6 +96,7 @@ class Assessment:
     dropped : reasons for which samples were left out, and how many.
     reference_follows : whether what is published as the reference only repeats what is measured, and does not count.
     restarts : how often stamps went back by so much, or for so long, that the motion was followed anew from there.
+    reversals : what was seen of those in which the joint stood; None if there were none.
     """
 
     finding: Finding
@@ -129,6 +131,7 @@ class Assessment:
     dropped: dict[str, int]
     reference_follows: bool = False
     restarts: int = 0
+    reversals: ReversalRecord | None = None
 
     @property
     def here(self) -> Joint | None:

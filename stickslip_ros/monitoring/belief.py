@@ -92,7 +92,7 @@ def believed(
     the configured joint is of another friction law, of which nothing is learnt.
     """
     if configured is not None and not configured.friction.of_the_paper:
-        return _configured(configured, gains, f"friction of the law {configured.friction.law} is not learnt")
+        return _configured(configured, gains, f"friction of the law {configured.friction.law_in_words} is not learnt")
     if estimate is not None and estimate.usable:
         belief = _learnt(estimate, gains)
         if belief is not None:

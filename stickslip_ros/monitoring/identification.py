@@ -89,7 +89,8 @@ class Identification:
                 )
         inertia = values.pop("inertia")
         numbers = {name: max(value, 0.0) for name, value in values.items()}
-        return Joint(inertia=inertia, friction=Friction(**numbers, law=PAPERS_LAW))
+        friction = Friction(stribeck=numbers["stribeck"], stribeck_velocity=numbers["stribeck_velocity"])
+        return Joint(inertia=inertia, friction=friction.changed(numbers))
 
 
 def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> Identification:
@@ -106,7 +107,8 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
         If the prior is of another law.
     """
     if prior is not None and not prior.friction.of_the_paper:
-        raise InvalidParameterError("prior", f"a joint of the law that is fitted, {PAPERS_LAW}", prior.friction.law)
+        needed = f"a joint of the law that is fitted, {PAPERS_LAW}"
+        raise InvalidParameterError("prior", needed, prior.friction.law_in_words)
     monitor = JointMonitor(prior, gains)
     cycles = monitor.process(batch) + monitor.finish()
     state = monitor.assessment()

@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.belief import uncertainty_of
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
 from stickslip_ros.monitoring.detection.rests import RestDetector
+from stickslip_ros.monitoring.detection.reversals import ReversalMeter
 from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
 from stickslip_ros.monitoring.detection.status import (
     Finding,
@@ -109,6 +110,7 @@ class JointMonitor:
         self._last_cycle: Cycle | None = None
         self._segments = Segments(segments_kept)
         self._slices = np.zeros(len(STATUS_OF), dtype=int)  # of each code, ever
+        self._reversals = ReversalMeter()
         self._begin()
 
     @property
@@ -142,6 +144,7 @@ class JointMonitor:
         self._motion = self._rests.motion
         self._cycles = CycleDetector()
         self._samples = SampleBuffer()
+        self._reversals.break_off()
         self._noted_until = -math.inf  # breakaway of the last cycle counted
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
 
@@ -157,6 +160,7 @@ class JointMonitor:
         self._last_cycle = None
         self._segments.all.clear()
         self._slices[:] = 0
+        self._reversals.forget()
         self.learner.reset()
 
     def memory(self) -> JointMemory:
@@ -221,6 +225,7 @@ class JointMonitor:
         cycles = self._settle(self._cycles.finish(self._rests.unfinished_rest()))
         self._motion.close_slice()
         self._take_slices()
+        self._reversals.finish(self._motion.last_time, self._samples)
         self.learner.finish()
         if self._studies_at_once:
             self.learner.study_now()
@@ -232,6 +237,7 @@ class JointMonitor:
         self._note_needed_motion()
         for rest in self._rests.feed(batch):
             if rest.complete:
+                self._reversals.take(rest, self._samples)
                 cycles += self._settle(self._cycles.take(rest))
                 continue
             foreseen = self._cycles.foresee(rest)
@@ -240,6 +246,7 @@ class JointMonitor:
                 self._note([foreseen])
                 cycles += [foreseen] if self._at_arrest else []
         self._take_slices()
+        self._reversals.look(self._motion.last_time, self._samples)
         return cycles
 
     def _settle(self, cycles: list[Cycle]) -> list[Cycle]:
@@ -317,7 +324,8 @@ class JointMonitor:
         elif code == kernel.AT_REST and second > _TRAVELLED * self._motion.band:
             reason = Stuck(duration=first, travel=second)
         elif code == kernel.REVERSING:
-            reason = Reversing()
+            record = self._reversals.record
+            reason = Reversing() if record is None else Reversing(record=record)
         elif code == kernel.STOPS_AND_GOES:
             reason = StopsAndGoes()
         elif code == kernel.TOO_SHORT:
@@ -428,6 +436,7 @@ class JointMonitor:
             dropped=dict(self._filter.dropped),
             reference_follows=self._motion.reference_follows,
             restarts=self._filter.restarts,
+            reversals=self._reversals.record,
         )
 
 

@@ -21,7 +21,12 @@ _LATE_IN_A_ROW = 20  # references, likewise
 
 
 class ReferencePairing:
-    """Joins the samples and the references of one joint."""
+    """Joins the samples and the references of one joint.
+
+    Attributes
+    ----------
+    too_late : how many references came when the samples of their time had gone on without them [1].
+    """
 
     def __init__(self) -> None:
         self._samples = np.zeros((0, 4))
@@ -30,6 +35,8 @@ class ReferencePairing:
         self._new_references: list[FloatArray] = []
         self._late_in_a_row = 0
         self._went_on = -math.inf  # when a sample had its reference last, as a steady time [s]
+        self._gone_until = -math.inf  # stamp of the last sample that was taken [s]
+        self.too_late = 0
 
     def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
         """One row of samples."""
@@ -72,6 +79,7 @@ class ReferencePairing:
         if ready == 0:
             return None
         rows, self._samples = self._samples[:ready], self._samples[ready:]
+        self._gone_until = float(rows[-1, 0])
         position, velocity = self._at(rows[:, 0])
         return Batch(
             time=rows[:, 0],
@@ -91,6 +99,8 @@ class ReferencePairing:
         new = np.concatenate(self._new_references)
         self._new_references.clear()
         new = new[np.isfinite(new[:, 0])]
+        # What is older by more belongs to a clock that was set back.
+        self.too_late += int(((new[:, 0] <= self._gone_until) & (new[:, 0] > self._gone_until - _LATE)).sum())
         joined = np.concatenate([self._references, new])
         if len(self._references) and len(new):
             late = new[:, 0] < self._references[-1, 0]

@@ -18,6 +18,7 @@ _RESOLUTIONS = 3.0  # of the encoder, below which nothing is an oscillation
 _SHARE_OF_EFFORT = 0.1  # below which an oscillation of the effort is none
 _AT_LIMIT = 0.98
 _FOLLOWABLE = 0.4  # of the sample rate, up to which a frequency is seen
+_LEAST_PERIODS = 6.0  # of an oscillation between two gaps: slow motion seen for a moment only looks like one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,14 +122,33 @@ def _largest(values: FloatArray) -> float:
 
 
 def _above(band: float, times: FloatArray, values: FloatArray) -> float:
-    """Root mean square of what is above a frequency; NaN where too few samples could show it."""
+    """Root mean square of what is above a frequency; NaN where too few samples could show it.
+
+    A straight line over a gap would be an oscillation that nobody made: what lies between gaps is looked at by itself,
+    and the strongest counts.
+    """
     known = np.isfinite(values)
     if known.sum() < _LEAST_SAMPLES:
         return math.nan
     times, values = times[known], values[known]
-    interval = float(np.median(np.diff(times)))
+    steps = np.diff(times)
+    interval = float(np.median(steps))
     if not 0.0 < band < _FOLLOWABLE / interval:
         return math.nan
+    gaps = np.flatnonzero(steps > _FOLLOWABLE / band) + 1
+    if not len(gaps):
+        return _oscillation(band, interval, times, values)
+    found = []
+    for time, value in zip(np.split(times, gaps), np.split(values, gaps), strict=True):
+        duration = float(time[-1] - time[0])
+        least = max(band, _LEAST_PERIODS / duration) if duration > 0.0 else math.inf
+        if least < _FOLLOWABLE / interval:
+            found.append(_oscillation(least, interval, time, value))
+    return _largest(np.array(found))
+
+
+def _oscillation(band: float, interval: float, times: FloatArray, values: FloatArray) -> float:
+    """The same of samples without gaps, ``interval`` [s] apart for the most part."""
     grid = np.arange(times[0], times[-1], interval)
     if len(grid) < _LEAST_SAMPLES:
         return math.nan

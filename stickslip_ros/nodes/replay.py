@@ -31,6 +31,7 @@ from stickslip_ros.nodes.running import run
 
 _TIMER_PERIOD = 0.005
 _MOST_AT_ONCE = 200
+_LONGEST_STEP = 0.02  # [s] that are caught up with after the processor was away
 _SETTLED = 1.0  # [s] after it was found: a listener that is known need not know of this node yet
 _STAMP_OFFSET = 1.0  # a recording may begin at 0, which as a stamp means "not set"
 
@@ -48,7 +49,9 @@ class Replay(Node):
             descriptor = ParameterDescriptor(description=text, read_only=True)
             return self.declare_parameter(name, default, descriptor).value
 
-        name = str(parameter("recording", "", "path of a bag, a .csv or .npz, or the name of a known recording"))
+        name = str(
+            parameter("recording", "", "a bag, a table (.csv, .parquet, .npz), or the name of a known recording")
+        )
         joint = str(parameter("joint", "joint1", "name of the joint in a table"))
         states = str(parameter("states", "", "topic of a bag's joint states, where there are several"))
         self._factor = float(parameter("time_factor", 1.0, "recorded seconds a second [1]"))  # type: ignore[arg-type]
@@ -62,6 +65,7 @@ class Replay(Node):
         self._first = self._next[0] if self._next else 0.0
         self._start = math.nan
         self._end = math.nan
+        self._ticked = math.nan
         qos = QoSProfile(depth=5000)
         self._outputs = {
             "joint_states": self.create_publisher(JointState, "joint_states", qos),
@@ -74,8 +78,11 @@ class Replay(Node):
         now = time.monotonic()
         if math.isnan(self._start):
             if all(publisher.get_subscription_count() for publisher in self._outputs.values()):
-                self._start = now + _SETTLED
+                self._start = self._ticked = now + _SETTLED
             return
+        # Whoever could not run for a while goes on from there: all of it at once would flood the listeners.
+        self._start += max(0.0, now - self._ticked - _LONGEST_STEP)
+        self._ticked = now
         due = self._first + self._factor * (now - self._start)
         for _ in range(_MOST_AT_ONCE):
             if self._next is None or self._next[0] > due:

@@ -24,6 +24,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
+from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.ramp_service import RefusedError
 from stickslip_ros.nodes.gains.ramps import Ramps
@@ -99,6 +100,8 @@ class Session:
             self._closing.append(self._gains.close)
             self._publications = Publications(node)
             self._closing.append(self._publications.close)
+            self._feedforward = FrictionFeedforward(node)
+            self._closing.append(self._feedforward.close)
             self._maps = StabilityMaps(node, self._work)
             self._closing.append(self._maps.close)
             self._ramps = Ramps(node, self.joints, self._gains, self._why_not_yet, state_path)
@@ -136,6 +139,8 @@ class Session:
         if self._states is None or self._references is None:
             return
         self._ramps.stop("the monitor was deactivated")
+        if self._node.context.ok():
+            self._feedforward.silence()
         if self._compiled.ready:
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
             if self._node.context.ok():
@@ -160,6 +165,7 @@ class Session:
             self._gains.poll(now)
             self._inputs.look(now)
         self._ramps.tick(now)
+        self._feedforward.tick(self.joints, now)
         self._keeper.tick(self.joints, now)
         if now >= self._publish_at - _NEARLY:
             self._publish(now)
@@ -235,6 +241,7 @@ class Session:
         for name, rows in references.items():
             if name in self.joints:
                 self.joints[name].pairing.add_references(rows[:, :3])
+                self._feedforward.hear(name, rows, now)
         found: list[tuple[str, Cycle]] = []
         for name in dict.fromkeys([*samples, *references]):
             if name in self.joints:
@@ -285,6 +292,7 @@ class Session:
 
     def _findings(self, joint: WatchedJoint, now: float) -> Findings:
         assessment = joint.monitor.assessment()
+        self._feedforward.know(joint, assessment)
         silence = now - joint.heard
         trial = assessment.trial if assessment.gains_known else None
         return Findings(
@@ -361,6 +369,7 @@ class Session:
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),
             *self._inputs.values(),
+            ("references too late [1]", sum(joint.pairing.too_late for joint in self.joints.values())),
             ("apply_recommendation", self._ramps.state),
             (
                 "slips not learnt from, a study being late [1]",

@@ -20,6 +20,8 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
+from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.friction import Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.compiled_parts import wait_until_compiled
 from stickslip_ros.nodes.conversion import stamp
@@ -29,6 +31,9 @@ from stickslip_ros.settings.known_joints import load_joint
 
 _GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
 _PROFILES = ("hold", "move", "reverse")
+_COMPENSATED = {"feedforward": "at the reference's speed", "feedback": "at the measured speed", "push": "by the error"}
+_SPEED_FILTER = 0.01  # [s] of the measured speed
+_FEEDFORWARD_HOLDS = 0.2  # [s] without a message, after which nothing is added
 _TIMER_PERIOD = 0.005
 _LONGEST_CATCH_UP = 0.1  # [s] after a pause of the process, the rest of the time is skipped
 
@@ -70,6 +75,9 @@ class SimulatedJoint(Node):
             "time_factor", 1.0, "simulated seconds a second; if not 1, /clock is published [1]", read_only=True
         )
         self._declare("seed", 1, "of the noise", read_only=True)
+        self._declare(
+            "feedforward_topic", "", "JointState whose effort the controllers add; none by default", read_only=True
+        )
         self._names: list[str] = list(self.get_parameter("joints").value)
         rate = float(self.get_parameter("rate").value)
         self._period = 1.0 / rate if rate > 0 else math.nan
@@ -96,6 +104,11 @@ class SimulatedJoint(Node):
         qos = QoSProfile(depth=1000)
         self._states = self.create_publisher(JointState, "joint_states", qos)
         self._desired = self.create_publisher(JointState, "joint_references", qos)
+        self._torques: dict[str, float] = {}
+        self._told = -math.inf
+        if self.get_parameter("feedforward_topic").value:
+            topic = str(self.get_parameter("feedforward_topic").value)
+            self.create_subscription(JointState, topic, self._hear_feedforward, 1)
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10) if self._time_factor != 1.0 else None
         self._count = 0
         self._start_stamp = 1.0 if self._clock_publisher else time.time()
@@ -117,6 +130,9 @@ class SimulatedJoint(Node):
         self._declare(f"encoder_resolution.{name}", known.encoder_resolution, "of the position; 0: exact [rad]")
         self._declare(f"velocity_noise.{name}", 0.0, "standard deviation [rad/s]")
         self._declare(f"effort_noise.{name}", 0.0, "standard deviation [N*m]")
+        for kind in _COMPENSATED:
+            text = "share of the friction that the controller compensates"
+            self._declare(f"{kind}.{name}", 0.0, f"{text}: {_COMPENSATED[kind]} [1]")
         self._declare(f"load.{name}", 0.0, "constant torque against the controller [N*m]", read_only=True)
         load = float(self.get_parameter(f"load.{name}").value)
         require_finite(f"load.{name}", load)
@@ -131,7 +147,7 @@ class SimulatedJoint(Node):
                 raise InvalidParameterError(name, f"one of {', '.join(_PROFILES)}", value)
             if kind in ("gains", "velocity", "load"):
                 require_finite(name, value)
-            if kind in ("encoder_resolution", "velocity_noise", "effort_noise"):
+            if kind in ("encoder_resolution", "velocity_noise", "effort_noise", *_COMPENSATED):
                 require_not_negative(name, value)
             if kind == "reversal_period":
                 require_positive(name, value)
@@ -142,10 +158,41 @@ class SimulatedJoint(Node):
                 value = float(self._value(f"gains.{name}.{key}"))
                 if getattr(simulation.gains, field) != value:
                     simulation.gains = replace(simulation.gains, **{field: value})
+            simulation.compensation = self._compensation(name, simulation.joint)
             reference = self._references[name]
             reference.velocity = float(self._value(f"velocity.{name}"))
             reference.profile = str(self._value(f"profile.{name}"))
             reference.reversal_period = float(self._value(f"reversal_period.{name}"))
+
+    def _compensation(self, name: str, joint: Joint) -> Compensation | None:
+        """As a controller has it that knows the friction, of which it compensates a share."""
+        shares = {kind: float(self._value(f"{kind}.{name}")) for kind in _COMPENSATED}
+        if not any(shares.values()):
+            return None
+        return Compensation(
+            friction=joint.friction,
+            **shares,
+            width=2.0 * float(joint.friction.stribeck_velocity),
+            fade=2.0 * float(joint.friction.stribeck_velocity),
+            period=self._period,
+            resolution=float(self._value(f"encoder_resolution.{name}")),
+            speed_filter=_SPEED_FILTER,
+        )
+
+    def _hear_feedforward(self, message: JointState) -> None:
+        """A torque for each joint, added until the next one, or until they stay away."""
+        if len(message.effort) == len(message.name):
+            self._torques |= {
+                name: effort
+                for name, effort in zip(message.name, message.effort, strict=True)
+                if name in self._simulations and math.isfinite(effort)
+            }
+            self._told = time.monotonic()
+
+    def _torque(self, name: str) -> float:
+        if time.monotonic() - self._told > _FEEDFORWARD_HOLDS:
+            return 0.0
+        return self._torques.get(name, 0.0)
 
     def _value(self, name: str) -> float | str:
         return self.get_parameter(name).value  # type: ignore[no-any-return]
@@ -176,7 +223,7 @@ class SimulatedJoint(Node):
     def _advance(self, name: str, count: int) -> tuple[list[float], ...]:
         """Desired position and velocity, measured position, velocity and effort at the ends of the next periods."""
         positions, velocities = self._references[name].advance(self._period, count)
-        trajectory = self._simulations[name].advance(self._period, positions, velocities)
+        trajectory = self._simulations[name].advance(self._period, positions, velocities, self._torque(name))
         resolution = float(self._value(f"encoder_resolution.{name}"))
         measured = trajectory.position
         if resolution > 0:

@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from stickslip_ros.files import write_whole
 
 # With which spreadsheets know a formula, the wide ones of East Asian keyboards among them, and blanks before it.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
@@ -15,15 +18,16 @@ _AS_TEXT = "'"
 
 
 def write_csv(path: Path, rows: Iterable[Sequence[Any]]) -> None:
-    """Write rows of cells; None is an empty one.
+    """Write rows of cells, whole or not at all; None is an empty one.
 
     Raises
     ------
     OSError
         If it cannot be written.
     """
-    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
-        csv.writer(file).writerows([cell(value) for value in row] for row in rows)
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([cell(value) for value in row] for row in rows)
+    write_whole(path, text.getvalue().encode("utf-8", "backslashreplace"))
 
 
 def cell(value: Any) -> Any:

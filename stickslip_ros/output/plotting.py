@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.files import whole_file
 from stickslip_ros.output.csv_table import write_csv
 
 if TYPE_CHECKING:
@@ -99,8 +100,10 @@ def save(figure: Figure, folder: Path) -> list[Path]:
     files = [folder / f"{figure.name}.{ending}" for ending in ("png", "svg", "csv")]
     # A fixed salt and no date: the same numbers give the same file.
     with matplotlib.rc_context({"svg.hashsalt": figure.name}):
-        drawing.savefig(files[0], dpi=_DOTS)
-        drawing.savefig(files[1], metadata={"Date": None})
+        with whole_file(files[0]) as image:
+            drawing.savefig(image, dpi=_DOTS, format="png")
+        with whole_file(files[1]) as image:
+            drawing.savefig(image, metadata={"Date": None}, format="svg")
     write_csv(files[2], _rows(figure))
     return files
 

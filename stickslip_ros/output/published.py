@@ -326,6 +326,20 @@ CYCLE_PLACE = Section(
         _row(value=lambda cycle: cycle.hunting, json="hunting"),
     ),
 )
+# Of a ReversalRecord.
+REVERSALS = Section(
+    lambda known: known.assessment.reversals,
+    (
+        _row(value=lambda seen: seen.count, unit="1", diagnostics="reversals", json="count"),
+        _row(value=lambda seen: seen.standing, unit="s", diagnostics="reversal standing", json="standing",
+             fleet="reversal_standing", margins=_field(26, "reversal_standing")),
+        _row(value=lambda seen: seen.lost_motion, unit="rad", diagnostics="reversal lost_motion", json="lost_motion"),
+        _row(value=lambda seen: seen.peak_error, unit="rad", diagnostics="reversal peak_error", json="peak_error",
+             fleet="reversal_peak_error", margins=_field(27, "reversal_peak_error")),
+        _row(value=lambda seen: seen.largest_error, unit="rad", diagnostics="reversal largest peak_error",
+             json="largest_error"),
+    ),
+)  # fmt: skip
 POSITION = Section(
     lambda known: known.assessment,
     (
@@ -342,6 +356,6 @@ OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSW
 SECTIONS = (
     STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
     EXACT_UNCERTAINTY, BELIEF,
-    *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, POSITION,
-    SAMPLING,
+    *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, REVERSALS,
+    POSITION, SAMPLING,
 )  # fmt: skip

@@ -90,7 +90,9 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         share = 100 * computed.conservative
         said += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."
     else:
-        said += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law}."
+        said += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law_in_words}."
+        if not subject.joint.friction.rigid:
+            said += " The map is of the same joint without presliding."
     if subject.advised_damping is not None:
         inside = computed.steady_damping - subject.advised_damping
         curves.append(boundary("steadily, with the advised damping", x, y, inside, GREEN, "--"))

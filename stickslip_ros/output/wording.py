@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import (
     Finding,
     Hunting,
@@ -67,6 +68,13 @@ def dry_friction_text(dry: DryFriction | None) -> str:
     return f"{name} {'; it '.join(said)}." if said else ""
 
 
+def reversals_text(record: ReversalRecord) -> str:
+    """What reversals do to a joint."""
+    return (
+        f"it stands for {record.standing:.2g} s where it turns, and falls behind by {1e3 * record.peak_error:.3g} mrad"
+    )
+
+
 def reason_text(finding: Finding) -> str:
     """Why a joint is found to be so; "" where its status says it all."""
     match finding.reason:
@@ -80,8 +88,8 @@ def reason_text(finding: Finding) -> str:
             return HUNTING
         case Stuck(duration=duration, travel=travel):
             return f"stuck for {duration:.1f} s while the reference moved by {travel:.3g} rad"
-        case Reversing():
-            return "reversing"
+        case Reversing(record=record):
+            return "reversing" if record is None else f"reversing: {reversals_text(record)}"
         case TooShort(moving=moving, needed=needed):
             return f"too short a motion: {moving:.2f} s of {needed:.2f} s"
         case StopsAndGoes():

@@ -6,10 +6,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stickslip_ros.errors import JointFileError
+from stickslip_ros.errors import JointFileError, reason
 from stickslip_ros.files import write_whole
+from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA, JOINT_PARAMETERS, FrictionParameter
+from stickslip_ros.model.friction_parameters import (
+    FRICTION_PARAMETERS,
+    INERTIA,
+    JOINT_PARAMETERS,
+    PRESLIDING_PARAMETERS,
+    FrictionParameter,
+)
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.identification import Identification
 
@@ -40,9 +47,13 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     if found.per_inertia:
         lines.append("per_inertia: true".ljust(_WIDTH) + "# the gains were not known; all is over the inertia")
     lines += [line(INERTIA, float(joint.inertia)), "friction:"]
-    if not joint.friction.of_the_paper:
+    rows = list(FRICTION_PARAMETERS)
+    if joint.friction.law != PAPERS_LAW:
         lines.append(f"  law: {joint.friction.law}")
-    lines += [f"  {line(one, float(getattr(joint.friction, one.name)))}" for one in FRICTION_PARAMETERS]
+    if not joint.friction.rigid:
+        lines.append(f"  contact: {joint.friction.contact}")
+        rows += PRESLIDING_PARAMETERS
+    lines += [f"  {line(one, float(getattr(joint.friction, one.name)))}" for one in rows]
     lines.append("gains:                          # of the controller then")
     gains = gains or Gains(stiffness=0.0)
     for gain in ("stiffness", "damping", "integral"):
@@ -61,11 +72,9 @@ def write_joint_file(path: Path, text: str) -> None:
     JointFileError
         If the file exists already, or its folder cannot be written.
     """
-    if path.suffix not in (".yaml", ".yml"):
-        raise JointFileError(f"joint file {path}: the name must end in .yaml")
     if path.exists():
         raise JointFileError(f"joint file {path}: exists already; choose another name or remove it")
     try:
         write_whole(path, text)
     except OSError as error:
-        raise JointFileError(f"joint file {path}: {error.strerror}") from error
+        raise JointFileError(f"joint file {path}: {reason(error)}") from error

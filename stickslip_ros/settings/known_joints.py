@@ -10,13 +10,13 @@ from os import environ
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.errors import InvalidParameterError, JointFileError, UnknownJointError
-from stickslip_ros.model._friction_law import PAPERS_LAW
+from stickslip_ros.errors import InvalidParameterError, JointFileError, UnknownJointError, reason
 from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.regular_files import read_yaml
 
 _PACKAGE = "stickslip_ros"
+_WORDS = ("law", "contact")  # of the friction, that are no numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ def load_joint(name_or_path: str) -> KnownJoint:
     try:
         content = read_yaml(path)
     except (OSError, ValueError) as error:
-        raise JointFileError(f"joint file {path}: {' '.join(str(error).split())}") from error
+        raise JointFileError(f"joint file {path}: {reason(error)}") from error
     try:
         return _parse(content)
     except InvalidParameterError as error:
@@ -110,10 +110,7 @@ def _parse(content: Any) -> KnownJoint:
         name=str(content["name"]),
         joint=Joint(
             inertia=float(content["inertia"]),
-            friction=Friction(
-                **{key: float(value) for key, value in friction.items() if key != "law"},
-                law=friction.get("law", PAPERS_LAW),
-            ),
+            friction=_friction(friction),
         ),
         gains=Gains(**{key: float(value) for key, value in gains.items()}),
         velocity=float(content.get("velocity", 0.0)),
@@ -121,6 +118,11 @@ def _parse(content: Any) -> KnownJoint:
         assumed=tuple(content.get("assumed", ())),
         per_inertia=bool(content.get("per_inertia", False)),
     )
+
+
+def _friction(content: dict[str, Any]) -> Friction:
+    values: dict[str, Any] = {key: value if key in _WORDS else float(value) for key, value in content.items()}
+    return Friction(**values)
 
 
 def _refuse_unknown(content: Any, known: set[str]) -> None:

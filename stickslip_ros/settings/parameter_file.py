@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.errors import StickSlipError, reason
 from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_names import (
@@ -104,7 +104,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         content = read_yaml(path)
     except (OSError, ValueError) as error:
-        raise ParameterFileError(f"parameter file {path}: {' '.join(str(error).split())}") from error
+        raise ParameterFileError(f"parameter file {path}: {reason(error)}") from error
     sections = sections_of(content)
     if not sections:
         raise ParameterFileError(f"parameter file {path}: holds no {SECTION}")

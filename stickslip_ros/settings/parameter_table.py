@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.friction_parameters import INERTIA, JOINT_PARAMETERS
+from stickslip_ros.model.friction_parameters import INERTIA, JOINT_PARAMETERS, PRESLIDING_PARAMETERS
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
@@ -160,7 +160,7 @@ def _per_joint() -> tuple[ParameterSpec, ...]:
             read_only=True,
         ),
     ]
-    for parameter in JOINT_PARAMETERS:
+    for parameter in (*JOINT_PARAMETERS, *PRESLIDING_PARAMETERS):
         name = "inertia.{joint}" if parameter is INERTIA else f"friction.{{joint}}.{parameter.name}"
         text = f"{parameter.name.replace('_', ' ')}; overrides the model's"
         found.append(spec(name=name, default=_NOT_SET, unit=in_ascii(parameter.unit), text=text))
@@ -213,6 +213,18 @@ def _per_joint() -> tuple[ParameterSpec, ...]:
             text="N*m/rad in one unit of the controller's p, and so on for d",
         ),
         spec(name="effort_scale.{joint}", default=1.0, unit="1", text="N*m in one unit of the effort in joint states"),
+        spec(
+            name="feedforward.{joint}.share",
+            default=0.0,
+            unit="1",
+            text="of the known friction that ~/friction_feedforward has, at the reference's speed; 0: off",
+        ),
+        spec(
+            name="feedforward.{joint}.largest",
+            default=0.0,
+            unit="N*m",
+            text="torque that ~/friction_feedforward never exceeds; to be set before the share",
+        ),
         spec(
             name="load.{joint}",
             default=0.0,

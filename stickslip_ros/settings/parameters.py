@@ -11,11 +11,10 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.model._friction_law import PAPERS_LAW
-from stickslip_ros.model._validation import require_positive
+from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import MonitorOptions
@@ -23,10 +22,36 @@ from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 from stickslip_ros.settings.parameter_table import GAINS, RECOMMENDED
 from stickslip_ros.settings.parameter_values import ParameterValues
 
-_FRICTION = tuple(parameter.name for parameter in FRICTION_PARAMETERS)
+_NO_FRICTION = Friction(stribeck=0.0, stribeck_velocity=1.0)
+_FRICTION = tuple(parameter.name for parameter in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS))
 
 Choice = TypeVar("Choice", bound=Enum)
 Getter = Callable[[str], Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feedforward:
+    """What of the friction is published as a torque to be added.
+
+    Attributes
+    ----------
+    share : of the friction, 0 to 1; 0 is off. largest : never more than this [N·m].
+
+    Raises
+    ------
+    InvalidParameterError
+        If the share is not from 0 to 1, or the largest torque is negative or not finite, or not set with a share.
+    """
+
+    share: float = 0.0
+    largest: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.share <= 1.0:
+            raise InvalidParameterError("feedforward_share", ">= 0 (off) and <= 1 (all of the friction)", self.share)
+        require_not_negative("feedforward_largest", self.largest)
+        if self.share > 0 and self.largest == 0:
+            raise InvalidParameterError("feedforward_largest", "> 0 before a share is set", self.largest)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +61,7 @@ class JointSettings:
     Attributes
     ----------
     options : how the joint is judged, with limits, conditions and gains on trial.
+    feedforward : what is published as a torque to be added.
     gain_scale : SI units in one unit of the controller's gains; effort_scale : N·m in one unit of the effort in joint
         states.
     """
@@ -45,6 +71,7 @@ class JointSettings:
     options: MonitorOptions
     gain_scale: float
     effort_scale: float
+    feedforward: Feedforward = Feedforward()
 
     def to_si(self, gains: Gains) -> Gains:
         """Gains of the controller in SI units."""
@@ -82,6 +109,8 @@ def _made_of(name: str) -> dict[str, tuple[str, ...]]:
         "bandwidth": (f"limits.{name}.bandwidth",),
         "effort": (f"limits.{name}.effort",),
         "load": (f"load.{name}",),
+        "feedforward_share": (f"feedforward.{name}.share",),
+        "feedforward_largest": (f"feedforward.{name}.largest",),
         "controller_period": (f"controller_period.{name}",),
         "inertia": (f"inertia.{name}",),
         **{key: (f"friction.{name}.{key}",) for key in _FRICTION},
@@ -131,6 +160,7 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
         options=options,
         gain_scale=scale,
         effort_scale=effort_scale,
+        feedforward=Feedforward(share=value(f"feedforward.{name}.share"), largest=value(f"feedforward.{name}.largest")),
     )
 
 
@@ -146,8 +176,7 @@ def _joint(name: str, values: ParameterValues) -> Joint | None:
             friction=known.joint.friction.changed(given),
         )
     # What is given is looked at even where it makes no joint yet.
-    whole = {"stribeck": 0.0, "stribeck_velocity": 1.0, **given}
-    joint = Joint(inertia=1.0 if inertia is None else inertia, friction=Friction(**whole, law=PAPERS_LAW))
+    joint = Joint(inertia=1.0 if inertia is None else inertia, friction=_NO_FRICTION.changed(given))
     return joint if inertia is not None and {"stribeck", "stribeck_velocity"} <= set(given) else None
 
 

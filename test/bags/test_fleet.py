@@ -71,8 +71,8 @@ def test_processes_give_the_same_bytes(fleet: Path, capsys: pytest.CaptureFixtur
     common = [str(fleet), "--json", "--no-learning", "--model", "puma560_joint1"]
     status, alone, errors = printed(common, capsys)
     assert status == 2
-    assert len(errors.strip().splitlines()) == 1
-    assert "broken.mcap" in errors
+    (complaint,) = [line for line in errors.splitlines() if line.startswith("stickslip: ")]
+    assert "broken.mcap" in complaint
     bags = json.loads(alone)["bags"]
     assert [("error" in bag) for bag in bags].count(True) == 1
     assert len(bags) == 8

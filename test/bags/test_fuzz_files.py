@@ -8,6 +8,7 @@ An hour by hand, with new examples every time:
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import time
@@ -15,6 +16,9 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
@@ -26,7 +30,7 @@ from support_bags import joint_state, write_mcap
 
 from stickslip_ros.bags.reading import BagReader
 from stickslip_ros.bags.storage.bag import Bag
-from stickslip_ros.bags.table import load_recording
+from stickslip_ros.bags.table import load_recording, load_table
 from stickslip_ros.bags.topics import TopicChoice, find_robots
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
@@ -170,6 +174,20 @@ def _with_checksum(path: Path) -> None:
     read_state(path)
 
 
+def _parquet() -> bytes:
+    content = io.BytesIO()
+    times = np.arange(30.0)
+    table = pa.table({"timestamp": times, "position": [[0.1, 0.2]] * 30, "header": [{"seq": 1}] * 30})
+    pyarrow.parquet.write_table(table, content)
+    return content.getvalue()
+
+
+def _npz() -> bytes:
+    content = io.BytesIO()
+    np.savez_compressed(content, time_s=np.arange(30.0), position_rad=np.zeros((30, 2)), joints=np.array(["a", "b"]))
+    return content.getvalue()
+
+
 FILES: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]] = {
     "zstd": ("a.mcap", _mcap(CompressionType.ZSTD), read_bag),
     "lz4": ("a.mcap", _mcap(CompressionType.LZ4), read_bag),
@@ -185,7 +203,10 @@ FILES: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]] 
     "joint": ("a.yaml", lambda _: JOINT, lambda path: load_joint(str(path))),
     "state": ("a.json", lambda _: _state(), read_state),
     "state, checksum right": ("a.json", lambda _: _state().partition(b"\n")[2], _with_checksum),
+    "parquet": ("a.parquet", lambda _: _parquet(), load_table),
+    "npz": ("a.npz", lambda _: _npz(), load_table),
     "table": ("a.csv", lambda _: b"time_s,position_rad\n" + b"0.01,0.1\n" * 30, load_recording),
+    "wide table": ("a.csv", lambda _: b"t;q1;q2\n" + b"0,01;0,1;2,5\n" * 30, load_table),
 }
 
 

@@ -152,7 +152,7 @@ def test_joints_are_chosen_and_described_by_either_name(two_arms: Path, capsys: 
 
 def test_a_fleet_knows_the_robots(two_arms: Path) -> None:
     """Issue 17, item 10: in a fleet's table a joint is its robot's."""
-    rows = rows_of([answer(BagTask(two_arms, WITHOUT_LEARNING))])
+    rows = rows_of([answer(BagTask(two_arms, WITHOUT_LEARNING)).answer])
     assert {(row["robot"], row["joint"]) for row in rows} >= {("left", "joint1"), ("right", "joint1")}
 
 

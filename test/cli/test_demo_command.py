@@ -39,7 +39,7 @@ def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     done = subprocess.run([*COMMAND, "--out", picture], capture_output=True, text=True, timeout=90, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert time.monotonic() - begin < 60.0
-    for text in ("Stick slip: ", "Advice: raise the", "Smooth: no cycle", str(picture)):
+    for text in ("Stick slip: ", "Advice: raise the", "Smooth: no cycle", "joint1: it helped: ", str(picture)):
         assert text in done.stdout
     # Issue 15: told early, and never an advice without words.
     told = re.search(r"Stick slip: (\d+) cycles", done.stdout)
@@ -83,9 +83,9 @@ def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
     ("arguments", "text"),
     [
         (["--recording", "nothing"], "no recording begins with 'nothing': "),
-        (["--recording", "/no/such/file.csv"], "No such file"),
+        (["--recording", "/no/such/file.csv"], "no such file"),
         (["--out", "/no/such/folder/a.png"], "in a folder that exists"),
-        (["--out", "picture.bmp"], "must be a .png"),
+        (["--out", "picture.bmp"], "must end in .png, .svg or .pdf"),
     ],
 )
 def test_bad_arguments_are_one_line(arguments: list[str], text: str) -> None:

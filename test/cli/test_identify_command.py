@@ -53,8 +53,9 @@ def test_a_recording_becomes_a_joint_file(table: Path, tmp_path: Path, capsys: p
     text = out.read_text(encoding="utf-8")
     assert "# kg·m², ± 0.0" in text
     # A file that is there is never written over.
-    assert main(["identify", str(table), "--stiffness", "630", "--out", str(out)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["identify", str(table), "--stiffness", "630", "--out", str(out)])
+    assert "is there already" in capsys.readouterr().err
     assert out.read_text(encoding="utf-8") == text
 
 

@@ -118,3 +118,22 @@ def test_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert "ρ_steady" in text
     assert "N·m" in text
     assert "stiffness × 2.7" in text
+
+
+def test_how_a_joint_hunts(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: at standstill with integral action: period, amplitude, and gains that would not hunt."""
+    lugre = (
+        "--inertia 1 --stiffness 3 --damping 6 --integral 4 --velocity 0 --stribeck 0.5 --stribeck-velocity 0.001 "
+        "--coulomb 1 --viscous 0.4 --law exponential --contact lugre --presliding-stiffness 1e5 "
+        "--presliding-damping 316.2"
+    )
+    assert main(["margin", *lugre.split(), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["exact"]["reason"] == "hunting"
+    assert found["hunting"]["period"] == pytest.approx(24.4, abs=0.5)
+    assert found["hunting"]["largest_quiet_integral"] is None
+    assert main(["margin", *lugre.split()]) == 0
+    text = capsys.readouterr().out
+    assert (
+        "It hunts by ±63.9 mrad, once in 24.4 s; no k_i down to a thousandth of it ends that, a k_p from 122 on" in text
+    )

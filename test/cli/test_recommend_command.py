@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import yaml
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains
@@ -113,3 +116,30 @@ def test_bad_options(capsys: pytest.CaptureFixture[str], options: list[str], tex
     error = capsys.readouterr().err
     assert text in error
     assert len(error.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_compensation_beside_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: what each kind buys at each share, how much does harm, and the feed-forward as a table."""
+    command = "recommend --joint puma560_joint1 --stiffness 2016 --velocity 0.005"
+    assert main([*command.split(), "--compensation", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["compensation"]
+    assert list(found["kinds"]) == ["feed-forward", "feedback", "push", "dither"]
+    for kind in found["kinds"].values():
+        assert [one["share"] for one in kind["shares"]] == [0.0, 0.5, 0.8, 1.0, 1.2]
+    ahead = found["kinds"]["feed-forward"]
+    errors = [one["steady_error"] for one in ahead["shares"]]
+    assert abs(errors[3]) < 0.05 * errors[0]
+    assert errors[4] < 0
+    assert ahead["largest_harmless_share"] == pytest.approx(2.0, abs=0.3)
+    for ending in ("csv", "yaml"):
+        path = tmp_path / f"feedforward.{ending}"
+        assert main([*command.split(), "--compensation-out", str(path)]) == 0
+        assert "velocity" in path.read_text(encoding="utf-8")
+    rows = np.loadtxt(tmp_path / "feedforward.csv", delimiter=",", skiprows=1)
+    forward = rows[rows[:, 0] > 0]
+    expected = 8.43 + 1.6 / (1 + (forward[:, 0] / 0.0058) ** 2) + 4.94 * forward[:, 0]
+    np.testing.assert_allclose(forward[:, 1], expected, rtol=1e-4)
+    np.testing.assert_allclose(rows[::-1, 1], -rows[:, 1])
+    content = yaml.safe_load((tmp_path / "feedforward.yaml").read_text(encoding="utf-8"))["friction_feedforward"]
+    np.testing.assert_allclose(content["torque"], rows[:, 1], rtol=1e-5)

@@ -7,12 +7,18 @@ from __future__ import annotations
 import pytest
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA, JOINT_PARAMETERS, FrictionParameter
+from stickslip_ros.model.friction_parameters import (
+    FRICTION_PARAMETERS,
+    INERTIA,
+    JOINT_PARAMETERS,
+    PRESLIDING_PARAMETERS,
+    FrictionParameter,
+)
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.monitoring.friction.estimate import NAMES
 
 
-@pytest.mark.parametrize("parameter", JOINT_PARAMETERS, ids=lambda parameter: parameter.name)
+@pytest.mark.parametrize("parameter", [*JOINT_PARAMETERS, *PRESLIDING_PARAMETERS], ids=lambda parameter: parameter.name)
 def test_the_table_agrees_with_the_law(parameter: FrictionParameter) -> None:
     """Symbol and unit are those that the law's own documentation has."""
     text = (Joint if parameter is INERTIA else Friction).__doc__ or ""
@@ -25,7 +31,7 @@ def test_every_number_of_the_law_is_in_the_table() -> None:
     """Whoever adds one to the law adds a row; estimates, files and outputs go by the rows."""
     joint = Joint(inertia=1.0, friction=Friction(stribeck=1.0, stribeck_velocity=1.0))
     numbers = {name for name, value in vars(joint.friction).items() if isinstance(value, float)}
-    assert {parameter.name for parameter in FRICTION_PARAMETERS} == numbers
+    assert {parameter.name for parameter in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)} == numbers
     assert ("inertia", *(parameter.name for parameter in FRICTION_PARAMETERS)) == NAMES
 
 

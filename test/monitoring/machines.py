@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
 
 PAPER, EXPONENTIAL, LUGRE = range(3)
 
@@ -69,6 +70,12 @@ class Machine:
     drift: float = 0.0
     sampled: bool = False
     control_delay: float = 0.0
+
+    @classmethod
+    def of(cls, joint: Joint) -> Machine:
+        """A joint of the paper's law, ideal otherwise."""
+        values = {one.name: float(getattr(joint.friction, one.name)) for one in FRICTION_PARAMETERS}
+        return cls(inertia=float(joint.inertia), **values)
 
     def after(self, time: float) -> Machine:
         """The machine whose friction stays as it is after a time of drift [s]."""

@@ -173,7 +173,7 @@ def _attempt(seed: int, attempt: int, condition: Condition) -> MachineRecording 
     # What a condition draws must not change what all have in common.
     rng, own = np.random.default_rng((seed, attempt)), np.random.default_rng((seed, attempt, 1))
     joint, frequency = random_joint(rng)
-    machine = Machine(inertia=float(joint.inertia), **{name: float(x) for name, x in joint.friction.numbers.items()})
+    machine = Machine.of(joint)
     gains = Gains(
         stiffness=machine.inertia * frequency**2,
         damping=float(rng.uniform(0.0, 3.0)) * machine.viscous,

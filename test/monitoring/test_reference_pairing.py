@@ -115,3 +115,23 @@ def test_what_is_played_fast_has_as_long_to_arrive() -> None:
         pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan]]))
         assert pairing.take(now) is not None
     assert pairing.waiting == 0
+
+
+def test_references_that_came_too_late_are_counted() -> None:
+    """Only those whose samples had gone on without them, and none by a clock that was set back."""
+    pairing = ReferencePairing()
+    pairing.add_references(np.array([[1.0, 1.0, 0.0]]))
+    pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan] for stamp in (1.0, 1.1, 1.2)]))
+    pairing.take(10.0)
+    pairing.add_references(np.array([[1.1, 1.0, 0.0], [1.2, 1.0, 0.0]]))
+    pairing.take(10.1)
+    assert pairing.too_late == 0
+    pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan] for stamp in (1.3, 1.4, 1.5)]))
+    pairing.take(11.0)
+    assert pairing.waiting == 0
+    pairing.add_references(np.array([[1.3, 1.0, 0.0], [1.4, 1.0, 0.0], [1.6, 1.0, 0.0]]))
+    pairing.take(11.1)
+    assert pairing.too_late == 2
+    pairing.add_references(np.array([[0.1, 1.0, 0.0]]))
+    pairing.take(11.2)
+    assert pairing.too_late == 2

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip_ros.model import _joint_kernel as joint_kernel
+from stickslip_ros.model import _joint_state as at
 from stickslip_ros.model._friction_law import EXPONENTIAL, HESS_SOOM
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
@@ -32,29 +33,29 @@ def reference_simulation(
 ) -> FloatArray:
     """Positions at equal times [rad] from a breakaway at ``begin`` and rest, by the kernel of whole motions."""
     inertia, viscous, stribeck_velocity, lag, stribeck, rise_time = parameters
-    state, plant = np.zeros(joint_kernel.STATE_SIZE), np.zeros(joint_kernel.PARAMETERS_SIZE)
-    plant[joint_kernel.INERTIA], plant[joint_kernel.VISCOUS] = inertia, viscous
-    plant[joint_kernel.STRIBECK], plant[joint_kernel.STRIBECK_VELOCITY] = stribeck, stribeck_velocity
-    plant[joint_kernel.LAG], plant[joint_kernel.RISE_TIME], plant[joint_kernel.LAW] = lag, rise_time, law
-    plant[joint_kernel.STIFFNESS], plant[joint_kernel.DAMPING] = STIFFNESS, damping
+    state, plant = np.zeros(at.STATE_SIZE), np.zeros(at.PARAMETERS_SIZE)
+    plant[at.INERTIA], plant[at.VISCOUS] = inertia, viscous
+    plant[at.STRIBECK], plant[at.STRIBECK_VELOCITY] = stribeck, stribeck_velocity
+    plant[at.LAG], plant[at.RISE_TIME], plant[at.LAW] = lag, rise_time, law
+    plant[at.STIFFNESS], plant[at.DAMPING] = STIFFNESS, damping
     # So much friction, and a load that takes it back, that the joint cannot turn.
     force = STIFFNESS * speed * begin + damping * speed
-    plant[joint_kernel.COULOMB] = 100.0 * force
-    plant[joint_kernel.LOAD] = force - stribeck - plant[joint_kernel.COULOMB]
-    state[joint_kernel.TIME] = state[joint_kernel.EVENT_TIME] = begin
-    state[joint_kernel.DIRECTION], state[joint_kernel.LEVEL] = 1.0, stribeck
-    state[joint_kernel.HISTORY_COUNT] = state[joint_kernel.HISTORY_HEAD] = 1
+    plant[at.COULOMB] = 100.0 * force
+    plant[at.LOAD] = force - stribeck - plant[at.COULOMB]
+    state[at.TIME] = state[at.EVENT_TIME] = begin
+    state[at.DIRECTION], state[at.LEVEL] = 1.0, stribeck
+    state[at.HISTORY_COUNT] = state[at.HISTORY_HEAD] = 1
     step = 2e-4
     history = np.zeros((2 * int(lag / step) + 8, 3))
     history[0, 0] = begin
     after = times[times > begin]
     positions = np.zeros(len(times))
     starts = np.append(begin, after[:-1])
-    samples, events = np.empty((1, 3)), np.zeros((4, joint_kernel.EVENT_COLUMNS))
+    samples, events = np.empty((1, 3)), np.zeros((4, at.EVENT_COLUMNS))
     for number, (start, end) in enumerate(zip(starts, after, strict=True)):
         joint_kernel.advance(
-            state, history, plant, np.zeros(2), False, False, step, end - start, np.array([speed * start]),
-            np.array([speed]), samples, events,
+            state, history, plant, np.zeros(4), False, False, step, end - start, np.array([speed * start]),
+            np.array([speed]), np.zeros(1), np.zeros(at.COMPENSATION_SIZE), samples, events,
         )  # fmt: skip
         positions[len(times) - len(after) + number] = samples[0, 0]
     return positions

@@ -56,6 +56,21 @@ def test_what_gets_worse_is_named(now: Batch, word: str) -> None:
     assert word in what_got_worse(before, vitals_of(now, BAND), effort_limit=5.0)
 
 
+def test_gaps_are_no_oscillation() -> None:
+    """Where tenths of a second are missing, a line over them is none; what shakes between them is one."""
+    time = np.arange(0.0, 1.0, 0.002)
+    slip = 0.0037 * (1.0 - np.cos(np.pi * np.clip((time - 0.3) / 0.42, 0.0, 1.0)))
+    heard = ~((time > 0.3) & (time < 0.5))
+    shaken = slip + 2e-4 * np.sin(2.0 * np.pi * 40.0 * time)
+    before = vitals_of(Batch(time=time, position=slip), BAND)
+    now, worse = (vitals_of(Batch(time=time[heard], position=one[heard]), BAND) for one in (slip, shaken))
+    assert what_got_worse(before, now, resolution=1e-6) == ""
+    assert "oscillation" in what_got_worse(before, worse, resolution=1e-6)
+    # Of scraps alone nothing is known.
+    scraps = np.flatnonzero(np.arange(len(time)) % 100 < 5)
+    assert math.isnan(vitals_of(Batch(time=time[scraps], position=shaken[scraps]), BAND).oscillation)
+
+
 def test_what_is_no_worse() -> None:
     """Issue 5, item 4: a softer joint may lag more, an encoder's steps do not count, nor does the unknown."""
     before = vitals_of(batch(), BAND)

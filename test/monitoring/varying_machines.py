@@ -51,9 +51,7 @@ def random_varying(seed: int, kind: str) -> VaryingRecording:
     for attempt in itertools.count():
         rng = np.random.default_rng((seed, attempt))
         joint, frequency = random_joint(rng)
-        machine = Machine(
-            inertia=float(joint.inertia), **{name: float(x) for name, x in joint.friction.numbers.items()}
-        )
+        machine = Machine.of(joint)
         gains = Gains(stiffness=machine.inertia * frequency**2, damping=float(rng.uniform(0.0, 3.0)) * machine.viscous)
         speed = machine.stribeck_velocity * 10.0 ** rng.uniform(-0.2, 0.5)
         way = speed * DURATION / TURNS

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,12 +25,13 @@ from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_file import Parameters
 
 _DURATION, _FACTOR = 14.0, 5.0
+_ATTEMPTS = 4
 _RELIABLE = {
     f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("joint_states", "joint_references")
 }
 
 
-def random_bag(folder: Path, number: int, *, with_gains: bool) -> Path:
+def random_bag(folder: Path, number: int, name: str, *, with_gains: bool) -> Path:
     """A recording of a joint drawn at random, that sticks or does not."""
     generator = np.random.default_rng(100 + number)
 
@@ -50,10 +51,10 @@ def random_bag(folder: Path, number: int, *, with_gains: bool) -> Path:
         position_noise=float(generator.choice([0.0, 1e-5])),
         velocity_noise=1e-4,
     )
-    path = folder / f"bag{number}.mcap"
+    path = folder / f"{name}.mcap"
     rate = float(generator.choice([200.0, 333.0, 500.0]))
     write_simulation(
-        path, {f"axis{number}": joint}, duration=_DURATION, rate=rate, seed=number, jitter=0.05 / rate,
+        path, {name: joint}, duration=_DURATION, rate=rate, seed=number, jitter=0.05 / rate,
         with_gains=with_gains, start=1000.0,
     )  # fmt: skip
     return path
@@ -89,6 +90,11 @@ def words_of(path: Path, options: AnalysisOptions, joint: str) -> list[str]:
     return words
 
 
+def references_too_late(one: Probe) -> int:
+    """How many references came when their samples had gone on, since the monitor began."""
+    return int(one.diagnostics["stickslip_monitor"][2]["references too late [1]"])
+
+
 def is_part_of(some: Iterable[str], words: Iterable[str]) -> bool:
     """Whether words occur among others in the same order."""
     rest = iter(words)
@@ -106,6 +112,30 @@ def check_cycles(one: Probe, expected: JointAnalysis) -> None:
         assert float(live["dwell [s]"]) == recorded.dwell
 
 
+def played_in_time(
+    one: Probe, record: Callable[[str], Path], options: AnalysisOptions
+) -> tuple[Path, JointAnalysis, list[str]]:
+    """A recording that was played, as analysed, and the words live; record() makes one of the joint named.
+
+    A busy machine loses messages, and a reliable publisher sends them again up to three seconds later. The monitor
+    counts the references that come too late by that; such a recording is played again, by another name.
+    """
+    for attempt in range(_ATTEMPTS):
+        path = record(f"axis{attempt}")
+        (expected,) = analyze(path, options).joints.values()
+        before = references_too_late(one)
+        words = played(one, path, expected.name)
+        one.wait(
+            lambda name=expected.name: name in one.diagnostics and one.diagnostics[name][1].startswith("no data"),
+            20.0,
+            f"the end of {expected.name}",
+        )
+        one.wait(lambda: "stickslip_monitor" in one.diagnostics, 5.0, "the monitor's own status")
+        if references_too_late(one) == before:
+            return path, expected, words
+    pytest.fail(f"references came too late {_ATTEMPTS} times")
+
+
 def test_ten_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path) -> None:
     """Issue 6, item 2: ten random recordings through DDS and from the file: identical cycles and statuses."""
     options = AnalysisOptions(parameters=Parameters({"learn": False}))
@@ -113,16 +143,17 @@ def test_ten_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path) 
     with NodeProcess("monitor", {"learn": "false", **_RELIABLE}), probe() as one:
         one.wait_for_monitor()
         for number in range(10):
-            path = random_bag(tmp_path, number, with_gains=number % 2 == 0)
-            expected = analyze(path, options).joints[f"axis{number}"]
-            words = played(one, path, expected.name)
+
+            def record(name: str, number: int = number) -> Path:
+                return random_bag(tmp_path, number, f"{name}_{number}", with_gains=number % 2 == 0)
+
+            path, expected, words = played_in_time(one, record, options)
             one.wait(
                 lambda expected=expected: (
-                    float(one.diagnostics[expected.name][2]["cycles [1]"]) >= len(expected.cycles)
-                    and one.diagnostics[expected.name][1].startswith("no data")
+                    sum(cycle["joint"] == expected.name for cycle in one.cycles) >= len(expected.cycles)
                 ),
                 5.0,
-                f"the end of {expected.name}",
+                f"the cycles of {expected.name}",
             )
             check_cycles(one, expected)
             sticking += len(expected.cycles) > 0
@@ -142,23 +173,26 @@ def test_ten_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path) 
 
 def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Path) -> None:
     """Issue 6, item 2: what is learnt does not depend on whether studies are made at once or in another process."""
-    path = tmp_path / "bag.mcap"
     known = load_joint("puma560_joint1")
     joint = RecordedJoint(joint=known.joint, gains=known.gains, velocities=(0.009,), encoder_resolution=2.5e-5)
-    write_simulation(path, {"axis": joint}, duration=22.0, rate=500.0, start=1000.0)
-    expected = analyze(path).joints["axis"]
-    estimate = expected.assessment.estimate
-    assert estimate is not None
+
+    def record(name: str) -> Path:
+        path = tmp_path / f"{name}.mcap"
+        write_simulation(path, {name: joint}, duration=22.0, rate=500.0, start=1000.0)
+        return path
+
     with NodeProcess("monitor", _RELIABLE), probe() as one:
         one.wait_for_monitor()
-        played(one, path, "axis")
+        _, expected, _ = played_in_time(one, record, AnalysisOptions())
+        estimate = expected.assessment.estimate
+        assert estimate is not None
         one.wait(
-            lambda: one.diagnostics["axis"][2].get("slips learnt from [1]") == str(estimate.slips),
+            lambda: one.diagnostics[expected.name][2].get("slips learnt from [1]") == str(estimate.slips),
             60.0,
             f"what {estimate.slips} slips teach",
         )
         check_cycles(one, expected)
-        values = one.diagnostics["axis"][2]
+        values = one.diagnostics[expected.name][2]
     units = {key.partition(" [")[0]: key for key in values}
     for name in NAMES:
         assert float(values[units[name]]) == pytest.approx(estimate[name].value, rel=1e-9), name

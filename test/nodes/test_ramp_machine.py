@@ -32,6 +32,7 @@ TICK = 0.02  # [s], that of the monitor
 PATIENCE = 2.0  # [s] for one answer
 JOINT = load_joint("puma560_joint1").joint
 _QUICK = 0.05  # [s]
+_SILENT = "the joint has not been heard for 1 s"
 TARGET = GainPair(3820.0, 26.4)
 
 
@@ -56,6 +57,10 @@ class Motion:
     def begin(self, begin: Gains, target: Gains) -> str:
         """Every motion will do."""
         return ""
+
+    def silence(self) -> str:
+        """Of what the test says, that nothing is heard."""
+        return self.complaint if self.complaint == _SILENT else ""
 
     def objection(self, softer: float) -> str:
         """What the test says."""
@@ -90,18 +95,19 @@ class RampMachine(RuleBasedStateMachine):
         self.complained_at = math.inf
         self.awake = 0.0  # [s] that the monitor has had a processor since something should have ended the ramp
         self.in_between: float | None = None
+        self.restoring = False  # goes back to gains that were in force
         self.upset = False  # what the controller did makes some promises void
 
     def teardown(self) -> None:
         """Whatever was under way ends in bounded time."""
         if self.ramp is not None and self.outcome is None:
-            self.motion.complaint = self.motion.complaint or "enough"
+            self.motion.complaint = _SILENT
             self._pass(60.0)
             assert self.outcome is not None, self.ramp.state
         self.folder.cleanup()
 
     def _begin(self, back_to: UnfinishedRamp | None = None) -> None:
-        self.outcome = None
+        self.outcome, self.restoring = None, back_to is not None
         self.withdrawn_at = self.complained_at = math.inf
         self.awake = 0.0
         self.first_request, self.first_effect = len(self.controller.requests), len(self.controller.effects)
@@ -248,14 +254,14 @@ class RampMachine(RuleBasedStateMachine):
         """Of p."""
         self.bounds = ((0.0, largest), (0.0, 300.0))
 
-    @rule(complaint=st.sampled_from(["", "an oscillation began", "the joint has not been heard for 1 s"]))
+    @rule(complaint=st.sampled_from(["", "an oscillation began", _SILENT]))
     def the_joint_gets_worse(self, complaint: str) -> None:
         """Or well again."""
         self.motion.complaint = complaint
         if not complaint:
             # What was over before anybody looked ends nothing.
             self.complained_at = math.inf
-        elif self.ramp is not None and self.outcome is None:
+        elif self.ramp is not None and self.outcome is None and (not self.restoring or complaint == _SILENT):
             self.complained_at = min(self.complained_at, self.controller.now)
 
     @rule(status=st.sampled_from([Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH, Status.NOT_JUDGED, Status.AT_REST]))
@@ -336,6 +342,30 @@ def take_steps(count: int, **more: Any) -> None:
 def test_a_ramp_keeps_to_its_rules() -> None:
     """Issue 20: 10,000 steps."""
     take_steps(10_000, derandomize=True)
+
+
+def test_going_back_to_gains_that_stick_is_not_stopped_by_sticking() -> None:
+    """Issue 20: ~/restore_gains is asked for gains under which the joint stuck; silence alone stops it.
+
+    Found beside a real joint_trajectory_controller: it ended a step short, as "an oscillation began".
+    """
+    for complaint, there in (("an oscillation began", True), (_SILENT, False)):
+        machine = RampMachine()
+        before = GainPair(630.0, 0.0)
+        machine.controller.others_set({"p": 1000.0, "d": 10.0})
+        machine._pass(5.0)
+        ramp = UnfinishedRamp(
+            joint="joint1", controller=machine.controller.remote, before=before, asked=TARGET, offset=5.0
+        )
+        machine.journal.begin(ramp)
+        machine._begin(back_to=ramp)
+        machine._pass(1.0)
+        machine.motion.complaint = complaint
+        machine._pass(60.0)
+        assert machine.outcome is not None
+        assert machine.outcome.success is there, machine.outcome.message
+        assert (GainPair(**machine.controller.gains).same(before)) is there
+        machine.folder.cleanup()
 
 
 if __name__ == "__main__":

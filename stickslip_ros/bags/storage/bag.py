@@ -18,6 +18,7 @@ from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
 from stickslip_ros.bags.storage.formats import FORMATS, format_of
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
+from stickslip_ros.errors import reason
 from stickslip_ros.messages.blocks import Block, Channel, Storage
 from stickslip_ros.regular_files import read_yaml
 
@@ -86,7 +87,7 @@ class Bag:
                 raise RecordingError(f"bag {self.path}: there is no such file or directory")
             files = self._files() if self.path.is_dir() else [self.path]
         except OSError as error:
-            raise RecordingError(f"bag {self.path}: {error.strerror or error}") from error
+            raise RecordingError(f"bag {self.path}: {reason(error)}") from error
         opened, reasons = [], []
         for file in files:
             try:
@@ -94,8 +95,8 @@ class Bag:
                 storage = format_of(bag_file).open(bag_file, self.warnings.append)
                 opened.append((file, storage, storage.channels()))
             except (OSError, ValueError, EOFError, ImportError) as error:
-                reason = f"it needs the package {error.name}" if isinstance(error, ImportError) else str(error)
-                reasons.append(f"{file.name}: {' '.join(reason.split())}" if self.path.is_dir() else reason)
+                why = f"it needs the package {error.name}" if isinstance(error, ImportError) else reason(error)
+                reasons.append(f"{file.name}: {why}" if self.path.is_dir() else why)
         if not opened:
             raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or f'no {_ANY} file is in it'}")
         self.warnings += reasons

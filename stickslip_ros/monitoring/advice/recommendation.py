@@ -26,7 +26,7 @@ from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.outcome import Outcome, is_steady
-from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
+from stickslip_ros.model.verdict import beyond_the_paper, exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
@@ -171,7 +171,7 @@ def recommend(
     if obstacle:
         return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
     answer = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known).recommendation()
-    if answer.keep or not joint.friction.of_the_paper or gains.integral != 0 or loop.conditions.controller_period > 0:
+    if answer.keep or not joint.friction.of_the_paper or beyond_the_paper(joint, gains, loop.conditions):
         return answer
     other = replace(limits, condition=Criterion.EXACT)
     if exact:
@@ -197,7 +197,7 @@ class _Case:
         self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
         self._loop, self._gains_known, self._learnt = loop, gains_known, uncertainty is not None
         self._exact = limits.condition is Criterion.EXACT
-        self._beyond = self._exact and (bool(gains.integral != 0) or loop.conditions.controller_period > 0)
+        self._beyond = self._exact and beyond_the_paper(joint, gains, loop.conditions)
         # Exact draws take too long for a search: it is made for the joint itself, and the draws are asked afterwards,
         # by every law that the data do not exclude; Eq. (43) is of the paper's law alone.
         self._requirement = Requirement(joint, slowest, limits, None if self._exact else uncertainty)

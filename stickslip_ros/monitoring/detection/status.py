@@ -7,6 +7,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from stickslip_ros.monitoring.detection.reversals import ReversalRecord
+
 
 class Status(Enum):
     """What is observed of a joint's motion."""
@@ -54,9 +56,16 @@ class Stuck:
     travel: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reversing:
-    """The joint turns before its motion can be judged."""
+    """The joint turns before its motion can be judged.
+
+    Attributes
+    ----------
+    record : what its reversals show; None if nothing yet.
+    """
+
+    record: ReversalRecord | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

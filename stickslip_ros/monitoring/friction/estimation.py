@@ -131,7 +131,8 @@ def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tupl
     if joint is None:
         return {}
     if not joint.friction.of_the_paper:
-        raise InvalidParameterError("prior", f"a joint of the law that is fitted, {PAPERS_LAW}", joint.friction.law)
+        needed = f"a joint of the law that is fitted, {PAPERS_LAW}"
+        raise InvalidParameterError("prior", needed, joint.friction.law_in_words)
     friction = joint.friction
     known = {
         STRIBECK_VELOCITY: float(friction.stribeck_velocity),

@@ -357,7 +357,12 @@ class GainApplication:
         if self._bounded is not None and not self._returning:
             self._check_bounds(self._bounded)
         if self._watching and not self._returning:
-            why = self._watch.objection(softer=self._good[0][1].p / self._good[-1][1].p)
+            # Gains that were in force may well be those that the joint stuck with.
+            why = (
+                self._watch.objection(softer=self._good[0][1].p / self._good[-1][1].p)
+                if self._back_to is None
+                else self._watch.silence()
+            )
             if why:
                 raise _WorseError(why)
 

@@ -42,8 +42,11 @@ class Watch(Protocol):
     def begin(self, begin: Gains, target: Gains) -> str:
         """Take the motion of now as the measure of that to come; returns why that cannot be, or ""."""
 
+    def silence(self) -> str:
+        """That the joint is not heard any more, or ""."""
+
     def objection(self, softer: float) -> str:
-        """Why the gains should not be changed further, or ""."""
+        """Why the gains should not be changed further, silence among it, or ""."""
 
 
 class MotionWatch:
@@ -89,15 +92,21 @@ class MotionWatch:
         self._before = self._vitals(min(max(_LEAST_BASELINE, self._swings, longest), _LONGEST_BASELINE))
         return "" if self._before is not None else "there are no samples of the joint to watch it by"
 
+    def silence(self) -> str:
+        """That the joint is not heard any more, or ""."""
+        if self._clock() - self._watched.heard > _SILENCE:
+            return f"the joint has not been heard for {_SILENCE:g} s"
+        return ""
+
     def objection(self, softer: float) -> str:
-        """Why the gains should not be changed further, or "".
+        """Why the gains should not be changed further, silence among it, or "".
 
         Parameters
         ----------
         softer : stiffness before over that of now.
         """
-        if self._clock() - self._watched.heard > _SILENCE:
-            return f"the joint has not been heard for {_SILENCE:g} s"
+        if silent := self.silence():
+            return silent
         # It is asked once more right before each write, when there seldom is a new sample.
         seen = (self._monitor.last_time, softer, self._watched.settings.options.limits.effort)
         if seen != self._seen:

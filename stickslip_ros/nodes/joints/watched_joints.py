@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
+from time import monotonic
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -22,6 +24,7 @@ from stickslip_ros.settings.parameter_table import COMMON
 
 _MOST_JOINTS = 256  # names come from the graph; their number is bounded
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")
+_A_LINE_EVERY = 1.0  # [s] of a joint's gains
 _COMMON = frozenset(spec.name for spec in COMMON)
 
 
@@ -48,6 +51,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         self._node, self._adviser, self._refuse, self._on_new = node, adviser, refuse, on_new
         self._bounds, self._own_change = bounds, own_change
         self._joints: dict[str, WatchedJoint] = {}
+        self._told: dict[str, float] = {}  # when a joint's gains were, as a steady time [s]
         self.welcomes_others = not names
         for name in names:
             self._add(name)
@@ -127,4 +131,14 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         """Let a joint's monitor know its gains, in SI units."""
         if joint.monitor.gains != gains:
             joint.monitor.gains = gains
-            self._node.get_logger().info(f"{joint.name}: gains are now {gains if gains is not None else 'not known'}")
+            # A ramp changes them again and again, and says itself to what.
+            if monotonic() - self._told.get(joint.name, -math.inf) >= _A_LINE_EVERY:
+                self._told[joint.name] = monotonic()
+                said = "not known" if gains is None else _in_words(joint.settings.from_si(gains))
+                self._node.get_logger().info(f"{joint.name}: gains are now {said}")
+
+
+def _in_words(gains: Gains) -> str:
+    """In the controller's units."""
+    integral = f", i {float(gains.integral):.6g}" if gains.integral else ""
+    return f"p {float(gains.stiffness):.6g}{integral}, d {float(gains.damping):.6g}"

@@ -1,0 +1,364 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Two recordings of the same joints, before and after a change: did it help?
+
+**A change is significant** where the two values are further apart than 1.96 times their combined standard errors: by
+chance alone one in twenty is. What is not known with an error in both recordings, and what the motion does not
+identify, is not compared, and the reason is given.
+**That stick slip is gone, or new**, is significant if it had a chance below 5 % were it as frequent in both recordings:
+of m events that all lie in one of them the chance is (T₁/(T₁ + T₂))^m, T₁ and T₂ being the times watched. Of a joint
+that stuck steadily the cycles are the events; else the stretches of stick slip, for the cycles of one come together.
+**The error of the share of stick slip** of joints that stuck in both is that of the mean of ten parts of the moving
+time, wider where neighbours are alike, and at least that of a cycle in the time watched.
+**The error of the slip** is that of the median of its slips, wider where successive ones are alike, with half a count
+of the encoder.
+**At one speed**: stick slip depends on the speed. That it is gone counts only if the joint moved at the speed at which
+it stuck, or slower.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from stickslip_ros.analysis.analysis import BagAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.judgement import JUDGED
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.model.units import unit_of
+from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
+from stickslip_ros.monitoring.samples import FloatArray
+
+_BEYOND_CHANCE = 1.96  # standard errors: 95 %
+_SAME_SPEED = 1.25  # a ratio of speeds up to which they are the same
+_PARTS = 10  # of the moving time
+_LEAST_SLIPS = 5  # that have an error
+_CHANCE = 0.05
+_OF_THE_MARGIN = ("viscous", "stribeck", "stribeck_velocity", "lag", "rise_time")
+
+
+class Verdict(Enum):
+    """Whether the change helped a joint."""
+
+    HELPED = "helped"
+    HELPED_IN_PART = "helped_in_part"
+    SMALLER_SLIPS = "smaller_slips"
+    NO_CHANGE = "no_change"
+    NEVER_STUCK = "never_stuck"
+    LARGER_SLIPS = "larger_slips"
+    WORSE = "worse"
+    CANNOT_SAY = "cannot_say"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A value with its standard error; NaN where it is not known. ``exact``: it was set, and has none."""
+
+    value: float = math.nan
+    error: float = math.nan
+    exact: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """One number of a joint, before and after.
+
+    Attributes
+    ----------
+    name : as in JSON. label, unit : for people. missing : why it is not compared, "" if it is.
+    certain : whether it changed, where that is told by counts and not by errors; else None.
+    """
+
+    name: str
+    label: str
+    unit: str
+    before: Measured
+    after: Measured
+    missing: str = ""
+    certain: bool | None = None
+
+    @property
+    def change(self) -> float:
+        """After less before."""
+        return self.after.value - self.before.value
+
+    @property
+    def significant(self) -> bool | None:
+        """Whether it changed beyond the combined errors; None where it is not compared."""
+        if self.missing:
+            return None
+        if self.certain is not None:
+            return self.certain
+        if self.before.exact and self.after.exact:
+            return self.change != 0.0
+        return abs(self.change) > _BEYOND_CHANCE * math.hypot(self.before.error, self.after.error)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointComparison:
+    """One joint before and after; ``reason``: why it cannot be said whether the change helped, "" if it can."""
+
+    name: str
+    before: JointAnalysis
+    after: JointAnalysis
+    share: Quantity
+    slip: Quantity
+    reserve: Quantity
+    gains: tuple[Quantity, ...]
+    friction: tuple[Quantity, ...]
+    verdict: Verdict
+    reason: str = ""
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All that was looked at, in the order of tables."""
+        return (self.share, self.slip, self.reserve, *self.gains, *self.friction)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Two recordings; ``alone``: joints that are in one of them only, and in which."""
+
+    before: BagAnalysis
+    after: BagAnalysis
+    joints: tuple[JointComparison, ...]
+    alone: dict[str, str]
+
+
+def compare(before: BagAnalysis, after: BagAnalysis) -> Comparison:
+    """Compare what two recordings show of the joints that are in both."""
+    alone = {name: "before" for name in before.joints if name not in after.joints}
+    alone |= {name: "after" for name in after.joints if name not in before.joints}
+    joints = tuple(
+        compare_joints(joint, after.joints[name]) for name, joint in before.joints.items() if name not in alone
+    )
+    return Comparison(before=before, after=after, joints=joints, alone=alone)
+
+
+def compare_joints(before: JointAnalysis, after: JointAnalysis) -> JointComparison:
+    """Compare one joint with itself."""
+    share = _share_of(before, after)
+    slip = _quantity("usual_slip", "usual slip", "rad", _slip(before), _slip(after), f"fewer than {_LEAST_SLIPS} slips")
+    reserve = _quantity(
+        "reserve", "damping reserve by Eq. (43)", "1", _reserve(before), _reserve(after),
+        "the motion does not identify the friction that it rests on",
+    )  # fmt: skip
+    verdict, reason = _verdict(before, after, share, slip)
+    if verdict is Verdict.CANNOT_SAY:
+        why = "not at one speed" if all(one.worst in JUDGED for one in (before, after)) else "not judged in both"
+        share, slip = (replace(one, missing=one.missing or why) for one in (share, slip))
+    return JointComparison(
+        name=before.name,
+        before=before,
+        after=after,
+        share=share,
+        slip=slip,
+        reserve=reserve,
+        gains=_gains(before, after),
+        friction=_friction(before, after),
+        verdict=verdict,
+        reason=reason,
+    )
+
+
+def _quantity(name: str, label: str, unit: str, before: Measured, after: Measured, lacking: str) -> Quantity:
+    """A quantity, and why it is not compared if that is so: ``lacking`` is the case."""
+    sides = [side for side, one in (("before", before), ("after", after)) if not (one.exact or one.error >= 0.0)]
+    missing = f"{' and '.join(sides)}: {lacking}" if sides else ""
+    if not sides and before.exact is not after.exact:
+        missing = "configured in one recording, learnt in the other"
+    return Quantity(name=name, label=label, unit=unit, before=before, after=after, missing=missing)
+
+
+def _share_of(before: JointAnalysis, after: JointAnalysis) -> Quantity:
+    """The share of stick slip; where one of the two never stuck, whether that is certain is told by counts."""
+    share = _quantity(
+        "stick_slip_share", "stick slip", "of moving time", _share(before), _share(after),
+        "it did not move for long enough",
+    )  # fmt: skip
+    if share.missing or (before.worst is Status.STICK_SLIP) is (after.worst is Status.STICK_SLIP):
+        return share
+    sticks, moves = (before, after) if before.worst is Status.STICK_SLIP else (after, before)
+    stretches = sum(one.status is Status.STICK_SLIP for one in sticks.segments)
+    events = len(sticks.cycles) if sticks.status is Status.STICK_SLIP else stretches
+    chance = (sticks.moving_time / (sticks.moving_time + _slow_time(moves, sticks.velocity))) ** events
+    plain = [Measured(value=one.value) for one in (share.before, share.after)]
+    return replace(share, before=plain[0], after=plain[1], certain=chance < _CHANCE)
+
+
+def _slow_time(joint: JointAnalysis, speed: float) -> float:
+    """How long a joint moved at a speed [rad/s], or slower [s]."""
+    return sum(one.end - one.start for one in _moving(joint) if abs(one.velocity) <= _SAME_SPEED * speed)
+
+
+def _period(joint: JointAnalysis) -> float:
+    """Median period of a joint's cycles [s]; NaN without any."""
+    return float(np.median([cycle.period for cycle in joint.cycles])) if joint.cycles else math.nan
+
+
+def _moving(joint: JointAnalysis) -> list[Segment]:
+    return [one for one in joint.segments if one.status not in (Status.AT_REST, Status.UNKNOWN)]
+
+
+def _share(joint: JointAnalysis) -> Measured:
+    """Share of stick slip in the moving time, with the error described in the module."""
+    moving = _moving(joint)
+    lengths = np.array([one.end - one.start for one in moving])
+    total = float(lengths.sum()) if len(moving) else 0.0
+    if not total > 0.0:
+        return Measured()
+    # Of how much stick slip there was up to each moment of the moving time.
+    sticking = np.array([one.status is Status.STICK_SLIP for one in moving], dtype=float)
+    ends = np.append(0.0, np.cumsum(lengths))
+    until = np.interp(np.linspace(0.0, total, _PARTS + 1), ends, np.append(0.0, np.cumsum(lengths * sticking)))
+    error = _error_of_mean(np.diff(until) * _PARTS / total)
+    period = _period(joint)
+    watched = period / total if math.isfinite(period) else 0.0
+    return Measured(value=joint.stick_slip_share, error=math.hypot(error, watched))
+
+
+def _slip(joint: JointAnalysis) -> Measured:
+    slips = np.array([abs(cycle.slip_distance) for cycle in joint.cycles])
+    if len(slips) < _LEAST_SLIPS:
+        return Measured(value=joint.usual_slip)
+    resolution = joint.assessment.resolution
+    counts = 0.5 * resolution if math.isfinite(resolution) else 0.0
+    # Of a normal distribution the median has an error √(π/2) times that of the mean.
+    error = math.sqrt(0.5 * math.pi) * _error_of_mean(slips)
+    return Measured(value=joint.usual_slip, error=math.hypot(error, counts))
+
+
+def _error_of_mean(values: FloatArray) -> float:
+    """Standard error of the mean of values one after the other; where neighbours are alike they count for less."""
+    apart = values - values.mean()
+    variance = float(apart @ apart)
+    if variance == 0.0:
+        return 0.0
+    alike = min(max(float(apart[1:] @ apart[:-1]) / variance, 0.0), 0.95)
+    independent = max(len(values) * (1.0 - alike) / (1.0 + alike), 1.0)
+    return math.sqrt(variance / (len(values) - 1) / independent)
+
+
+def _reserve(joint: JointAnalysis) -> Measured:
+    """Relative damping reserve, with the error that those of the friction make; none where friction is configured."""
+    state = joint.assessment
+    drawn = state.uncertainty
+    if drawn is None or state.margin_gains is None or state.estimate is None or math.isnan(joint.reserve):
+        return Measured(value=joint.reserve, exact=not math.isnan(joint.reserve))
+    # What is not identified rests on the prior, and so would the comparison.
+    if not all(state.estimate[name].identified for name in _OF_THE_MARGIN):
+        return Measured(value=joint.reserve)
+    gains = Gains(stiffness=float(state.margin_gains.stiffness) * drawn.stiffness, damping=state.margin_gains.damping)
+    reserves = np.asarray(stability_margin(drawn.joint, gains, joint.velocity).damping_reserve, dtype=float)
+    known = reserves[np.isfinite(reserves)]
+    if 2 * len(known) < len(reserves):
+        return Measured(value=joint.reserve)
+    # A few draws may be wild: half of what two thirds of them span is a standard error.
+    low, high = np.percentile(known, [15.87, 84.13])
+    return Measured(value=joint.reserve, error=0.5 * float(high - low))
+
+
+def _gains(before: JointAnalysis, after: JointAnalysis) -> tuple[Quantity, ...]:
+    found = []
+    for name in ("stiffness", "damping", "integral"):
+        values = []
+        for joint in (before, after):
+            state = joint.assessment
+            told = state.gains is not None and state.gains_known
+            values.append(Measured(value=float(getattr(state.gains, name)), exact=True) if told else Measured())
+        known = [one.value for one in values if one.exact]
+        if not known or (name == "integral" and not any(known)):
+            continue
+        found.append(_quantity(name, f"gain: {name}", unit_of(Gains, name), values[0], values[1], "gains not known"))
+    return tuple(found)
+
+
+def _friction(before: JointAnalysis, after: JointAnalysis) -> tuple[Quantity, ...]:
+    estimates = [joint.assessment.estimate for joint in (before, after)]
+    normalised = [one.normalised for one in estimates if one is not None]
+    units_differ = len(set(normalised)) > 1
+    per_inertia = bool(normalised) and normalised[0]
+    found = []
+    for parameter in JOINT_PARAMETERS:
+        if parameter.name == "inertia" and per_inertia:
+            continue
+        values = []
+        name, label = parameter.name, parameter.label
+        if name == "coulomb" and any(
+            one is not None and math.isfinite(one.coulomb_and_load.value) for one in estimates
+        ):
+            name, label = COULOMB_AND_LOAD, "Coulomb friction with any load"
+        for one in estimates:
+            learnt = one[name] if one is not None and one.usable else None
+            identified = learnt is not None and learnt.identified
+            values.append(
+                Measured()
+                if learnt is None
+                else Measured(value=learnt.value, error=learnt.std if identified else math.nan)
+            )
+        if not any(math.isfinite(one.value) for one in values):
+            continue
+        quantity = _quantity(
+            name,
+            label,
+            parameter.unit_where(per_inertia=per_inertia),
+            values[0],
+            values[1],
+            "the motion does not identify it",
+        )
+        if units_differ:
+            quantity = Quantity(
+                name=name, label=label, unit=quantity.unit, before=values[0], after=values[1],
+                missing="gains are known in one recording only: its units are others",
+            )  # fmt: skip
+        found.append(quantity)
+    return tuple(found)
+
+
+def _verdict(before: JointAnalysis, after: JointAnalysis, share: Quantity, slip: Quantity) -> tuple[Verdict, str]:
+    """Whether it helped; else why that cannot be said."""
+    for side, joint in (("before", before), ("after", after)):
+        if joint.worst not in JUDGED:
+            what = joint.reason or ("the joint did not move" if joint.worst is Status.AT_REST else "it was not judged")
+            return Verdict.CANNOT_SAY, f"{side}: {what}"
+    stuck = before.worst is Status.STICK_SLIP, after.worst is Status.STICK_SLIP
+    if not any(stuck):
+        return Verdict.NEVER_STUCK, ""
+    if all(stuck):
+        return _of_two_that_stick(before, after, share, slip)
+    sticks, moves, side = (before, after, "after") if stuck[0] else (after, before, "before")
+    slow = _slow_time(moves, sticks.velocity)
+    if not share.significant and slow < moves.moving_time:
+        return Verdict.CANNOT_SAY, (
+            f"it stuck at {sticks.velocity:.3g} rad/s, and {side} it moved so slowly for {slow:.2g} s only: "
+            "record both at one speed"
+        )
+    if not share.significant:
+        return Verdict.NO_CHANGE, ""
+    return (Verdict.HELPED if stuck[0] else Verdict.WORSE), ""
+
+
+def _of_two_that_stick(
+    before: JointAnalysis, after: JointAnalysis, share: Quantity, slip: Quantity
+) -> tuple[Verdict, str]:
+    speeds = sorted((before.velocity, after.velocity))
+    if not speeds[1] <= _SAME_SPEED * speeds[0]:
+        return Verdict.CANNOT_SAY, (
+            f"it stuck at {before.velocity:.3g} rad/s before and at {after.velocity:.3g} rad/s after; "
+            "record both at one speed"
+        )
+    verdicts: tuple[tuple[Quantity, Callable[[bool], Verdict]], ...] = (
+        (share, lambda less: Verdict.HELPED_IN_PART if less else Verdict.WORSE),
+        (slip, lambda less: Verdict.SMALLER_SLIPS if less else Verdict.LARGER_SLIPS),
+    )
+    for quantity, verdict in verdicts:
+        if quantity.significant:
+            return verdict(quantity.change < 0.0), ""
+    return Verdict.NO_CHANGE, ""

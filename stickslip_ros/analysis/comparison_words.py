@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A comparison in words, and as JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from stickslip_ros.analysis.comparison import Comparison, JointComparison, Measured, Quantity, Verdict
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.words import percent
+from stickslip_ros.output.published import number
+
+_SHARE = "stick_slip_share"
+_HEADS = {
+    Verdict.HELPED: "it helped",
+    Verdict.HELPED_IN_PART: "it helped in part",
+    Verdict.SMALLER_SLIPS: "it helped in part: it sticks as often, with smaller slips",
+    Verdict.NO_CHANGE: "no change beyond chance",
+    Verdict.NEVER_STUCK: "it stuck neither before nor after",
+    Verdict.LARGER_SLIPS: "it got worse: it sticks as often, with larger slips",
+    Verdict.WORSE: "it got worse",
+    Verdict.CANNOT_SAY: "whether it helped cannot be said",
+}
+
+
+def verdict_text(joint: JointComparison) -> str:
+    """Whether it helped, in a few words."""
+    return f"{joint.name}: {_HEADS[joint.verdict]}"
+
+
+def sentence(joint: JointComparison) -> str:
+    """Whether it helped, and what was changed, in one sentence."""
+    said = verdict_text(joint)
+    if joint.verdict is Verdict.CANNOT_SAY:
+        return f"{said}; {joint.reason}."
+    if joint.verdict is Verdict.NEVER_STUCK:
+        return f"{said}; {_changed(joint)}."
+    share = f"stick slip for {percent(joint.share.before.value)} of its moving time before, {_after(joint)}"
+    slips = ""
+    if joint.slip.significant:
+        slips = f", slips of {joint.slip.before.value:.3g} rad before, {joint.slip.after.value:.3g} rad after"
+    return f"{said}: {share}{slips}; {_changed(joint)}."
+
+
+def _after(joint: JointComparison) -> str:
+    value = joint.share.after.value
+    return f"none in {joint.after.moving_time:.3g} s after" if value == 0.0 else f"{percent(value)} after"
+
+
+def _changed(joint: JointComparison) -> str:
+    """What is another after than before: gains, friction."""
+    gains = [one for one in joint.gains if one.significant]
+    if gains:
+        told = ", ".join(f"{one.name} {_number(one.before)} to {_number(one.after)} {one.unit}" for one in gains)
+    else:
+        told = "the gains are the same" if joint.gains and not joint.gains[0].missing else "the gains are not known"
+    compared = [one for one in joint.friction if not one.missing]
+    significant = [one for one in compared if one.significant]
+    if significant:
+        listed = [f"{one.label} {_number(one.before)} to {_number(one.after)} {one.unit}" for one in significant]
+        return f"{told}; friction changed: {', '.join(listed)}"
+    if compared:
+        return f"{told}; friction is the same within its errors"
+    silent = [side for side, one in (("before", joint.before), ("after", joint.after)) if not one.cycles]
+    why = f"{' and '.join(silent)}: no slips to learn it from" if silent else "it was not learnt"
+    why = joint.friction[0].missing if joint.friction and not silent else why
+    why = why if joint.before.settings.options.learn else "it was not to be learnt"
+    return f"{told}; friction cannot be compared ({why})"
+
+
+def _number(one: Measured) -> str:
+    return f"{one.value:.4g}"
+
+
+def value_text(quantity: Quantity, one: Measured) -> str:
+    """A value with its error, as a cell of a table."""
+    if math.isnan(one.value):
+        return "–"
+    if quantity.name == _SHARE:
+        known = math.isfinite(one.error)
+        return f"{100.0 * one.value:.3g} ± {100.0 * one.error:.2g} %" if known else percent(one.value)
+    if quantity.name == "reserve" and math.isinf(one.value):
+        return "no damping needed"
+    if quantity.name == "reserve":
+        error = f" ± {100.0 * one.error:.2g}" if math.isfinite(one.error) else ""
+        return f"{100.0 * one.value:+.3g}{error} %"
+    return f"{one.value:.4g}" + (f" ± {one.error:.2g}" if math.isfinite(one.error) else "")
+
+
+def unit_text(quantity: Quantity) -> str:
+    """The unit of a quantity, beside its name; "" where its values have it."""
+    return "" if quantity.name in (_SHARE, "reserve") else quantity.unit
+
+
+def change_text(quantity: Quantity) -> str:
+    """Whether a quantity changed, as a cell of a table."""
+    if quantity.missing:
+        return "not compared"
+    if quantity.before.exact or quantity.after.exact:
+        return "changed" if quantity.significant else "the same"
+    if not quantity.significant:
+        return "within the errors" if quantity.certain is None else "may be chance"
+    return "significantly less" if quantity.change < 0.0 else "significantly more"
+
+
+def not_compared(joint: JointComparison) -> list[str]:
+    """What is not compared, and why: a text for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for one in joint.quantities:
+        if one.missing:
+            reasons.setdefault(one.missing, []).append(one.label)
+    return [f"{', '.join(labels)} ({reason})" for reason, labels in reasons.items()]
+
+
+def comparison_json(comparison: Comparison) -> dict[str, Any]:
+    """The JSON object that `stickslip compare` prints; null for what is unknown or not compared."""
+    return {
+        "before": comparison.before.path,
+        "after": comparison.after.path,
+        "joints": {joint.name: _joint_json(joint) for joint in comparison.joints},
+        "only_in": comparison.alone,
+        "warnings": {"before": list(comparison.before.warnings), "after": list(comparison.after.warnings)},
+    }
+
+
+def _joint_json(joint: JointComparison) -> dict[str, Any]:
+    return {
+        "verdict": joint.verdict.value,
+        "summary": sentence(joint),
+        "before": _side_json(joint.before),
+        "after": _side_json(joint.after),
+        "quantities": {
+            one.name: {
+                "unit": one.unit,
+                "before": _measured_json(one.before),
+                "after": _measured_json(one.after),
+                "significant": one.significant,
+                "not_compared": one.missing or None,
+            }
+            for one in joint.quantities
+        },
+    }
+
+
+def _side_json(joint: JointAnalysis) -> dict[str, Any]:
+    outcome = joint.exact.outcome
+    return {
+        "status": joint.status.value,
+        "worst_status": joint.worst.value,
+        "cycles": len(joint.cycles),
+        "velocity": number(joint.velocity),
+        "moving_time": number(joint.moving_time),
+        "outcome": None if outcome is None else outcome.value,
+    }
+
+
+def _measured_json(one: Measured) -> dict[str, float | None]:
+    return {"value": number(one.value), "std": 0.0 if one.exact else number(one.error)}

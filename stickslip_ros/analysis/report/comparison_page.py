@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The page of a comparison: what changed of each joint, and both motions over each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis
+from stickslip_ros.analysis.comparison import Comparison, JointComparison, Verdict
+from stickslip_ros.analysis.comparison_words import (
+    change_text,
+    not_compared,
+    sentence,
+    unit_text,
+    value_text,
+    verdict_text,
+)
+from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.judgement import JUDGED
+from stickslip_ros.analysis.report.page import Plot, write_page
+from stickslip_ros.bags.joint_samples import read_windows
+from stickslip_ros.monitoring.samples import FloatArray
+
+_PERIODS = 6.0  # that are drawn
+_SECONDS = 10.0  # that are drawn of joints that never stuck
+_MOST_POINTS = 4000  # of a curve
+_COLOURS = {
+    Verdict.HELPED: "smooth",
+    Verdict.HELPED_IN_PART: "smooth",
+    Verdict.SMALLER_SLIPS: "smooth",
+    Verdict.LARGER_SLIPS: "stick_slip",
+    Verdict.WORSE: "stick_slip",
+    Verdict.CANNOT_SAY: "at_risk",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """One quantity, as texts."""
+
+    label: str
+    before: str
+    after: str
+    change: str
+    significant: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Section:
+    """What the page says of one joint."""
+
+    joint: JointComparison
+    verdict: str
+    sentence: str
+    colour: str
+    rows: list[_Row]
+    not_compared: list[str]
+    plots: list[Plot]
+
+
+def write_comparison_page(path: Path, comparison: Comparison, options: Sequence[AnalysisOptions]) -> None:
+    """Write the page; both bags are read once more, for the motions it draws.
+
+    Parameters
+    ----------
+    options : with which the bag before and that after were analysed.
+
+    Raises
+    ------
+    StickSlipError
+        If the package bokeh is missing, or a bag is no longer there.
+    OSError
+        If it cannot be written.
+    """
+    lengths = {joint.name: _length(joint) for joint in comparison.joints}
+    befores = {joint.name: joint.before for joint in comparison.joints}
+    afters = {joint.name: joint.after for joint in comparison.joints}
+    motions = [
+        _motions(comparison.before, befores, lengths, options[0]),
+        _motions(comparison.after, afters, lengths, options[1]),
+    ]
+    sections = [_section(joint, *(found.get(joint.name) for found in motions)) for joint in comparison.joints]
+    names = [Path(analysis.path).name for analysis in (comparison.before, comparison.after)]
+    write_page(
+        path,
+        "comparison.html",
+        [plot for section in sections for plot in section.plots],
+        title="Before and after: did it help?",
+        names=names,
+        sections=sections,
+        missing=[
+            *(f"{name} is in the recording {side} only" for name, side in comparison.alone.items()),
+            *(f"before: {text}" for text in comparison.before.warnings),
+            *(f"after: {text}" for text in comparison.after.warnings),
+        ],
+    )
+
+
+def _section(joint: JointComparison, before: FloatArray | None, after: FloatArray | None) -> _Section:
+    rows = [
+        _Row(
+            label=f"{one.label} [{unit_text(one)}]" if unit_text(one) else one.label,
+            before=value_text(one, one.before),
+            after=value_text(one, one.after),
+            change=change_text(one),
+            significant=bool(one.significant),
+        )
+        for one in joint.quantities
+    ]
+    plot = _overlay(joint, before, after) if before is not None and after is not None else None
+    return _Section(
+        joint=joint,
+        verdict=verdict_text(joint),
+        sentence=sentence(joint),
+        colour=_COLOURS.get(joint.verdict, ""),
+        rows=rows,
+        not_compared=not_compared(joint),
+        plots=[] if plot is None else [plot],
+    )
+
+
+def _length(joint: JointComparison) -> float:
+    """How long a stretch of both is drawn [s]."""
+    periods = [cycle.period for one in (joint.before, joint.after) for cycle in one.cycles]
+    return _PERIODS * float(np.median(periods)) if periods else _SECONDS
+
+
+def _motions(
+    analysis: BagAnalysis, joints: dict[str, JointAnalysis], lengths: dict[str, float], options: AnalysisOptions
+) -> dict[str, FloatArray]:
+    """Times and positions of each joint from the beginning of what is drawn, forwards upwards."""
+    windows = {name: (begin, begin + lengths[name]) for name, joint in joints.items()
+               if math.isfinite(begin := _begin(joint, lengths[name]))}  # fmt: skip
+    found = read_windows(Path(analysis.path), windows, options.topics, options.unpacking)
+    motions = {}
+    for name, rows in found.items():
+        if len(rows) > 1:
+            rows = rows[:: max(1, math.ceil(len(rows) / _MOST_POINTS))]
+            way = float(rows[-1, 1] - rows[0, 1])
+            motions[name] = np.stack([rows[:, 0] - rows[0, 0], np.copysign(1.0, way) * (rows[:, 1] - rows[0, 1])])
+    return motions
+
+
+def _begin(joint: JointAnalysis, length: float) -> float:
+    """Where to begin [s]: some cycles in the middle of all; without any, the longest stretch of judged motion."""
+    if joint.cycles:
+        middle = joint.cycles[max(len(joint.cycles) // 2 - int(_PERIODS) // 2, 0)]
+        return middle.breakaway - middle.dwell
+    moving = [one for one in joint.segments if one.status in JUDGED]
+    if not moving:
+        return math.nan
+    longest = max(moving, key=lambda one: one.end - one.start)
+    return max(longest.start, 0.5 * (longest.start + longest.end - length))
+
+
+def _overlay(joint: JointComparison, before: FloatArray, after: FloatArray) -> Plot:
+    from stickslip_ros.analysis.report.plots import BLUE, RED, finish, new_figure
+
+    plot: Any = new_figure("time [s]", "way [rad]")
+    for label, motion, colour in (("before", before, RED), ("after", after, BLUE)):
+        time, way = motion.astype(np.float32)
+        plot.line(time, way, color=colour, line_width=2, legend_label=label)
+    finish(plot)
+    end = max(before[0, -1], after[0, -1])
+    speeds = f"{before[1, -1] / before[0, -1]:.3g} rad/s before, {after[1, -1] / after[0, -1]:.3g} rad/s after"
+    return Plot(
+        plot,
+        "Both motions",
+        f"{end:.3g} s of {joint.name} from each recording, each from its own beginning, forwards upwards: "
+        "stairs are stick slip, a straight line is smooth motion, a wavy one swings without a stop. "
+        f"Mean speeds here: {speeds}.",
+    )

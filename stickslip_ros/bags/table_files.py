@@ -1,0 +1,370 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The columns of table files: text (CSV, TSV), Parquet, NPZ. What they mean is told in `table_columns.py`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
+from stickslip_ros.regular_files import open_regular
+
+FloatArray = NDArray[np.float64]
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".npz")
+_DELIMITERS = (";", "\t", ",", "|")
+_COMMENTS = ("#", "%")
+_LOOKED_AT = 1 << 16  # bytes from which the form of a text is told
+_ROWS_LOOKED_AT = 50
+_LARGEST_CELL = 1_000_000  # characters
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
+_BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL)
+_BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
+_BYTES_OF_A_VALUE = 8
+
+
+class MissingPackageError(Exception):
+    """A table cannot be read without a package that is not there."""
+
+
+class TableFile(Protocol):
+    """A table that is open.
+
+    Attributes
+    ----------
+    names : of the columns. dates : names of those that are dates; they are read as seconds since 1970.
+    joints : names of the joints that numbers in the columns' names stand for, as far as the file has them.
+    form : how it is written, in words; "" where there is only one way.
+    """
+
+    names: tuple[str, ...]
+    dates: frozenset[str]
+    joints: Mapping[str, str]
+    form: str
+
+    def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """Columns as numbers, NaN for what is empty.
+
+        Raises
+        ------
+        ValueError
+            If something is no number; the text says where.
+        """
+
+
+@contextmanager
+def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
+    """Open a table; text unless its name ends in .npz or .parquet.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    ValueError
+        If it is no table, or unpacks to more than it may.
+    MissingPackageError
+        If it needs the package pyarrow.
+    """
+    with open_regular(path) as file:
+        if path.suffix == ".npz":
+            yield _Npz(file, limit.of_table(path.stat().st_size))
+        elif path.suffix == ".parquet":
+            yield _Parquet(file, limit.of_table(path.stat().st_size))
+        else:
+            yield _Text(file)
+
+
+def _pyarrow() -> Any:
+    try:
+        import pyarrow
+        import pyarrow.csv
+        import pyarrow.parquet
+    except ImportError as error:
+        raise MissingPackageError(f"reading it needs the package {error.name}: pip install pyarrow") from error
+    return pyarrow
+
+
+class _Text:
+    """Values with delimiters, under a line of names; its form is told from its first lines."""
+
+    joints: Mapping[str, str] = {}
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._arrow = _pyarrow()
+        self._file = file
+        begin = file.read(_LOOKED_AT)
+        lines = begin.splitlines(keepends=True)
+        self._skipped, header = _header_of(lines)
+        texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
+        texts = [text for text in texts if text.strip()]
+        self._delimiter = _delimiter(header, texts)
+        self._columns = _cells(header, self._delimiter)
+        if not texts:
+            raise ValueError("it has no rows under its line of names")
+        if all(_is_number(cell) for cell in self._columns):
+            raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
+        rows = [_cells(text, self._delimiter) for text in texts]
+        values = [cell for row in rows for cell in row]
+        commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
+        self._decimal = "," if commas else "."
+        self.names = tuple(dict.fromkeys(self._columns))
+        firsts = dict(zip(self._columns, rows[0], strict=False))
+        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
+        self.dates = frozenset(self._zones)
+        shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
+        self.form = f"values between {shown}{', decimal commas' if commas else ''}"
+        self._start = sum(len(line) for line in lines[: self._skipped + 1])
+
+    def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        arrow = self._arrow
+        kinds = {
+            name: arrow.timestamp("ns", "UTC" if self._zones[name] else None)
+            if name in self._zones
+            else arrow.float64()
+            for name in names
+        }
+        # Of two columns of a name the first serves.
+        seen: set[str] = set()
+        unique = []
+        for number, name in enumerate(self._columns):
+            unique.append(f"{name} {number}" if name in seen else name)
+            seen.add(name)
+        self._file.seek(self._start)
+        source: IO[bytes] = self._file
+        if self._delimiter == " ":
+            source = io.BytesIO(b"\n".join(b" ".join(line.split()) for line in self._file.read().split(b"\n")))
+        try:
+            table = arrow.csv.read_csv(
+                source,
+                # One after the other, so that the row of what cannot be read is known.
+                read_options=arrow.csv.ReadOptions(use_threads=False, column_names=unique),
+                parse_options=arrow.csv.ParseOptions(delimiter=self._delimiter),
+                convert_options=arrow.csv.ConvertOptions(
+                    column_types=kinds, include_columns=list(names), decimal_point=self._decimal
+                ),
+            )
+        except arrow.ArrowException as error:
+            raise ValueError(self._in_words(str(error))) from error
+        return {name: _numbers(arrow, table.column(name)) for name in names}
+
+    def _in_words(self, text: str) -> str:
+        """What pyarrow says, with the line and the column as an editor shows them."""
+        value, row = _BAD_VALUE.search(text), _BAD_ROW.search(text)
+        if value is not None:
+            name, line = self._columns[int(value[1])], self._line(int(value[2]))
+            wanted = "a date like 2026-01-31 12:00:00.125" if name in self.dates else "a number"
+            return f"line {line}, column {name!r}: must be {wanted}: {value[3]!r}"
+        if row is not None:
+            return f"line {self._line(int(row[1]))}: must have the header's {row[2]} values: it has {row[3]}"
+        return text
+
+    def _line(self, row: int) -> int:
+        """The line of a row; empty lines are no rows."""
+        self._file.seek(self._start)
+        line = self._skipped + 1
+        for text in self._file:
+            line += 1
+            row -= bool(text.strip())
+            if row == 0:
+                break
+        return line
+
+
+def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
+    """Which line has the names, counted from 0, and its text: the first one that is no comment, or a comment above
+    numbers.
+    """
+    comment = None
+    for number, line in enumerate(lines):
+        try:
+            text = line.decode("utf-8-sig" if number == 0 else "utf-8").strip("\r\n")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"line {number + 1}: must be text in UTF-8: {error.reason}") from error
+        if not text.strip():
+            continue
+        if text.lstrip().startswith(_COMMENTS):
+            comment = number, text.lstrip().lstrip("".join(_COMMENTS)).lstrip(" ")
+            continue
+        begins = re.split(r"[;,\t| ]+", text.strip())[0]
+        return comment if comment is not None and _is_number(begins) else (number, text)
+    raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
+
+
+def _delimiter(header: str, rows: Sequence[str]) -> str:
+    """What stands between values: what the names and the first rows have as often."""
+    for delimiter in _DELIMITERS:
+        count = len(_cells(header, delimiter))
+        if count > 1 and rows and len(_cells(rows[0], delimiter)) == count:
+            return delimiter
+    most = max(_DELIMITERS, key=header.count)
+    if header.count(most):
+        return most
+    return " " if " " in header.strip() else ","
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
+    csv.field_size_limit(_LARGEST_CELL)
+    try:
+        return [cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])]
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(arrow: Any, column: Any) -> FloatArray:
+    """A column of pyarrow's as numbers; dates as seconds."""
+    if arrow.types.is_timestamp(column.type):
+        whole = column.cast(arrow.timestamp("ns", column.type.tz)).cast(arrow.int64())
+        seconds, rest = arrow.compute.divide(whole, 10**9), whole
+        rest = arrow.compute.subtract(whole, arrow.compute.multiply(seconds, 10**9))
+        return _plain(seconds.cast(arrow.float64())) + 1e-9 * _plain(rest.cast(arrow.float64()))
+    return _plain(column.cast(arrow.float64(), safe=False))
+
+
+def _plain(column: Any) -> FloatArray:
+    return np.asarray(column.to_numpy(zero_copy_only=False) if hasattr(column, "chunks") else column, dtype=float)
+
+
+class _Parquet:
+    """A Parquet file; parts of structures are columns `a.b`, lists of numbers columns `a[0]`, `a[1]` and so on."""
+
+    joints: Mapping[str, str] = {}
+    form = ""
+
+    def __init__(self, file: IO[bytes], largest: int) -> None:
+        self._arrow = arrow = _pyarrow()
+        try:
+            self._file = arrow.parquet.ParquetFile(file)
+            schema, self._groups = self._file.schema_arrow, self._file.metadata
+        except (arrow.ArrowException, OSError) as error:
+            raise ValueError(f"it is no Parquet file that can be read: {error}") from error
+        self._largest = largest
+        self._kinds: dict[str, Any] = {}
+        self._lengths: dict[str, int] = {}
+        for field in schema:
+            self._add(field.name, field.type)
+        names: list[str] = []
+        for name in self._kinds:
+            length = self._lengths.get(name)
+            names += [name] if length is None else [f"{name}[{number}]" for number in range(length)]
+        self.names = tuple(names)
+        self.dates = frozenset(name for name, kind in self._kinds.items() if arrow.types.is_timestamp(kind))
+
+    def _add(self, name: str, kind: Any) -> None:
+        types = self._arrow.types
+        if types.is_struct(kind):
+            for part in kind:
+                self._add(f"{name}.{part.name}", part.type)
+            return
+        self._kinds[name] = kind
+        if types.is_fixed_size_list(kind):
+            self._lengths[name] = kind.list_size
+        elif types.is_list(kind) or types.is_large_list(kind):
+            first = next((row for row in self._rows(name, 1) if row is not None), ())
+            self._lengths[name] = len(first)
+
+    def _rows(self, name: str, count: int) -> list[Any]:
+        """The first rows of a column."""
+        try:
+            batch = next(self._file.iter_batches(batch_size=count, columns=[name]), None)
+            return [] if batch is None else _part(self._arrow, batch, name).to_pylist()
+        except (self._arrow.ArrowException, OSError, KeyError) as error:
+            raise ValueError(f"column {name!r} cannot be read: {error}") from error
+
+    def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        arrow = self._arrow
+        chosen = {name: _list_of(name, self._lengths) for name in names}
+        # What a few bytes stand for is told by the file itself.
+        told = sum(self._groups.row_group(number).total_byte_size for number in range(self._groups.num_row_groups))
+        if max(told, self._groups.num_rows * len(names) * _BYTES_OF_A_VALUE) > self._largest:
+            raise TooMuchUnpackedError("it", self._largest)
+        columns = sorted({found[0] for found in chosen.values()})
+        try:
+            table = self._file.read(columns=columns, use_threads=False)
+            found = {}
+            for name, (column, number) in chosen.items():
+                values = _part(arrow, table, column)
+                if number is not None:
+                    lengths = set(arrow.compute.list_value_length(values).to_pylist())
+                    if lengths - {self._lengths[column]}:
+                        raise ValueError(f"column {column!r} must have as many values in every row")
+                    values = arrow.compute.list_element(values, number)
+                found[name] = _numbers(arrow, values)
+        except ValueError as error:
+            if isinstance(error, arrow.ArrowException):
+                raise ValueError(f"columns {', '.join(names)} must hold numbers: {error}") from error
+            raise
+        except (arrow.ArrowException, OSError) as error:
+            raise ValueError(f"it is damaged: {error}") from error
+        return found
+
+
+def _list_of(name: str, lengths: Mapping[str, int]) -> tuple[str, int | None]:
+    """A column of the file, and which of its list's values is meant."""
+    column, bracket, number = name.rpartition("[")
+    return (column, int(number[:-1])) if bracket and column in lengths else (name, None)
+
+
+def _part(arrow: Any, table: Any, name: str) -> Any:
+    """A column, or a part of one that is a structure."""
+    if name in table.column_names:
+        return table.column(name)
+    outer = max((one for one in table.column_names if name.startswith(f"{one}.")), key=len)
+    column = table.column(outer)
+    return arrow.compute.struct_field(column, name[len(outer) + 1 :].split("."))
+
+
+class _Npz:
+    """An archive of numpy's: rows of numbers, tables of one column a joint, names of joints."""
+
+    dates: frozenset[str] = frozenset()
+    form = ""
+
+    def __init__(self, file: IO[bytes], largest: int) -> None:
+        # What the archive says of its members is what is unpacked of them at most.
+        with zipfile.ZipFile(file) as members:
+            if sum(member.file_size for member in members.infolist()) > largest:
+                raise TooMuchUnpackedError("it", largest)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            found = {name: np.atleast_1d(archive[name]) for name in archive.files}
+        texts = [array for array in found.values() if array.dtype.kind == "U" and array.ndim == 1]
+        self._columns: dict[str, NDArray[Any]] = {}
+        self.joints: Mapping[str, str] = {}
+        for name, array in found.items():
+            if array.dtype.kind not in "fiub":
+                continue
+            if array.ndim == 1:
+                self._columns[name] = array
+            elif array.ndim == 2:
+                self._columns |= {f"{name}[{number}]": array[:, number] for number in range(array.shape[1])}
+                joints = next((text for text in texts if len(text) == array.shape[1]), ())
+                self.joints = {str(number): str(joint) for number, joint in enumerate(joints)} or self.joints
+        self.names = tuple(self._columns)
+
+    def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        lengths = {name: len(self._columns[name]) for name in names}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f"every column must have as many numbers as the others: {listed}")
+        return {name: self._columns[name].astype(float) for name in names}

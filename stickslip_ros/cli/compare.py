@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip compare`: two recordings of the same joints, before and after a change; did it help?
+
+What changed of each joint is printed with its errors, and whether it helped, in a sentence. A change is called
+significant if it is beyond the combined errors (95 %); what the motion does not identify is not compared. Exit status:
+0 done, 2 a bag could not be analysed, or no joint is in both.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.markup import escape
+
+from stickslip_ros.analysis.analysis import BagAnalysis, analyze
+from stickslip_ros.analysis.comparison import Comparison, compare
+from stickslip_ros.analysis.comparison_words import comparison_json
+from stickslip_ros.analysis.report.comparison_page import write_comparison_page
+from stickslip_ros.bags.table import RecordingError
+from stickslip_ros.cli.analysis_tables import console_of_tables
+from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_named_joints
+from stickslip_ros.cli.comparison_tables import print_joints
+from stickslip_ros.cli.outputs import PAGE, refuse_inputs
+from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.output.as_json import json_text
+from stickslip_ros.visible import visible
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("before", type=Path, metavar="BEFORE", help="bag recorded before the change")
+    parser.add_argument("after", type=Path, metavar="AFTER", help="bag recorded after it")
+    add_bag_arguments(parser)
+    parser.add_argument(
+        "--gains-after", action="append", metavar="[JOINT=]P[,D]", default=[],
+        help="gains in the second bag, where they are others than --gains, and not recorded; may be repeated",
+    )  # fmt: skip
+    output = parser.add_argument_group("output")
+    output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    output.add_argument("--html", type=PAGE, metavar="FILE", help="write a page with both motions over each other")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compare and print; exit status 0."""
+    refuse_inputs({"--html": options.html}, [options.before, options.after])
+    bags = [options.before, options.after]
+    chosen = [analysis_options(options), analysis_options(options, options.gains_after)]
+    check_named_joints(options, chosen[0], bags)
+    found: list[BagAnalysis] = []
+    for path, one in zip(bags, chosen, strict=True):
+        with progress_bar(f"reading {path.name}") as progress:
+            found.append(analyze(path, one, progress))
+    comparison = compare(*found)
+    if not comparison.joints:
+        lists = [", ".join(one.joints) for one in found]
+        raise RecordingError(f"no joint is in both bags: {lists[0]} before, {lists[1]} after")
+    if options.json:
+        print(json_text(comparison_json(comparison)))
+    else:
+        _print(comparison)
+    if options.html is not None:
+        write_comparison_page(options.html, comparison, chosen)
+    return 0
+
+
+def _print(comparison: Comparison) -> None:
+    console = console_of_tables()
+    before, after = (escape(visible(one.path)) for one in (comparison.before, comparison.after))
+    console.print(f"before: [bold]{before}[/]   after: [bold]{after}[/]\n", soft_wrap=True)
+    print_joints(console, comparison.joints)
+    console.print(
+        "[dim]±: a standard error; significantly: beyond 1.96 times the combined ones (95 %)[/]", soft_wrap=True
+    )
+    for name, side in comparison.alone.items():
+        console.print(f"[yellow]warning:[/] {escape(visible(name))} is in the recording {side} only", soft_wrap=True)
+    for side, analysis in (("before", comparison.before), ("after", comparison.after)):
+        for warning in analysis.warnings:
+            console.print(f"[yellow]warning:[/] {side}: {escape(visible(warning))}", soft_wrap=True)

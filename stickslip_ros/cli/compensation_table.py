@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What friction compensation would buy, beside the gains that `stickslip recommend` advises; and as what to take it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from rich.table import Table
+
+from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.files import write_whole
+from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.compensation_effect import (
+    SHARES,
+    CompensationEffect,
+    compensation_effect,
+    largest_harmless_share,
+)
+from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.output.csv_table import write_csv
+from stickslip_ros.output.published import number
+from stickslip_ros.output.wording import OUTCOME_WORDS
+
+_WIDTHS = 2.0  # Stribeck velocities: where the tanh of the measured speed rises
+_COUNTS = 4.0  # encoder counts in the filter's time, likewise
+_FADE = 2.0  # Stribeck velocities, at which a push is gone
+_DITHER = 3.0  # natural frequencies: dither is to be quicker than the joint
+_SPEEDS = np.geomspace(0.01, 300.0, 46)  # Stribeck velocities of the feed-forward table
+
+At = Callable[[float], Compensation]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensationTable:
+    """What compensation does to one joint with given gains.
+
+    Attributes
+    ----------
+    gains : with which. effects : by kind and share. harmless : the largest harmless share, by kind.
+    """
+
+    gains: Gains
+    effects: Mapping[str, Mapping[float, CompensationEffect]]
+    harmless: Mapping[str, float]
+
+    def as_json(self) -> dict[str, Any]:
+        """For JSON; null for what is not known."""
+        return {
+            "stiffness": float(self.gains.stiffness),
+            "damping": float(self.gains.damping),
+            "kinds": {
+                kind: {
+                    "largest_harmless_share": number(self.harmless[kind]),
+                    "shares": [_effect_json(share, effect) for share, effect in effects.items()],
+                }
+                for kind, effects in self.effects.items()
+            },
+        }
+
+
+def compensations(
+    joint: Joint, gains: Gains, *, resolution: float, speed_filter: float, period: float
+) -> dict[str, At]:
+    """The kinds of compensation, with what a controller of the period would take; each by its share.
+
+    Parameters
+    ----------
+    resolution : of the encoder [rad]. speed_filter : time constant [s]. period : of the controller [s].
+    """
+    friction = joint.friction
+    scale = float(friction.stribeck_velocity)
+    width = max(_WIDTHS * scale, _COUNTS * resolution / (speed_filter + period))
+    natural = math.sqrt(float(gains.stiffness) / float(joint.inertia)) / (2.0 * math.pi)
+    frequency = min(max(_DITHER * natural, 10.0), 0.4 / period)
+    seen = Compensation(
+        friction=friction, period=period, resolution=resolution, speed_filter=speed_filter, width=width,
+        fade=max(_FADE * scale, width),
+    )  # fmt: skip
+    return {
+        "feed-forward": lambda share: replace(seen, feedforward=share),
+        "feedback": lambda share: replace(seen, feedback=share),
+        "push": lambda share: replace(seen, push=share),
+        "dither": lambda share: replace(
+            seen, dither=share * float(friction.coulomb), dither_frequency=frequency if share > 0 else 0.0
+        ),
+    }
+
+
+def compensation_table(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, kinds: Mapping[str, At]
+) -> CompensationTable:
+    """Every kind at every share; takes ten seconds."""
+    without = compensation_effect(joint, gains, velocity, conditions)
+
+    def effects(at: At) -> dict[float, CompensationEffect]:
+        return {
+            share: compensation_effect(joint, gains, velocity, replace(conditions, compensation=at(share)))
+            if share > 0
+            else without
+            for share in SHARES
+        }
+
+    return CompensationTable(
+        gains=gains,
+        effects={kind: effects(at) for kind, at in kinds.items()},
+        harmless={kind: largest_harmless_share(joint, gains, velocity, conditions, at) for kind, at in kinds.items()},
+    )
+
+
+def print_table(found: CompensationTable, velocity: float) -> None:
+    """For a person: first in words, then every number."""
+    console = Terminal(highlight=False, soft_wrap=True)
+    console.print(
+        f"Compensation at {velocity:.4g} rad/s, with k_p {float(found.gains.stiffness):.4g} and "
+        f"k_v {float(found.gains.damping):.4g}:"
+    )
+    table = Table(box=None, padding=(0, 1))
+    for heading in ("", "c", "it", "ρ_c", "error", "swing", "at rest", "turning"):
+        table.add_column(heading, justify="left" if heading in ("", "it") else "right", no_wrap=True)
+    for kind, effects in found.effects.items():
+        for share, one in effects.items():
+            if share == 0 and kind != next(iter(found.effects)):
+                continue
+            table.add_row(
+                "[dim]none" if share == 0 else kind, f"{share:g}",
+                "-" if one.outcome is None else OUTCOME_WORDS[one.outcome.value],
+                "-" if math.isnan(one.critical_damping_ratio) else f"{one.critical_damping_ratio:.2f}",
+                *(f"{1e3 * value:.2f}" for value in (one.steady_error, one.swing, one.standing_swing, one.peak_error)),
+            )  # fmt: skip
+    console.print(table)
+    console.print(
+        "[dim]Errors in mrad: the steady one, its swing, the swing while the reference stands, the largest where it "
+        "turns round. Of dither, which stops and starts the joint all the time, the swing tells.[/]"
+    )
+    for kind, share in found.harmless.items():
+        limit = "does harm at any share" if share < 0.1 else f"does no harm up to {share:.1f} times the friction"
+        console.print(f"{kind.capitalize()} {limit}.")
+
+
+def write_feedforward(path: Path, friction: Friction) -> None:
+    """The feed-forward as a table of torque over the reference's speed, CSV or YAML by the ending.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    one_way = float(friction.stribeck_velocity) * _SPEEDS
+    speeds = np.concatenate([-one_way[::-1], [0.0], one_way])
+    torques = np.asarray(Compensation(friction=friction, feedforward=1.0).feedforward_torque(speeds), dtype=float)
+    if path.suffix == ".csv":
+        rows = [[f"{speed:.6g}", f"{torque:.6g}"] for speed, torque in zip(speeds, torques, strict=True)]
+        write_csv(path, [["velocity_rad_s", "torque_nm"], *rows])
+        return
+    content = {
+        "friction_feedforward": {
+            "velocity": [float(f"{speed:.6g}") for speed in speeds],
+            "torque": [float(f"{torque:.6g}") for torque in torques],
+        }
+    }
+    write_whole(path, "# rad/s, N*m\n" + yaml.safe_dump(content, default_flow_style=None, width=110))
+
+
+def _effect_json(share: float, effect: CompensationEffect) -> dict[str, Any]:
+    turn = effect.reversal
+    return {
+        "share": share,
+        "outcome": None if effect.outcome is None else effect.outcome.value,
+        "critical_damping_ratio": number(effect.critical_damping_ratio),
+        "steady_error": number(effect.steady_error),
+        "swing": number(effect.swing),
+        "standing_swing": number(effect.standing_swing),
+        "reversal_peak_error": number(effect.peak_error),
+        "reversal_standing": None if turn is None else number(turn.standing),
+    }

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`stickslip reversal`: what friction does where the motion turns round."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from stickslip_ros.cli.margin import add_conditions, add_joint_arguments, conditions_from, joint_from, judged
+from stickslip_ros.cli.outputs import PICTURE
+from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.reversal import ReferenceMotion, Reversal, followed, reversal_map, reversals, sine, triangle
+from stickslip_ros.output.as_json import json_text
+from stickslip_ros.output.plotting import save
+from stickslip_ros.output.published import number
+from stickslip_ros.output.reversal_figure import Dependence, reversal_figure
+
+_AMPLITUDES = (0.25, 1.0, 4.0)  # times the one that is asked for
+_SPEEDS = np.geomspace(0.1, 10.0, 13)  # likewise of the top speed
+_MOST_SHOWN = 20
+Make = Callable[[float, float, Joint, Gains], ReferenceMotion]
+_TOP_SPEED: dict[Make, float] = {sine: 2.0 * math.pi, triangle: 4.0}  # of amplitude times frequency
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add_joint_arguments(parser, velocity=False)
+    motion = parser.add_argument_group("the reference: a sine unless something else is asked for")
+    motion.add_argument("--amplitude", type=float, metavar="A", help="half of what it goes to and fro [rad]")
+    motion.add_argument("--frequency", type=float, metavar="F", help="how often it does [Hz]")
+    motion.add_argument("--triangle", action="store_true", help="at a constant speed, 4·A·F, to and fro")
+    motion.add_argument("--trajectory", type=Path, metavar="FILE", help="a table (CSV, Parquet) of time and position")
+    add_conditions(parser, "the controller")
+    parser.add_argument("--out", type=PICTURE, metavar="FILE.png", help="draw it, against speed and amplitude too")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print what the reversals do; exit status 0."""
+    joint, gains, _ = joint_from(options)
+    conditions = conditions_from(options)
+    reference, words, make = _reference(options, joint, gains)
+    with Terminal(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
+        found = reversals(joint, gains, reference, conditions)
+        if not found:
+            raise StickSlipError(f"{words} does not turn round")
+        dependences = (
+            [] if make is None or options.out is None else _dependences(options, make, joint, gains, conditions)
+        )
+    if options.json:
+        print(json_text({"reversals": [_as_json(turn) for turn in found]}))
+    else:
+        _print(found, words, joint, gains)
+    if options.out is not None:
+        position = followed(joint, gains, reference, conditions).position
+        subject = f"{options.joint or 'The joint'}, {words}"
+        figure = reversal_figure(subject, reference, position, found, dependences, name=options.out.stem)
+        for path in save(figure, options.out.parent):
+            if not options.json:
+                print(path)
+    return 0
+
+
+def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple[ReferenceMotion, str, Make | None]:
+    """The reference, its name, and how others of its kind are made; None if it is a trajectory of the user's own."""
+    if options.trajectory is not None:
+        for name in ("amplitude", "frequency"):
+            if getattr(options, name) is not None:
+                raise InvalidParameterError(
+                    f"--{name}", "left out where there is a --trajectory", getattr(options, name)
+                )
+        return _trajectory(options.trajectory), f"the trajectory of {options.trajectory}", None
+    for name in ("amplitude", "frequency"):
+        if getattr(options, name) is None:
+            raise StickSlipError(f"what the joint is to follow is not known: give --{name}, or a --trajectory")
+    make: Make = triangle if options.triangle else sine
+    kind = "triangle" if options.triangle else "sine"
+    reference = make(options.amplitude, options.frequency, joint, gains)
+    speed = _TOP_SPEED[make] * options.amplitude * options.frequency
+    return (
+        reference,
+        f"a {kind} of ±{options.amplitude:g} rad at {options.frequency:g} Hz (up to {speed:.3g} rad/s)",
+        make,
+    )
+
+
+def _trajectory(path: Path) -> ReferenceMotion:
+    """Time and position of a table, evenly sampled."""
+    from stickslip_ros.bags.table import load_recording
+
+    batch = load_recording(path).batch
+    usable = np.isfinite(batch.time) & np.isfinite(batch.position)
+    times, positions = batch.time[usable], batch.position[usable]
+    if len(times) < 3 or not (np.diff(times) > 0).all():
+        raise StickSlipError(f"trajectory {path}: needs three times or more, each later than the one before")
+    period = float(np.median(np.diff(times)))
+    even = np.arange(times[0], times[-1], period)
+    return ReferenceMotion(period=period, position=np.interp(even, times, positions))
+
+
+def _dependences(
+    options: argparse.Namespace, make: Make, joint: Joint, gains: Gains, conditions: OperatingConditions
+) -> list[Dependence]:
+    own = _TOP_SPEED[make] * options.amplitude * options.frequency
+    found = []
+    for factor in _AMPLITUDES:
+        amplitude = factor * options.amplitude
+        speeds = (own * _SPEEDS).tolist()
+        references = [make(amplitude, speed / (_TOP_SPEED[make] * amplitude), joint, gains) for speed in speeds]
+        turns = reversal_map(joint, gains, references, conditions, workers=os.cpu_count() or 1)
+        found.append(Dependence.of(amplitude, speeds, turns))
+    return found
+
+
+def _as_json(turn: Reversal) -> dict[str, Any]:
+    return {name: value if isinstance(value, int) else number(value) for name, value in asdict(turn).items()}
+
+
+def _print(found: Sequence[Reversal], words: str, joint: Joint, gains: Gains) -> None:
+    console = Terminal(highlight=False, soft_wrap=True)
+    console.print(f"[dim]{judged(joint, gains, coulomb=True)}[/]")
+    worst = max(found, key=lambda turn: turn.peak_error)
+    console.print(f"Where {words} turns round, the joint {_in_words(worst)}")
+    table = Table(box=None, padding=(0, 1))
+    for heading in (
+        "turns at",
+        "stands",
+        "lost",
+        "peak error",
+        "error left",
+        "stops",
+        "runs after",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for turn in found[:_MOST_SHOWN]:
+        table.add_row(
+            f"{turn.time:.3f} s", _seconds(turn.standing), _milli(turn.lost_motion), _milli(turn.peak_error),
+            _milli(turn.running_error), str(turn.stops), _seconds(turn.settles_after),
+        )  # fmt: skip
+    console.print(table)
+    if len(found) > _MOST_SHOWN:
+        console.print(f"[dim]{len(found) - _MOST_SHOWN} more; --json has all.[/]")
+
+
+def _in_words(turn: Reversal) -> str:
+    if not math.isfinite(turn.standing):
+        return "[red]does not move at all[/] before the reference turns again."
+    stands = f"stands for {turn.standing:.3g} s" if turn.standing > 0 else "does not stop"
+    then = "then runs" if turn.stops == 0 else f"[red]then stops {turn.stops} times more[/]"
+    return f"{stands}, falls behind by up to {_milli(turn.peak_error)}, {then}."
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3f} s" if math.isfinite(value) else "never moves"
+
+
+def _milli(value: float) -> str:
+    return f"{1e3 * value:.3g} mrad" if math.isfinite(value) else "-"

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled: a joint on a contact that creeps before it yields, the LuGre model, with the paper's lag and rising level.
+
+    M x¨ = u(t) − σ₀ z − σ₁ z˙ − F_v x˙,    z˙ = x˙ − σ₀ |x˙| z / S,    S = F_k + F_s Ψ
+
+after Canudas de Wit, Olsson, Åström and Lischinsky, IEEE TAC 40(3), 1995. Without lag and rise S is theirs, a function
+of the velocity alone. With them the contact needs a beginning of the slip, which the model does not have: it is where
+the plastic part of the motion, x˙ − z˙, becomes fast enough to tell from rest, a twentieth of the Stribeck velocity;
+the slip ends where the velocity changes sign.
+
+The equation of z is stiff while the joint slides, and its oscillation while the joint rests is quick: the steps are
+those of RODAS3 (Sandu and others, Atmospheric Environment 31(20), 1997), of order three with an embedded two, L-stable.
+"""
+
+from __future__ import annotations
+
+from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.model import _friction_law
+from stickslip_ros.model._joint_state import (
+    CONTACT_DAMPING,
+    CONTACT_STIFFNESS,
+    COULOMB,
+    DAMPING,
+    DEFLECTION,
+    DIRECTION,
+    EVENT_TIME,
+    HISTORY_COUNT,
+    HISTORY_CURSOR,
+    HISTORY_HEAD,
+    INERTIA,
+    INTEGRAL,
+    INTEGRAL_GAIN,
+    LAG,
+    LAW,
+    LEVEL,
+    LOAD,
+    POSITION,
+    RISE_TIME,
+    STEP,
+    STIFFNESS,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    TIME,
+    VELOCITY,
+    VISCOUS,
+    arrests,
+    breaks_away,
+    control,
+    remember,
+    risen_level,
+    shape,
+    tell_slip,
+)
+
+ROOM = (10, 4)
+_TOLERANCE = 1e-6
+_SLIDES = 0.05  # of the Stribeck velocity
+_GROWS, _SHRINKS, _CAUTION = 5.0, 0.1, 0.9
+_GAMMA = 0.5
+_SHORTEST = 1e-13  # of a period
+_SPACING = 1.0 / 256.0  # of the lag, between velocities that are remembered
+_FORWARD = 1e-3  # of a step, for the slope by time
+_stribeck_slope = inlined()(_friction_law.stribeck_slope)
+# Rows of the room.
+_STATE, _TRIAL, _NOW, _LATER, _SLOPE, _RIGHT, _K1, _K2, _K3, _K4 = range(10)
+
+
+@helper()
+def _yield_force(time, velocity, state, history, parameters, delayed):
+    """S."""
+    if state[DIRECTION] == 0.0:
+        level = risen_level(state[LEVEL], parameters[STRIBECK], time - state[EVENT_TIME], parameters[RISE_TIME])
+        psi = 1.0 if delayed else shape(time, velocity, state, history, parameters, False)
+    else:
+        level = state[LEVEL]
+        psi = shape(time, velocity, state, history, parameters, delayed)
+    return parameters[COULOMB] + level * psi
+
+
+@helper()
+def _rates(elapsed, row, state, history, parameters, delayed, course, room, out):
+    """Right sides, into a row of the room; the state is another row of it."""
+    x, v, z, integral = room[row, 0], room[row, 1], room[row, 2], room[row, 3]
+    start, reference, reference_velocity = course
+    time = state[TIME] + elapsed
+    yields = _yield_force(time, v, state, history, parameters, delayed)
+    now = reference + reference_velocity * (time - start)
+    deflecting = v - parameters[CONTACT_STIFFNESS] * abs(v) * z / yields
+    force = control(x, v, integral, now, reference_velocity, parameters) - parameters[LOAD]
+    force -= parameters[CONTACT_STIFFNESS] * z + parameters[CONTACT_DAMPING] * deflecting + parameters[VISCOUS] * v
+    room[out, 0] = v
+    room[out, 1] = force / parameters[INERTIA]
+    room[out, 2] = deflecting
+    room[out, 3] = now - x
+    return yields
+
+
+@inlined()
+def _stage(right, jacobian, out, room):
+    """Solve the four equations of a stage, which fall to one for the velocity."""
+    c, spring, damping, contact, drive, by_velocity, by_deflection = jacobian
+    x, v, z, integral = room[right, 0], room[right, 1], room[right, 2], room[right, 3]
+    own = c - by_deflection
+    whole = c + damping + spring / c + contact * by_velocity / own + drive / (c * c)
+    v += -spring * x / c - contact * z / own + drive * (integral / c - x / (c * c))
+    v /= whole
+    room[out, 0] = (x + v) / c
+    room[out, 1] = v
+    room[out, 2] = (z + by_velocity * v) / own
+    room[out, 3] = (integral - room[out, 0]) / c
+
+
+@inlined()
+def _jacobian(step, yields, state, parameters, delayed):
+    v, z = state[VELOCITY], state[DEFLECTION]
+    inertia, stiffness = parameters[INERTIA], parameters[CONTACT_STIFFNESS]
+    steepness = 0.0
+    if not delayed:
+        scale = parameters[STRIBECK_VELOCITY]
+        steepness = _stribeck_slope(parameters[LAW], state[LEVEL], v / scale) / scale
+    sign = 1.0 if v >= 0.0 else -1.0
+    by_velocity = 1.0 - stiffness * z * (sign / yields - abs(v) * steepness / (yields * yields))
+    by_deflection = -stiffness * abs(v) / yields
+    damping = parameters[DAMPING] + parameters[VISCOUS] + parameters[CONTACT_DAMPING] * by_velocity
+    contact = stiffness + parameters[CONTACT_DAMPING] * by_deflection
+    return (
+        1.0 / (_GAMMA * step),
+        parameters[STIFFNESS] / inertia,
+        damping / inertia,
+        contact / inertia,
+        parameters[INTEGRAL_GAIN] / inertia,
+        by_velocity,
+        by_deflection,
+    )
+
+
+@helper()
+def _try(step, state, history, parameters, delayed, course, room):
+    """One step of RODAS3, its result into the room; the error in units of what is tolerated."""
+    room[_STATE, 0], room[_STATE, 1] = state[POSITION], state[VELOCITY]
+    room[_STATE, 2], room[_STATE, 3] = state[DEFLECTION], state[INTEGRAL]
+    yields = _rates(0.0, _STATE, state, history, parameters, delayed, course, room, _NOW)
+    _rates(_FORWARD * step, _STATE, state, history, parameters, delayed, course, room, _LATER)
+    jacobian = _jacobian(step, yields, state, parameters, delayed)
+    for i in range(4):
+        room[_SLOPE, i] = (room[_LATER, i] - room[_NOW, i]) / _FORWARD  # times the step
+        room[_RIGHT, i] = room[_NOW, i] + 0.5 * room[_SLOPE, i]
+    _stage(_RIGHT, jacobian, _K1, room)
+    for i in range(4):
+        room[_RIGHT, i] = room[_NOW, i] + 4.0 / step * room[_K1, i] + 1.5 * room[_SLOPE, i]
+    _stage(_RIGHT, jacobian, _K2, room)
+    for i in range(4):
+        room[_TRIAL, i] = room[_STATE, i] + 2.0 * room[_K1, i]
+    _rates(step, _TRIAL, state, history, parameters, delayed, course, room, _NOW)
+    for i in range(4):
+        room[_RIGHT, i] = room[_NOW, i] + (room[_K1, i] - room[_K2, i]) / step
+    _stage(_RIGHT, jacobian, _K3, room)
+    for i in range(4):
+        room[_TRIAL, i] += room[_K3, i]
+    _rates(step, _TRIAL, state, history, parameters, delayed, course, room, _NOW)
+    for i in range(4):
+        room[_RIGHT, i] = room[_NOW, i] + (room[_K1, i] - room[_K2, i] - 8.0 / 3.0 * room[_K3, i]) / step
+    _stage(_RIGHT, jacobian, _K4, room)
+    for i in range(4):
+        room[_TRIAL, i] += room[_K4, i]
+    length = (parameters[COULOMB] + parameters[STRIBECK]) / parameters[CONTACT_STIFFNESS]
+    speed = max(abs(room[_STATE, 1]), abs(room[_TRIAL, 1]), parameters[STRIBECK_VELOCITY])
+    return max(abs(room[_K4, 0]), abs(room[_K4, 2])) / (_TOLERANCE * length) + abs(room[_K4, 1]) / (_TOLERANCE * speed)
+
+
+@inlined()
+def _plastic(velocity, deflection, yields, parameters):
+    """The part of the velocity that does not deflect the contact."""
+    return parameters[CONTACT_STIFFNESS] * abs(velocity) * deflection / yields
+
+
+@helper()
+def creep_until(end, reference, reference_velocity, state, history, parameters, delayed, room, events, count):
+    """Integrate to ``end``, through slips and rests; returns the number of events."""
+    course = state[TIME], reference, reference_velocity
+    period = end - state[TIME]
+    step = state[STEP] if state[STEP] > 0.0 else 1e-3 * period
+    while state[TIME] < end - _SHORTEST * period:
+        time = state[TIME]
+        largest = end - time
+        if delayed and state[DIRECTION] != 0.0:
+            largest = min(largest, (1.0 - _SPACING) * parameters[LAG])
+            jump = state[EVENT_TIME] + parameters[LAG]
+            if time < jump - _SHORTEST * period and time + largest > jump:
+                largest = jump - time
+        size = min(step, largest)
+        cursor = state[HISTORY_CURSOR]
+        error = _try(size, state, history, parameters, delayed, course, room)
+        factor = min(_GROWS, max(_SHRINKS, _CAUTION / max(error, 1e-12) ** (1.0 / 3.0)))
+        if not error <= 1.0 and size > _SHORTEST * period:
+            state[HISTORY_CURSOR] = cursor
+            step = size * (factor if error > 1.0 else _SHRINKS)
+            continue
+        if size == step or factor < 1.0:
+            step = size * factor
+        velocity = room[_TRIAL, 1]
+        yields = _yield_force(time, state[VELOCITY], state, history, parameters, delayed)
+        before = _plastic(state[VELOCITY], state[DEFLECTION], yields, parameters)
+        direction = state[DIRECTION]
+        if direction != 0.0 and velocity * direction < 0.0:
+            share = state[VELOCITY] / (state[VELOCITY] - velocity)
+            state[TIME] = time + share * size
+            state[POSITION] += share * (room[_TRIAL, 0] - state[POSITION])
+            count = tell_slip(state, parameters, events, count)
+            count = arrests(shape(state[TIME], 0.0, state, history, parameters, delayed), state, events, count)
+        state[TIME] = time + size
+        state[POSITION], state[VELOCITY] = room[_TRIAL, 0], velocity
+        state[DEFLECTION], state[INTEGRAL] = room[_TRIAL, 2], room[_TRIAL, 3]
+        if direction == 0.0:
+            yields = _yield_force(state[TIME], velocity, state, history, parameters, delayed)
+            after = _plastic(velocity, state[DEFLECTION], yields, parameters)
+            slides = _SLIDES * parameters[STRIBECK_VELOCITY]
+            if abs(after) > slides and after * velocity > 0.0:
+                share = (slides - abs(before)) / (abs(after) - abs(before)) if abs(before) < slides else 0.0
+                breaks_away(time + share * size, 1.0 if velocity > 0.0 else -1.0, state, parameters)
+        if (
+            delayed
+            and state[DIRECTION] != 0.0
+            and (
+                state[HISTORY_COUNT] == 0.0
+                or state[TIME] - history[int(state[HISTORY_HEAD] - 1) % history.shape[0], 0]
+                >= _SPACING * parameters[LAG]
+            )
+        ):
+            _rates(0.0, _TRIAL, state, history, parameters, delayed, course, room, _NOW)
+            remember(state[TIME], velocity, room[_NOW, 1], state, history)
+        count = tell_slip(state, parameters, events, count)
+    state[STEP] = step
+    state[TIME] = end
+    return count

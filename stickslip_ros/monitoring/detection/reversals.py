@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Reversals that are seen: how long the joint stood, how far it fell behind, as `model/reversal.py` predicts it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stickslip_ros.model.reversal import Reversal, following_error
+from stickslip_ros.monitoring.detection.rests import Rest
+from stickslip_ros.monitoring.sample_buffer import SampleBuffer
+from stickslip_ros.monitoring.samples import Batch
+
+_KEPT = 200  # of the latest, of which the medians are taken
+_BEFORE = 1.0  # dwells, or seconds if that is more, before the arrest, in which the reference may have turned
+_LONGEST = 25.0  # after the breakaway, when the following error is looked at at last [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReversalRecord:
+    """The reversals seen, in which the joint stopped and its reference turned.
+
+    Attributes
+    ----------
+    count : how many. last : the latest.
+    standing, lost_motion, peak_error : medians of the latest ones [s], [rad], [rad]; NaN before any.
+    largest_error : of these [rad].
+    """
+
+    count: int
+    last: Reversal
+    standing: float = field(metadata={"unit": "s"})
+    lost_motion: float = field(metadata={"unit": "rad"})
+    peak_error: float = field(metadata={"unit": "rad"})
+    largest_error: float = field(metadata={"unit": "rad"})
+
+
+class ReversalMeter:
+    """Measures each reversal of a joint that follows a reference.
+
+    A reversal is measured when the joint has stood, left in the other direction, and stands to turn again, or half a
+    minute later. One that it passes without a stop has nothing to measure.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._latest: deque[Reversal] = deque(maxlen=_KEPT)
+        self._open: Rest | None = None
+        self._stops = 0
+        self._settled = math.nan
+
+    @property
+    def record(self) -> ReversalRecord | None:
+        """What was seen; None if there was no reversal."""
+        if not self._latest:
+            return None
+        numbers = np.array([(one.standing, one.lost_motion, one.peak_error) for one in self._latest])
+        standing, lost_motion, peak_error = np.median(numbers, axis=0).tolist()
+        return ReversalRecord(
+            count=self._count, last=self._latest[-1], standing=standing, lost_motion=lost_motion,
+            peak_error=peak_error, largest_error=float(numbers[:, 2].max()),
+        )  # fmt: skip
+
+    def forget(self) -> None:
+        """Forget all that was seen."""
+        self._count = 0
+        self._latest.clear()
+        self.break_off()
+
+    def break_off(self) -> None:
+        """What follows has nothing to do with what was before."""
+        self._open = None
+
+    def take(self, rest: Rest, samples: SampleBuffer) -> None:
+        """Take a rest that is known in full."""
+        if rest.direction_before == 0:
+            return
+        if rest.direction_after == rest.direction_before:
+            self._stops += 1
+            self._settled = rest.breakaway
+            return
+        self._close(rest.arrest, samples)
+        self._open, self._stops, self._settled = rest, 0, rest.breakaway
+
+    def look(self, now: float, samples: SampleBuffer) -> None:
+        """Measure a reversal that was so long ago that its samples would be forgotten."""
+        if self._open is not None and now - self._open.breakaway > _LONGEST:
+            self._close(now, samples)
+
+    def finish(self, now: float, samples: SampleBuffer) -> None:
+        """Measure what is open: no more samples come."""
+        self._close(now, samples)
+
+    def _close(self, end: float, samples: SampleBuffer) -> None:
+        rest, self._open = self._open, None
+        if rest is None:
+            return
+        begin = rest.arrest - _BEFORE * max(rest.dwell, 1.0)
+        seen = samples.between(begin, end)
+        found = None if seen is None else _measured(rest, seen, self._stops, self._settled)
+        if found is not None:
+            self._count += 1
+            self._latest.append(found)
+
+
+def _measured(rest: Rest, samples: Batch, stops: int, settled: float) -> Reversal | None:
+    """The reversal about a rest; None where the reference did not turn there, or has no position."""
+    known = np.isfinite(samples.reference_position)
+    times, reference = samples.time[known], samples.reference_position[known]
+    before = times <= rest.breakaway
+    if not before.any():
+        return None
+    direction = rest.direction_after
+    # The last sample at the extreme: a reference that rests there turns where it leaves.
+    turn = int(np.flatnonzero(before)[-1] - np.argmin((direction * reference[before])[::-1]))
+    lost = float(direction * (reference[before][-1] - reference[turn]))
+    after = slice(turn + 1, None)
+    if not 0 < turn < len(times) - 1 or lost <= 0.0 or not direction * (reference[turn] - reference[0]) < 0.0:
+        return None
+    onward = int(np.argmax(direction * reference[after])) + turn + 2
+    position = samples.position[known]
+    peak, running = following_error(reference[turn + 1 : onward], position[turn + 1 : onward], direction)
+    start = float(times[turn])
+    return Reversal(
+        time=start,
+        direction=direction,
+        standing=rest.dwell,
+        lost_motion=lost,
+        peak_error=peak,
+        running_error=running,
+        stops=stops,
+        settles_after=max(settled - start, 0.0),
+    )

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""`~/friction_feedforward`: the torque that the known friction takes at the reference's speed, for who adds it.
+
+Off unless a share is set. Zero where friction is not known well, where the reference stands or is silent, where nothing
+is known of the joint; never above what is configured. Whoever adds it has to let go when nothing comes any more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rclpy.lifecycle import LifecycleNode
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.model.friction import Friction, steady_friction
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.settings.parameters import Feedforward
+
+_SILENT = 0.1  # [s] after which a reference is no more
+_LARGEST_ERROR = 0.1  # of the Coulomb friction: what is known less well is not known
+_NEAR_REST = 0.1  # Stribeck velocities, within which the torque passes from one direction to the other
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Heard:
+    """The reference last heard: when, as a steady time [s]; its stamp [s], position [rad] and velocity [rad/s]."""
+
+    when: float
+    stamp: float
+    position: float
+    velocity: float
+
+
+class FrictionFeedforward:
+    """Publishes torques; its owner tells it what references arrive and what is known of the joints."""
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node = node
+        self._publisher = node.create_lifecycle_publisher(JointState, "~/friction_feedforward", 1)
+        self._heard: dict[str, _Heard] = {}
+        self._known: dict[str, Friction] = {}
+        self._on: tuple[str, ...] = ()
+
+    def close(self) -> None:
+        """Take the topic from the graph."""
+        self._node.destroy_lifecycle_publisher(self._publisher)
+
+    def hear(self, name: str, rows: FloatArray, now: float) -> None:
+        """Take references: rows of time, position and velocity, NaN for what is missing."""
+        stamp, position, velocity = rows[-1, :3].tolist()
+        before = self._heard.get(name)
+        if math.isnan(velocity) and before is not None and stamp > before.stamp:
+            velocity = (position - before.position) / (stamp - before.stamp)
+        self._heard[name] = _Heard(when=now, stamp=stamp, position=position, velocity=velocity)
+
+    def know(self, joint: WatchedJoint, assessment: Assessment) -> None:
+        """Take what is known of a joint now."""
+        friction = _known_well(joint, assessment)
+        if friction is None:
+            self._known.pop(joint.name, None)
+        else:
+            self._known[joint.name] = friction
+
+    def tick(self, joints: Mapping[str, WatchedJoint], now: float) -> None:
+        """Publish the torques of now; zero, once, for joints whose share was taken back."""
+        on = tuple(name for name, joint in joints.items() if joint.settings.feedforward.share > 0)
+        if not on and not self._on:
+            return
+        named = (*on, *(name for name in self._on if name not in on))
+        message = JointState(name=list(named))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.effort = [self._torque(joints.get(name), now) for name in named]
+        self._publisher.publish(message)
+        self._on = on
+
+    def silence(self) -> None:
+        """Say once more that nothing is to be added."""
+        if self._on:
+            message = JointState(name=list(self._on), effort=[0.0] * len(self._on))
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            self._publisher.publish(message)
+        self._on = ()
+        self._heard.clear()
+
+    def _torque(self, joint: WatchedJoint | None, now: float) -> float:
+        """In the units of the joint's effort."""
+        if joint is None or joint.trouble:
+            return 0.0
+        heard, friction = self._heard.get(joint.name), self._known.get(joint.name)
+        if heard is None or friction is None or now - heard.when > _SILENT:
+            return 0.0
+        return feedforward(joint.settings.feedforward, friction, heard.velocity) / joint.settings.effort_scale
+
+
+def feedforward(settings: Feedforward, friction: Friction, velocity: float) -> float:
+    """Torque [N·m] at the reference's velocity [rad/s]: the share of the steady friction, within the largest one.
+
+    Within a tenth of the Stribeck velocity it passes smoothly from one direction to the other, so that a reference that
+    only trembles about zero does not make it jump.
+    """
+    if not math.isfinite(velocity):
+        return 0.0
+    near = math.tanh(abs(velocity) / (_NEAR_REST * float(friction.stribeck_velocity)))
+    torque = settings.share * near * float(np.asarray(steady_friction(friction, velocity)))
+    return min(max(torque, -settings.largest), settings.largest)
+
+
+def _known_well(joint: WatchedJoint, assessment: Assessment) -> Friction | None:
+    """The friction to compensate, as configured or as learnt; None where it is not known well enough."""
+    estimate, learnt = assessment.estimate, assessment.joint
+    if assessment.uncertainty is None or estimate is None or learnt is None:
+        return None if joint.settings.joint is None else joint.settings.joint.friction
+    if assessment.per_inertia:
+        return None
+    coulomb = estimate["coulomb"]
+    if not coulomb.identified or not coulomb.std <= _LARGEST_ERROR * coulomb.value:
+        return None
+    return learnt.friction

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What a reversal looks like, and how it changes with speed and amplitude."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model.reversal import ReferenceMotion, Reversal
+from stickslip_ros.output.plotting import BLUE, GREEN, GREY, ORANGE, RED, Curve, Figure, Panel
+
+FloatArray = NDArray[np.float64]
+
+_MILLI = 1e3
+_COLOURS = (BLUE, GREEN, ORANGE, RED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dependence:
+    """The worst reversal over the top speed of the reference, for one amplitude.
+
+    Attributes
+    ----------
+    amplitude : [rad]. speeds : [rad/s], shape (n,). peak_errors : [rad]. standing : [s]; infinite where it never moves.
+    """
+
+    amplitude: float
+    speeds: FloatArray
+    peak_errors: FloatArray
+    standing: FloatArray
+
+    @classmethod
+    def of(cls, amplitude: float, speeds: Sequence[float], turns: Sequence[tuple[Reversal, ...]]) -> Dependence:
+        """From the reversals at each speed."""
+        return cls(
+            amplitude=amplitude,
+            speeds=np.array(speeds),
+            peak_errors=np.array([max(turn.peak_error for turn in found) for found in turns]),
+            standing=np.array([max(turn.standing for turn in found) for found in turns]),
+        )
+
+
+def reversal_figure(
+    subject: str,
+    reference: ReferenceMotion,
+    position: FloatArray,
+    turns: Sequence[Reversal],
+    dependences: Sequence[Dependence],
+    *,
+    name: str,
+) -> Figure:
+    """Three panels: the motion round the last reversal, its following error, and both against speed and amplitude.
+
+    Parameters
+    ----------
+    position : at the end of each of the reference's periods [rad]. turns : at least one.
+    """
+    turn = turns[-1]
+    times = reference.period * np.arange(1.0, len(reference.position))
+    begin, end = _window(turn, turns, float(times[-1]))
+    shown = (times >= begin) & (times <= end)
+    since = times[shown] - turn.time
+    wanted, real = reference.position[1:][shown], position[shown]
+    origin = float(np.interp(turn.time, times, reference.position[1:]))
+    where = "a rest"
+    motion = [
+        Curve(label="reference", x=since, y=_MILLI * (wanted - origin), colour=GREY, style="--"),
+        Curve(label="joint", x=since, y=_MILLI * (real - origin), colour=RED),
+    ]
+    if math.isfinite(turn.standing):
+        where = f"stands {turn.standing:.3g} s, then moves"
+    error = [Curve(label="", x=since, y=_MILLI * (wanted - real), colour=RED)]
+    panels = [
+        Panel(
+            x_label="time since the reference turned [s]", y_label="position [mrad]", curves=tuple(motion),
+            title=f"The joint {where}",
+        ),
+        Panel(
+            x_label="time since the reference turned [s]", y_label="following error [mrad]", curves=tuple(error),
+            title=f"It falls behind by {_MILLI * turn.peak_error:.3g} mrad",
+        ),
+    ]  # fmt: skip
+    if dependences:
+        panels.append(
+            _against_speed("largest error [mrad]", "The error, by amplitude", dependences, "peak_errors", _MILLI)
+        )
+        panels.append(_against_speed("stands for [s]", "The stop, by amplitude", dependences, "standing", 1.0))
+    return Figure(name=name, title=subject, note="By integration of Eqs (4)-(6).", panels=tuple(panels))
+
+
+def _window(turn: Reversal, turns: Sequence[Reversal], last: float) -> tuple[float, float]:
+    """What is shown round a reversal [s]."""
+    half = turn.time - turns[-2].time if len(turns) > 1 else last - turn.time
+    ahead = min(half, 4.0 * turn.settles_after + 0.1 * half) if math.isfinite(turn.settles_after) else half
+    back = min(half, max(0.5 * ahead, turn.standing if math.isfinite(turn.standing) else 0.0))
+    return turn.time - back, min(turn.time + ahead, last)
+
+
+def _against_speed(label: str, title: str, dependences: Sequence[Dependence], of: str, scale: float) -> Panel:
+    curves = []
+    for one, colour in zip(dependences, _COLOURS, strict=False):
+        values = scale * getattr(one, of)
+        curves.append(
+            Curve(
+                label=f"±{_MILLI * one.amplitude:.3g} mrad", x=_MILLI * one.speeds,
+                y=np.where(np.isfinite(values) & (values > 0), values, np.nan), colour=colour,
+            )
+        )  # fmt: skip
+    return Panel(
+        x_label="top speed of the reference [mrad/s]", y_label=label, curves=tuple(curves), title=title,
+        logarithmic=True,
+    )  # fmt: skip
