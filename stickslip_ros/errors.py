@@ -43,7 +43,7 @@ class InvalidParameterError(StickSlipError, ValueError):
 
     def __init__(self, name: str, requirement: str, value: object) -> None:
         self.name, self.requirement, self.value = name, requirement, value
-        super().__init__(f"{name!r} must be {requirement}: {value}")
+        super().__init__(f"{name!r} must be {requirement}: {_shown(value)}")
 
     def as_typed(self, names: Sequence[str], values: Sequence[object] = ()) -> InvalidParameterError:
         """The same error in the words of who typed the value.
@@ -54,9 +54,16 @@ class InvalidParameterError(StickSlipError, ValueError):
             typed in; none: that of the error.
         """
         error = InvalidParameterError(names[0], self.requirement, self.value)
-        shown = " and ".join(map(str, values)) if values else self.value
+        shown = " and ".join(map(_shown, values)) if values else _shown(self.value)
         error.args = (f"{' and '.join(map(repr, names))} must be {self.requirement}: {shown}",)
         return error
+
+
+def _shown(value: object) -> str:
+    """A value as it was typed; what is empty is seen, and a range reads as one."""
+    if isinstance(value, tuple):
+        return " to ".join(map(str, value))
+    return str(value) or "''"
 
 
 class UnknownJointError(StickSlipError, KeyError):

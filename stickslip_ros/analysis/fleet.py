@@ -13,22 +13,23 @@ import json
 import math
 import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import stickslip_ros
-from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
+from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
+from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.storage.bag_paths import is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.regular_files import read_regular
 
-_LAYOUT = 2  # of an answer: another one where keys are new, or mean something else
+_LAYOUT = 3  # of an answer: another one where keys are new, or mean something else
 _LARGEST_ANSWER = 1_000_000_000  # bytes
 _ATTEMPTS = 2  # of a bag whose process dies
 _KILLED = "its process was killed twice: is there too little memory?"
@@ -42,10 +43,11 @@ Progress = Callable[[float, float], None]
 
 @dataclass(frozen=True)
 class BagTask:
-    """One bag to analyse, here or elsewhere."""
+    """One bag to analyse, here or elsewhere, and where its report is to be, if it is to have one."""
 
     path: Path
     options: AnalysisOptions
+    report: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,24 @@ def answer(task: BagTask, share: Callable[[float], None] = lambda _: None) -> Ti
     def read(done: int, total: int) -> None:
         share(done / total if total else 0.0)
 
+    options = task.options if task.report is None else replace(task.options, with_traces=True)
     try:
-        found = bag_json(analyze(task.path, task.options, read))
+        analysis = analyze(task.path, options, read)
+        found = bag_json(analysis)
+        if task.report is not None:
+            found["warnings"] += _reported(task.report, analysis)
     except (StickSlipError, OSError) as error:
         found = {"path": str(task.path), "error": in_words(error)}
     return TimedAnswer(found, time.monotonic() - began)
+
+
+def _reported(path: Path, analysis: BagAnalysis) -> list[str]:
+    """Write a bag's report; returns why, if that cannot be."""
+    try:
+        write_report(path, analysis)
+    except (StickSlipError, OSError) as error:
+        return [f"the report {path} was not written: {in_words(error)}"]
+    return []
 
 
 def _no_answer(task: BagTask) -> TimedAnswer:
@@ -128,7 +143,9 @@ class Answers:
         return self._folder / f"{task.path.stem}-{hashlib.sha256(repr(basis).encode()).hexdigest()[:16]}.json"
 
     def get(self, task: BagTask) -> Answer | None:
-        """The answer to a task, if it is there and whole."""
+        """The answer to a task, if it is there and whole, and so is the bag's report if it is to have one."""
+        if task.report is not None and not task.report.exists():
+            return None
         file = self._file(task)
         try:
             found = json.loads(read_regular(file, _LARGEST_ANSWER)) if file is not None else None
@@ -151,6 +168,7 @@ def analyze_fleet(
     jobs: int = 1,
     scheduler: str | None = None,
     results: Path | None = None,
+    reports: Mapping[Path, Path] | None = None,
     progress: Progress = lambda _, __: None,
     finished: Callable[[TimedAnswer], None] = lambda _: None,
 ) -> list[Answer]:
@@ -159,7 +177,7 @@ def analyze_fleet(
     Parameters
     ----------
     jobs : processes on this machine. scheduler : address of a Dask scheduler, whose workers see the same files.
-    results : folder in which answers are kept, and looked for first.
+    results : folder in which answers are kept, and looked for first. reports : by bag, the pages to write.
     progress : told how many are done of how many, while a bag is read too. finished : told of each bag as it is done.
 
     Raises
@@ -168,7 +186,7 @@ def analyze_fleet(
         If the scheduler cannot be reached, or Dask is missing.
     """
     kept = Answers(results)
-    tasks = [BagTask(path, options) for path in paths]
+    tasks = [BagTask(path, options, (reports or {}).get(path)) for path in paths]
     found: dict[int, Answer] = {}
     for number, task in enumerate(tasks):
         known = kept.get(task)

@@ -77,12 +77,18 @@ def worst_status(rows: Sequence[Row]) -> str:
     return next(status.value for status in SEVERITY if status.value in here)
 
 
+def dry_friction_name(row: Row) -> str:
+    """The column of a row's Coulomb friction, which is with any load where the joint moved in one direction alone; ""
+    if none is known.
+    """
+    known = (name for name in ("coulomb", COULOMB_AND_LOAD) if row[f"{name}_identified"] and not row["per_inertia"])
+    return next(known, "")
+
+
 def dry_friction(row: Row) -> float | None:
     """Coulomb friction [N·m], with any load where the joint moved in one direction alone; None if it is not known."""
-    for name in ("coulomb", COULOMB_AND_LOAD):
-        if row[f"{name}_identified"] and not row["per_inertia"]:
-            return float(row[name])
-    return None
+    name = dry_friction_name(row)
+    return float(row[name]) if name else None
 
 
 def _row(path: Path, found: Answer) -> Row:
@@ -107,6 +113,7 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     for section in (told.SAMPLING, told.POSITION, told.STATUS, told.VELOCITY):
         row |= section.for_fleet(joint or None)
     row |= {
+        "reason": joint.get("reason"),
         "worst_status": joint.get("worst_status"),
         "stick_slip_share": joint.get("stick_slip_share"),
         "moving_time": joint.get("moving_time"),
@@ -167,7 +174,9 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     # What has no unit is an answer, if it is no text.
     flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
     kinds = dict.fromkeys(flags | {f"{name}_identified" for name in (*NAMES, COULOMB_AND_LOAD)}, pyarrow.bool_())
-    kinds |= dict.fromkeys(("bag", "robot", "joint", "status", "worst_status", "exact_outcome", "error"), text)
+    kinds |= dict.fromkeys(
+        ("bag", "robot", "joint", "status", "reason", "worst_status", "exact_outcome", "error"), text
+    )
     kinds |= dict.fromkeys(("samples", "cycles", "warnings"), whole)
     # Types by name, not by what happens to be there: tables of many runs fit together.
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in (rows[0] if rows else ["bag"])])

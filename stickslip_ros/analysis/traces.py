@@ -80,11 +80,12 @@ class CloseUp:
 
 
 class JointTraces:
-    """Position and reference in outline, a few cycles in full, friction over speed."""
+    """Position, reference and their difference in outline, a few cycles in full, friction over speed."""
 
     def __init__(self) -> None:
         self.position = Outline()
         self.reference = Outline()
+        self.error = Outline()
         self._close_ups: deque[CloseUp] = deque(maxlen=_CYCLES_KEPT)
         self._distances: list[float] = []
         self._points: list[FloatArray] = []
@@ -98,6 +99,7 @@ class JointTraces:
             time = batch.time[usable]
             self.position.add(time, batch.position[usable])
             self.reference.add(time, batch.reference_position[usable])
+            self.error.add(time, batch.position[usable] - batch.reference_position[usable])
             self._note_friction(batch.where(usable), monitor.resolution)
         for cycle in cycles:
             self._distances.append(abs(cycle.slip_distance))

@@ -41,7 +41,7 @@ def finding(joint: JointAnalysis) -> str:
     if joint.worst is Status.STICK_SLIP:
         return f"{_sticking(joint, speed)}{_in_the_end(joint)}"
     usual = {
-        Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but its reserve is thin",
+        Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but unevenly",
         Status.SMOOTH: f"{joint.name} moves smoothly{'' if matters(joint) else speed}",
         Status.AT_REST: f"{joint.name} is at rest",
         Status.NOT_JUDGED: f"{joint.name} moves too little, or turns too often, to be judged",
@@ -51,7 +51,9 @@ def finding(joint: JointAnalysis) -> str:
     text += f": {joint.reason}" if joint.reason else ""
     if joint.worst is Status.AT_RISK and joint.status is not Status.AT_RISK:
         share = percent(joint.time_in(Status.AT_RISK) / joint.moving_time)
-        text += f"; for {share} of its moving time its reserve is thin, or its speed dips,{speed}".rstrip(",")
+        text += (
+            f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
+        )
     return f"{text}.{_in_the_end(joint)}"
 
 

@@ -16,6 +16,7 @@ from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.data_problems import lacks_data, nothing_judged
 from stickslip_ros.analysis.fleet import Answer, TimedAnswer
+from stickslip_ros.analysis.fleet_joints import FleetJoint
 from stickslip_ros.analysis.fleet_table import (
     by_joint,
     dry_friction,
@@ -145,6 +146,20 @@ def print_fleet(answers: Sequence[Answer]) -> None:
         for warning in found.get("warnings", []):
             console.print("[yellow]warning:[/] ", end="")
             console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
+
+
+def print_alarms(joints: Sequence[FleetJoint]) -> None:
+    """A line for each alarm that rings."""
+    console = Terminal(highlight=False, soft_wrap=True)
+    for joint in joints:
+        for alarm in joint.alarms:
+            console.print("[red]alarm:[/] ", end="")
+            console.print(visible(f"{joint.robot} {joint.name}: {alarm}"), markup=False)
+
+
+def alarms_json(joints: Sequence[FleetJoint]) -> list[dict[str, str]]:
+    """Each alarm that rings."""
+    return [{"robot": joint.robot, "joint": joint.name, "alarm": alarm} for joint in joints for alarm in joint.alarms]
 
 
 def print_finished(found: TimedAnswer) -> None:

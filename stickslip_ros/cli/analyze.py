@@ -3,31 +3,33 @@
 """`stickslip analyze`: what recordings show of their joints; no ROS is needed.
 
 A bag is an MCAP file, a rosbag2 directory or a .db3 file; a folder stands for every bag in it. Of several bags a
-table of the fleet is printed, and --html writes a page with trends instead of one bag's report. Exit status: 0 done,
-1 with --fail-on-stick-slip if a joint sticks and slips, for however short a part of the recording, 2 a bag could not
-be analysed, or none of its joints be judged.
+table of the fleet is printed, and --html writes a page for triage instead of one bag's report. Exit status: 0 done,
+1 with --fail-on-stick-slip if a joint sticks and slips, for however short a part of the recording, or if an --alarm
+rings, 2 a bag could not be analysed, or none of its joints be judged.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from stickslip_ros.analysis.alarm import parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
 from stickslip_ros.analysis.annotation import Annotation
 from stickslip_ros.analysis.data_problems import nothing_judged
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
+from stickslip_ros.analysis.fleet_joints import fleet_joints
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
 from stickslip_ros.analysis.joint_analysis import FollowedJoint
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import print_analysis, print_finished, print_fleet
+from stickslip_ros.cli.analysis_tables import alarms_json, print_alarms, print_analysis, print_finished, print_fleet
 from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
@@ -63,6 +65,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--results", type=OutputFolder(), metavar="FOLDER", help="keep answers here, and begin with them"
     )
     fleet.add_argument(
+        "--reports", type=OutputFolder(), metavar="FOLDER", help="write a report of each bag, that --html links to"
+    )
+    fleet.add_argument(
+        "--alarm", action="append", default=[], metavar="A",
+        help="what rings, e.g. coulomb=+15%% since the first bag, 'stick_slip>5%%', 'reserve<20%%'; may be repeated",
+    )  # fmt: skip
+    fleet.add_argument(
         "--table", type=TABLE, metavar="FILE", help="write a row for each joint of each bag (.csv or .parquet)"
     )
 
@@ -71,6 +80,7 @@ def run(options: argparse.Namespace) -> int:
     """Analyse and print."""
     if options.jobs < 1:
         raise InvalidParameterError("--jobs", ">= 1", options.jobs)
+    options.alarm = [parse_alarm(text) for text in options.alarm]
     bags = find_bags(options.bags)
     if not bags:
         raise RecordingError(f"no bags in {', '.join(map(str, options.bags))}")
@@ -80,35 +90,68 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--out", "used with one bag, by itself", options.out)
     chosen = analysis_options(options)
     check_named_joints(options, chosen, bags)
-    answers, analysis, unwritten = _one(bags[0], chosen, options) if alone else (_many(bags, chosen, options), None, [])
+    if options.reports is not None and alone:
+        raise InvalidParameterError("--reports", "used with several bags (one has --html)", options.reports)
+    pages = report_pages(bags, options.reports)
+    answers, analysis, unwritten = (
+        _one(bags[0], chosen, options) if alone else (_many(bags, chosen, options, pages), None, [])
+    )
     errors = [found["error"] for found in answers if "error" in found]
     blind = [text for found in answers if (text := nothing_judged(found))]
     for text in (*errors, *blind):
         complain(text)
+    joints = fleet_joints(answers, options.alarm) if options.alarm else []
     try:
-        unwritten += _write(options, answers, analysis)
+        unwritten += _write(options, answers, analysis, pages)
     finally:
         # Whatever becomes of the files, the answer is not lost.
         if options.json:
-            print(json_text({"bags": answers}))
+            print(json_text({"bags": answers} | ({"alarms": alarms_json(joints)} if options.alarm else {})))
         elif analysis is not None:
             print_analysis(analysis)
         elif len(bags) > 1 or not errors:
             print_fleet(answers)
+        if not options.json:
+            print_alarms(joints)
     for text in unwritten:
         complain(text)
     worst = [joint["worst_status"] for found in answers for joint in found.get("joints", {}).values()]
-    if options.fail_on_stick_slip and "stick_slip" in worst:
+    if (options.fail_on_stick_slip and "stick_slip" in worst) or any(joint.alarms for joint in joints):
         return 1
     return 2 if errors or blind or unwritten else 0
 
 
-def _write(options: argparse.Namespace, answers: Sequence[Answer], analysis: BagAnalysis | None) -> list[str]:
+def report_pages(bags: Sequence[Path], folder: Path | None) -> dict[Path, Path]:
+    """Where each bag's report is to be: named after the bag and its folder, and no two alike."""
+    pages: dict[Path, Path] = {}
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for bag in bags:
+            name = "-".join(filter(None, (bag.resolve().parent.name, bag.stem)))
+            taken = sum(page.stem == name or page.stem.startswith(f"{name}~") for page in pages.values())
+            pages[bag] = folder / f"{name}{f'~{taken + 1}' if taken else ''}.html"
+    return pages
+
+
+def _write(
+    options: argparse.Namespace,
+    answers: Sequence[Answer],
+    analysis: BagAnalysis | None,
+    pages: Mapping[Path, Path],
+) -> list[str]:
     """Write the files that are asked for; returns of each that was not why: one takes no other with it."""
+
+    def write_html(path: Path) -> None:
+        if analysis is not None:
+            write_report(path, analysis)
+            return
+        written = {str(bag): page for bag, page in pages.items() if page.exists()}
+        write_fleet_page(path, answers, fleet_joints(answers, options.alarm), written, with_alarms=bool(options.alarm))
+
     writers: dict[str, Callable[[Path], None]] = {
         "csv": lambda path: write_cycles(path, answers),
         "table": lambda path: write_table(path, rows_of(answers)),
-        "html": lambda path: write_fleet_page(path, answers) if analysis is None else write_report(path, analysis),
+        "html": write_html,
     }
     unwritten = []
     for name, write in writers.items():
@@ -164,7 +207,9 @@ def _annotation(chosen: AnalysisOptions, path: Path | None) -> Any:
     return nullcontext() if path is None else Annotation(path, chosen.parameters.settings_of("*").options.warn_margin)
 
 
-def _many(bags: list[Path], chosen: AnalysisOptions, options: argparse.Namespace) -> list[Answer]:
+def _many(
+    bags: list[Path], chosen: AnalysisOptions, options: argparse.Namespace, pages: Mapping[Path, Path]
+) -> list[Answer]:
     watched = Terminal(stderr=True).is_terminal
     with progress_bar("bags") as progress:
         return analyze_fleet(
@@ -173,6 +218,7 @@ def _many(bags: list[Path], chosen: AnalysisOptions, options: argparse.Namespace
             jobs=options.jobs,
             scheduler=options.scheduler,
             results=options.results,
+            reports=pages,
             progress=progress,
             # Where nobody watches a bar, a log has a line a bag.
             finished=(lambda _: None) if watched else print_finished,

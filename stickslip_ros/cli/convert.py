@@ -25,6 +25,7 @@ from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch
 
@@ -65,7 +66,11 @@ def run(options: argparse.Namespace) -> int:
     refuse_inputs({"--out": options.out}, [path])
     refuse_to_overwrite("--out", options.out, force=options.force)
     gains = None
+    require_finite("damping", options.damping)
+    if options.stiffness is None and options.damping != 0.0:
+        raise InvalidParameterError("--damping", "given together with --stiffness", options.damping)
     if options.stiffness is not None:
+        require_finite("stiffness", options.stiffness)
         gains = Gains(stiffness=options.stiffness, damping=options.damping)
     table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
     names = _names(options.names, table)

@@ -28,7 +28,8 @@ from stickslip_ros.cli.comparison_tables import print_joints
 from stickslip_ros.cli.outputs import DRAWING
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.model._validation import require_positive
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.warm_up import compile_ahead, is_warm
 
@@ -76,6 +77,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the demo."""
+    if options.speed is not None:
+        require_positive("speed", options.speed)
+        if options.recording is None:
+            raise InvalidParameterError("--speed", "given together with --recording", options.speed)
     try:
         import rclpy  # noqa: F401
     except ImportError as error:
@@ -216,8 +221,6 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
     batch = recording.batch
     length = float(batch.time[-1] - batch.time[0])
     factor = options.speed if options.speed is not None else max(1.0, length / 30.0)
-    if not (math.isfinite(factor) and factor > 0):
-        raise StickSlipError(f"--speed must be > 0: {factor}")
     with ExitStack() as stack:
         monitor = stack.enter_context(NodeProcess("monitor", {"joints": f"[{_JOINT}]", **_FORGETFUL}))
         listener = DemoListener(_JOINT)

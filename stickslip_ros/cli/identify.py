@@ -28,7 +28,8 @@ from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
 from stickslip_ros.cli.outputs import JOINT_FILE
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
@@ -42,6 +43,10 @@ if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
 
 _STEP_TIME, _REST, _LARGEST_WAY, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
+_OF_EXPERIMENT = {
+    "speeds": None, "step_time": _STEP_TIME, "rest": _REST, "largest_way": _LARGEST_WAY, "largest_lag": _LARGEST_LAG,
+    "plan": False,
+}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +95,9 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--prior", "a joint whose inertia is known", options.prior)
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
-        raise InvalidParameterError("what to identify", "one of RECORDING, --simulated and --controller", sum(chosen))
+        raise StickSlipError("give what to identify: one of RECORDING, --simulated NODE and --controller NODE")
+    if options.recording:
+        _refuse_experiment(options)
     gains = _gains(options)
     if options.recording:
         path = _find(options.recording)
@@ -150,11 +157,24 @@ def _full(source: str, prior: KnownJoint | None) -> str:
 
 def _gains(options: argparse.Namespace) -> Gains | None:
     if options.stiffness is None:
+        for name in ("damping", "integral"):
+            if getattr(options, name) != 0.0:
+                raise InvalidParameterError(f"--{name}", "given together with --stiffness", getattr(options, name))
         return None
     for name in ("stiffness", "damping", "integral"):
-        if not math.isfinite(getattr(options, name)):
-            raise InvalidParameterError(f"--{name}", "a finite number", getattr(options, name))
+        require_finite(name, getattr(options, name))
+    require_not_negative("stiffness", options.stiffness)
     return Gains(stiffness=options.stiffness, damping=options.damping, integral=options.integral)
+
+
+def _refuse_experiment(options: argparse.Namespace) -> None:
+    """Refuse what is said of an experiment where a recording is given."""
+    for name, default in _OF_EXPERIMENT.items():
+        if getattr(options, name) != default:
+            option = f"--{name.replace('_', '-')}"
+            raise InvalidParameterError(
+                option, "left out with a RECORDING: it is of an experiment", getattr(options, name)
+            )
 
 
 def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | None:
@@ -165,6 +185,8 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
 
     from stickslip_ros.nodes.speed_ladder import LadderNode, speed_ladder
 
+    require_positive("largest_way", options.largest_way)
+    require_positive("largest_lag", options.largest_lag)
     try:
         speeds = [float(word) for word in (options.speeds or "").split(",") if word]
     except ValueError as error:
@@ -174,10 +196,12 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
     total = sum(step.duration for step in steps)
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     console.print(f"{options.on}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back.")
-    if way > options.largest_way:
-        raise InvalidParameterError("way of the ladder", f"<= --largest-way ({options.largest_way:g} rad)", way)
-    if not options.largest_lag > 0:
-        raise InvalidParameterError("--largest-lag", "> 0", options.largest_lag)
+    if not way <= options.largest_way:
+        raise InvalidParameterError(
+            "--speeds",
+            f"so that the joint moves no further than --largest-way, {options.largest_way:g} rad",
+            f"{options.speeds}, by which it moves {way:.3g} rad",
+        )
     if options.plan:
         for step in steps:
             console.print(f"  {step.duration:6.1f} s at {step.velocity:+.4g} rad/s")

@@ -49,8 +49,14 @@ COMMANDS = {
 _OPTION, _NEGATIVE = re.compile(r"--[a-z][a-z-]*"), re.compile(r"-\.?\d")
 
 
+# What argparse calls Python's types by their names.
+_NO_NUMBER = {"invalid float value": "must be a number", "invalid int value": "must be a whole number"}
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        for words, ours in _NO_NUMBER.items():
+            message = message.replace(words, ours, 1)
         print(visible(f"{self.prog}: {message} (see {self.prog} --help)"), file=sys.stderr)
         raise SystemExit(2)
 

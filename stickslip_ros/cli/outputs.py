@@ -61,6 +61,8 @@ class OutputFolder:
     def __call__(self, text: str) -> Path:
         """The path; refused is what cannot be written."""
         path = Path(text)
+        if not text:
+            raise argparse.ArgumentTypeError("must name a folder: ''")
         if path.exists() and not path.is_dir():
             raise argparse.ArgumentTypeError(f"must be a folder: {text!r} is a file")
         _require_writable(_nearest(path) / "file", text)

@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     """Simulate and write."""
     refuse_to_overwrite("--out", options.out, force=options.force)
     known = load_joint(options.joint)
-    velocities = _velocities(options.velocity) if options.velocity else (known.velocity,)
+    velocities = _velocities(options.velocity) if options.velocity is not None else (known.velocity,)
     names = [name.strip() for name in options.names.split(",")]
     if len(set(names)) != len(names) or not all(names):
         raise InvalidParameterError("--names", "different names, separated by commas", options.names)

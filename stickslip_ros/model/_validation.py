@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.errors import InvalidParameterError
 
@@ -13,24 +13,27 @@ from stickslip_ros.errors import InvalidParameterError
 def require_positive(name: str, value: ArrayLike) -> None:
     """Raise InvalidParameterError unless every element is finite and > 0."""
     array = np.asarray(value, dtype=float)
-    if not np.all(np.isfinite(array) & (array > 0)):
-        raise InvalidParameterError(name, "finite and > 0", value)
+    _require(name, "finite and > 0", value, np.isfinite(array) & (array > 0))
 
 
 def require_positive_or_infinite(name: str, value: ArrayLike) -> None:
     """Raise InvalidParameterError unless every element is > 0; infinity is."""
-    if not np.all(np.asarray(value, dtype=float) > 0):
-        raise InvalidParameterError(name, "> 0, or infinite", value)
+    _require(name, "> 0, or infinite", value, np.asarray(value, dtype=float) > 0)
 
 
 def require_not_negative(name: str, value: ArrayLike) -> None:
     """Raise InvalidParameterError unless every element is finite and >= 0."""
     array = np.asarray(value, dtype=float)
-    if not np.all(np.isfinite(array) & (array >= 0)):
-        raise InvalidParameterError(name, "finite and >= 0", value)
+    _require(name, "finite and >= 0", value, np.isfinite(array) & (array >= 0))
 
 
 def require_finite(name: str, value: ArrayLike) -> None:
     """Raise InvalidParameterError unless every element is finite."""
-    if not np.all(np.isfinite(np.asarray(value, dtype=float))):
-        raise InvalidParameterError(name, "finite", value)
+    _require(name, "finite", value, np.isfinite(np.asarray(value, dtype=float)))
+
+
+def _require(name: str, requirement: str, value: ArrayLike, fulfilled: NDArray[np.bool_]) -> None:
+    """Raise InvalidParameterError with the value, of an array with the first that is not right."""
+    if not np.all(fulfilled):
+        wrong = np.asarray(value, dtype=float)[~np.asarray(fulfilled)]
+        raise InvalidParameterError(name, requirement, value if np.ndim(value) == 0 else float(wrong[0]))

@@ -96,7 +96,7 @@ def reason_text(finding: Finding) -> str:
             return "stops and goes; publish the reference to tell commanded stops from sticking"
         case TooCoarse(counts=counts):
             return f"the encoder is too coarse to count: {counts:.0f} counts a slip"
-        case SpeedFalls(share=share):
-            return f"the speed falls to {100 * share:.0f} % of its mean"
+        case SpeedFalls(share=share, at_most=at_most):
+            return f"the speed falls {'below' if at_most else 'to'} {100 * share:.0f} % of its mean"
         case ThinReserve(reserve=reserve, exactly=exactly):
             return f"damping reserve {100 * reserve:.0f} % {'exactly' if exactly else 'by Eq. (43)'}"

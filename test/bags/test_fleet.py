@@ -111,23 +111,29 @@ def test_tables_and_trends(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFi
         assert view.complaints() == []
 
 
-def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 6, item 5: what was analysed before the interruption is kept; a changed bag or option is analysed anew."""
-    results = tmp_path / "results"
-    command = [
-        sys.executable, "-m", "stickslip_ros.cli.main", "analyze", str(fleet), "--no-learning",
-        "--results", str(results), "--json",
-    ]  # fmt: skip
+def interrupted(arguments: list[str], results: Path) -> int:
+    """Exit status of a command that gets Ctrl-C when it has kept two answers."""
+    command = [sys.executable, "-m", "stickslip_ros.cli.main", *arguments]
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 60.0
-    while len(list(results.glob("*.json"))) < 2:
+    while len(list(results.glob("*.json"))) < 2 and run.poll() is None:
         assert time.monotonic() < until
-        assert run.poll() is None
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
+    return run.wait(20.0)
+
+
+def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 6, item 5: what was analysed before the interruption is kept; a changed bag or option is analysed anew."""
+    # Where this process waits for a processor too long, nothing is left to interrupt.
+    for attempt in range(5):
+        results = tmp_path / f"results{attempt}"
+        status = interrupted(["analyze", str(fleet), "--no-learning", "--results", str(results), "--json"], results)
+        kept = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
+        if len(kept) < 7:
+            break
     # A shell sees 130 either way: Python ends itself by the signal if it came while in some extension modules.
-    assert run.wait(20.0) in (130, -signal.SIGINT)
-    kept = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
+    assert status in (130, -signal.SIGINT)
     assert 2 <= len(kept) < 7
     _, resumed, _ = printed([str(fleet), "--no-learning", "--results", str(results), "--json"], capsys)
     assert all(path.stat().st_mtime_ns == time_ for path, time_ in kept.items())

@@ -127,7 +127,7 @@ def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "one of RECORDING, --simulated and --controller"),
+        ([], "one of RECORDING, --simulated NODE and --controller NODE"),
         (["nothing.csv"], "nothing.csv"),
         (["--simulated", "/a", "--controller", "/b"], "one of RECORDING"),
         (["--simulated", "/a", "--speeds", "fast"], "numbers separated by commas"),

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
@@ -70,6 +72,12 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         before = {joint: gains(one, joint) for joint in "abc"}
         begin = time.monotonic()
         slips: list[float] = []
+        stiffnesses: list[float] = []
+
+        def note(event: ParameterEvent) -> None:
+            stiffnesses.extend(one.value.double_value for one in event.changed_parameters if one.name == "gains.a.p")
+
+        one.node.create_subscription(ParameterEvent, "/parameter_events", note, 1000)
         one.node.create_subscription(
             DiagnosticArray, "/stickslip_monitor/cycles", lambda _: slips.append(time.monotonic()), 100
         )
@@ -93,11 +101,20 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         again = one.answer("apply_recommendation", 20.0)
         assert not again.success
         assert "b is smooth, which no gains have to change" in again.message
-        # The joint has its new gains in ever so small steps; each is in the log with old and new value and reason.
-        log = node.output()
-        steps = re.findall(r"a p ([\d.]+), d ([\d.]+) -> p ([\d.]+), d ([\d.]+): step \d+.*raise the stiffness", log)
+        # The joint has its new gains in ever so small steps.
+        steps = [before["a"][0], *stiffnesses]
         assert len(steps) > 20
-        assert all(float(new) / float(old) < 1.05 for old, _, new, _ in steps)
+        assert all(new / old < 1.05 for old, new in itertools.pairwise(steps))
+        # The log has a line at its beginning, with old and new gains and the reason, one a second, and one at its end.
+        log = [line for line in node.output().splitlines() if "a: " in line]
+        (first,) = (
+            number for number, line in enumerate(log) if re.search(r"go from p .* to p .*raise the stiff", line)
+        )
+        (last,) = (number for number, line in enumerate(log) if "it was stick_slip, it is smooth" in line)
+        between = [line for line in log[first + 1 : last] if "of the way" in line]
+        times = [float(re.search(r"\[(\d+\.\d+)\]", line)[1]) for line in [log[first], *between]]  # type: ignore[index]
+        assert 0 < len(between) < 0.5 * len(steps)
+        assert min(np.diff(times)) > 0.9
     values = np.array([effort for at, effort in efforts if begin <= at])
     assert len(values) > 2000
     assert np.max(np.abs(np.diff(values)) / np.abs(values[:-1])) < 0.1

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-from bokeh.models import ColumnDataSource, Whisker
+from bokeh.models import ColumnDataSource, Range1d, Whisker
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import Plot
@@ -16,6 +17,7 @@ from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.samples import FloatArray
 
 _LEAST_SLIPS = 8
+_LEAST_SPAN = 0.1  # of the largest value, that an axis covers
 _PER_PERIOD, _MOST_POINTS = 24, 3000  # of a curve
 _WAYS = ((1, BLUE, "forward"), (-1, ORANGE, "back"))
 
@@ -24,6 +26,13 @@ def _shown(joint: JointAnalysis) -> DryFriction | None:
     estimate = joint.assessment.estimate
     dry = estimate.dry if estimate is not None and estimate.usable else None
     return dry if dry is not None and len(dry.kinetic) >= _LEAST_SLIPS else None
+
+
+def _show_in_proportion(plot: Any, dry: DryFriction) -> None:
+    """What hardly changes is to look so."""
+    low, high = float(dry.kinetic.min()), float(dry.kinetic.max())
+    room = max(0.1 * (high - low), 0.5 * (_LEAST_SPAN * max(abs(low), abs(high)) - (high - low)))
+    plot.y_range = Range1d(low - room, high + room)
 
 
 def _level(dry: DryFriction, way: int) -> float:
@@ -62,6 +71,7 @@ def position_dependence_plot(joint: JointAnalysis) -> Plot | None:
         plot.scatter(
             "position", "mean", source=source, size=8, color=colour, marker="square", legend_label=f"{name}, mean"
         )
+    _show_in_proportion(plot, dry)
     finish(plot)
     said = "no period stands out of the scatter"
     if dry.ripple is not None:
@@ -97,6 +107,7 @@ def time_dependence_plot(joint: JointAnalysis) -> Plot | None:
         if dry.drift is not None:
             level = _level(dry, way) + dry.drift.value * (ends + joint.start - dry.middle)
             plot.line(ends, level, color=GREEN, line_width=2, legend_label="drift")
+    _show_in_proportion(plot, dry)
     finish(plot)
     said = "the line is its drift" if dry.drift is not None else "no drift stands out of the scatter"
     return Plot(

@@ -1,69 +1,82 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""A fleet's page: which joints of which robots stick, and how their friction changes over the weeks."""
+"""A fleet's page for triage: one table with a row a joint, the worst first; plots of the joint that is chosen."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
-
-import numpy as np
+from urllib.parse import quote
 
 from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_table import (
-    Row,
-    by_joint,
-    rows_of,
-    stick_slip_share,
-    stuck_in,
-    usual_status,
-    worst_status,
-)
-from stickslip_ros.analysis.judgement import SEVERITY
-from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
+from stickslip_ros.analysis.fleet_joints import FleetJoint, History
+from stickslip_ros.analysis.fleet_table import Row
+from stickslip_ros.analysis.report.page import Plot, write_page
+from stickslip_ros.analysis.report.sparkline import sparkline
 from stickslip_ros.analysis.words import percent
+from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.visible import visible
 
-_TRENDS = {
-    "coulomb": "Coulomb friction [N·m]",
-    "coulomb_and_load": "Coulomb friction and load [N·m]",
-    "stribeck": "Stribeck friction [N·m]",
-    "viscous": "Viscous friction [N·m·s/rad]",
+# Plotted of the joint that is chosen: what it is called, and what its values are multiplied by.
+_PLOTS = {
+    "stick_slip": ("Stick slip [% of moving time]", 100.0),
+    "coulomb": ("Coulomb friction, with any load [N·m]", 1.0),
+    "reserve": ("Damping reserve by Eq. (43) [%]", 100.0),
+    "stribeck": ("Stribeck friction [N·m]", 1.0),
+    "viscous": ("Viscous friction [N·m·s/rad]", 1.0),
 }
-_MOST_TRENDS = 40  # joints
-_LEAST_POINTS = 2
-_LEAST_SPAN = 0.2  # of the largest value, that an axis covers
-
-Group = tuple[tuple[str, str], list[Row]]
+_NOTHING = "–"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Cell:
-    """A joint's status, its share of stick slip, its worst status, and in how many of its recordings it stuck."""
+    """A quantity: as text, as a number to sort by (NaN where there is none), and its history as a picture."""
 
-    status: str
-    share: float
-    worst: str
-    sticking: int
-    recordings: int
+    text: str
+    sort: float
+    spark: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Trend:
-    """A joint over its recordings."""
+class _Line:
+    """A joint's row in the table; an index says which of the page's data are its own."""
 
-    robot: str
-    joint: str
-    rows: list[Row]
-    plots: list[Plot]
+    index: int
+    joint: FleetJoint
+    status: Status
+    share: _Cell
+    coulomb: _Cell
+    change: _Cell
+    change_is_sure: bool
+    reserve: _Cell
+    stiffness: str
+    damping: str
+    date: _Cell
+    report: str
 
 
-def write_fleet_page(path: Path, answers: Sequence[Answer]) -> None:
+def write_fleet_page(
+    path: Path,
+    answers: Sequence[Answer],
+    joints: Sequence[FleetJoint],
+    reports: Mapping[str, Path] | None = None,
+    *,
+    with_alarms: bool = False,
+) -> None:
     """Write the page.
+
+    Parameters
+    ----------
+    joints : of these answers. reports : a page of each bag, by the bag's path, that is linked to.
+    with_alarms : whether alarms were asked for, so that none is worth a word.
 
     Raises
     ------
@@ -72,92 +85,168 @@ def write_fleet_page(path: Path, answers: Sequence[Answer]) -> None:
     OSError
         If it cannot be written.
     """
-    rows = rows_of(answers)
-    groups = by_joint(rows)
-    ordered = sorted(groups.items(), key=_badness)
-    trends = [_trend(key, some) for key, some in ordered[:_MOST_TRENDS]]
-    matrix = {key: _cell(some) for key, some in groups.items()}
+    try:
+        from markupsafe import Markup
+    except ImportError as error:
+        raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
+    links = {bag: _link(page, path) for bag, page in (reports or {}).items()}
+    dated = all(joint.dated for joint in joints)
+    plots = _plots(dated=dated) if joints else []
     write_page(
         path,
         "fleet.html",
-        [plot for trend in trends for plot in trend.plots],
+        plots,
+        own_script="fleet.js",
         title=f"Stick slip in {len(answers)} recordings",
-        count=len(groups),
-        robots=sorted({robot for robot, _ in groups}),
-        joints=sorted({joint for _, joint in groups}),
-        sticking=sum(cell.sticking > 0 for cell in matrix.values()),
-        unjudged=sum(Status(cell.worst) in NOT_JUDGED for cell in matrix.values()),
-        matrix=matrix,
+        robots=len({joint.robot for joint in joints}),
+        lines=[_line(index, joint, links) for index, joint in enumerate(joints)],
+        statuses=[status for status in Status if any(joint.status is status for joint in joints)],
+        sticking=sum(joint.stuck_in > 0 for joint in joints),
+        unjudged=sum(joint.worst in NOT_JUDGED for joint in joints),
+        ringing=sum(bool(joint.alarms) for joint in joints) if with_alarms else None,
+        linked=bool(links),
         failed=sum("error" in found for found in answers),
-        errors=[row["error"] for row in rows if row["error"]],
-        trends=trends,
+        errors=[found["error"] for found in answers if "error" in found],
+        data=Markup(_script_text([_data(joint, links, dated=dated) for joint in joints])),
     )
 
 
-def _badness(group: Group) -> tuple[Any, ...]:
-    (robot, joint), rows = group
-    share = stick_slip_share(rows)
-    severity = [status.value for status in SEVERITY]
-    return (-share if math.isfinite(share) else 0.0, severity.index(worst_status(rows)), robot, joint)
-
-
-def _cell(rows: Sequence[Row]) -> _Cell:
-    return _Cell(
-        status=usual_status(rows),
-        share=stick_slip_share(rows),
-        worst=worst_status(rows),
-        sticking=stuck_in(rows),
-        recordings=len(rows),
+def _line(index: int, joint: FleetJoint, links: Mapping[str, str]) -> _Line:
+    coulomb, reserve = joint.histories["coulomb"], joint.histories["reserve"]
+    share = joint.histories["stick_slip"]
+    latest = share.latest
+    change, sure = _change(coulomb)
+    recorded = joint.latest["recorded"] if joint.dated else None
+    advised = next((row for row in reversed(joint.rows) if row["advised_stiffness"] is not None), None)
+    return _Line(
+        index=index,
+        joint=joint,
+        status=joint.status,
+        share=_Cell(
+            text=percent(latest).replace("-", _NOTHING).removesuffix(" %"),
+            sort=latest,
+            spark=_spark(joint, share, low=0.0, high=1.0),
+        ),
+        coulomb=_Cell(text=_number(coulomb.latest), sort=coulomb.latest, spark=_spark(joint, coulomb)),
+        change=change,
+        change_is_sure=sure,
+        reserve=_Cell(text=_number(100.0 * reserve.latest, "+.0f"), sort=reserve.latest, spark=_spark(joint, reserve)),
+        stiffness=_whole(None if advised is None else advised["advised_stiffness"]),
+        damping=_whole(None if advised is None else advised["advised_damping"]),
+        date=_Cell(
+            text=_NOTHING if recorded is None else _date(recorded), sort=math.nan if recorded is None else recorded
+        ),
+        report=links.get(joint.latest["bag"], ""),
     )
 
 
-def _trend(key: tuple[str, str], rows: list[Row]) -> _Trend:
-    plots = []
-    for name, label in _TRENDS.items():
-        points = [row for row in rows if row[name] is not None and row[f"{name}_identified"] and not row["per_inertia"]]
-        if len(points) >= _LEAST_POINTS:
-            plots.append(_friction(points, name, label))
-    if len(rows) >= _LEAST_POINTS:
-        plots.append(_sticking(rows))
-    return _Trend(robot=key[0], joint=key[1], rows=rows, plots=plots)
+def _change(history: History) -> tuple[_Cell, bool]:
+    line = history.trend
+    if line is None or not math.isfinite(line.relative):
+        return _Cell(text=_NOTHING, sort=math.nan), False
+    return _Cell(text=f"{100.0 * line.relative:+.1f}", sort=line.relative), line.significant
 
 
-def _axes(rows: Sequence[Row], label: str) -> tuple[Any, list[Any]]:
-    """An empty figure and where the recordings stand on it: by date, or by number where there are no dates."""
-    from stickslip_ros.analysis.report.plots import new_figure
-
-    times = [row["recorded"] for row in rows]
-    dated = all(time is not None and time > YEAR_2001 for time in times)
-    kind = "datetime" if dated else "linear"
-    plot = new_figure("date (UTC)" if dated else "recording", label, height=260, x_axis_type=kind)
-    return plot, [1000.0 * float(time) for time in times] if dated else list(range(1, len(rows) + 1))
+def _spark(joint: FleetJoint, history: History, low: float = math.nan, high: float = math.nan) -> str:
+    where = [_where(joint, point.recording) for point in history.points]
+    return sparkline(where, [point.value for point in history.points], low=low, high=high)
 
 
-def _friction(rows: Sequence[Row], name: str, label: str) -> Plot:
-    from stickslip_ros.analysis.report.plots import BLUE
-
-    plot, at = _axes(rows, label)
-    values = np.array([row[name] for row in rows])
-    errors = np.array([row[f"{name}_std"] or 0.0 for row in rows])
-    plot.segment(at, values - 2.0 * errors, at, values + 2.0 * errors, color=BLUE, line_width=1.5, alpha=0.6)
-    plot.line(at, values, color=BLUE, alpha=0.4)
-    plot.scatter(at, values, size=7, color=BLUE)
-    # What hardly changes is to look so.
-    low, high = float((values - 2.0 * errors).min()), float((values + 2.0 * errors).max())
-    room = max(0.05 * (high - low), 0.5 * (_LEAST_SPAN * float(np.abs(values).max()) - (high - low)))
-    plot.y_range.start, plot.y_range.end = low - room, high + room
-    said = f"{label.partition(' [')[0]} in {len(rows)} recordings: {values[0]:.3g} at first, {values[-1]:.3g} at last."
-    return Plot(plot, label, f"{said} Bars: two standard errors.")
+def _where(joint: FleetJoint, recording: int) -> float:
+    """Where a recording stands on an axis: its date [s], or where there are no dates its number."""
+    return float(joint.rows[recording]["recorded"]) if joint.dated else recording + 1.0
 
 
-def _sticking(rows: Sequence[Row]) -> Plot:
-    from stickslip_ros.analysis.report.plots import RED
+def _data(joint: FleetJoint, links: Mapping[str, str], *, dated: bool) -> dict[str, Any]:
+    """What the page's script draws of a joint."""
+    histories = {}
+    for name, (_, scale) in _PLOTS.items():
+        points = joint.histories[name].points
+        histories[name] = {
+            "at": [1000.0 * _where(joint, one.recording) if dated else one.recording + 1 for one in points],
+            "value": [_rounded(scale * one.value) for one in points],
+            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in points],
+        }
+    return {
+        "title": visible(f"{joint.robot} {joint.name}".strip()),
+        "histories": histories,
+        "rows": [_recording(row, links) for row in reversed(joint.rows)],
+    }
 
-    label = "stick slip [% of moving time]"
-    plot, at = _axes(rows, label)
-    shares = [100.0 * (row["stick_slip_share"] or 0.0) for row in rows]
-    plot.line(at, shares, color=RED, alpha=0.4)
-    plot.scatter(at, shares, size=7, color=RED)
-    plot.y_range.start, plot.y_range.end = -2, 102
-    said = f"{percent(shares[0] / 100.0)} at first, {percent(shares[-1] / 100.0)} at last."
-    return Plot(plot, "Stick slip [% of moving time]", said)
+
+def _recording(row: Row, links: Mapping[str, str]) -> list[str]:
+    """The cells of a recording in the table of the joint that is chosen; the last is a link, or nothing."""
+    recorded = row["recorded"]
+    return [
+        visible(Path(row["bag"]).name),
+        _date(recorded) if recorded is not None and recorded > 0 else _NOTHING,
+        row["status"],
+        row["worst_status"],
+        percent(_value(row["stick_slip_share"])).replace("-", _NOTHING),
+        _number(_value(row["moving_time"]), ".4g"),
+        str(row["cycles"]),
+        _number(_value(row["velocity"])),
+        _number(_value(row["coulomb"])) if row["coulomb_identified"] else _number(_value(row["coulomb_and_load"])),
+        _whole(row["advised_stiffness"]),
+        _whole(row["advised_damping"]),
+        links.get(row["bag"], ""),
+    ]
+
+
+def _value(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _number(value: float, form: str = ".3g") -> str:
+    return f"{value:{form}}" if math.isfinite(value) else _NOTHING
+
+
+def _whole(value: float | None) -> str:
+    """A gain: digits as people write them, never an exponent."""
+    if value is None or not math.isfinite(value):
+        return _NOTHING
+    digits = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 0
+    return f"{value:.{min(digits, 6)}f}"
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.5g}")
+
+
+def _date(recorded: float) -> str:
+    try:
+        return datetime.fromtimestamp(recorded, timezone.utc).strftime("%Y-%m-%d")
+    except (OverflowError, OSError, ValueError):
+        return _NOTHING
+
+
+def _link(page: Path, beside: Path) -> str:
+    """From one page to another, as a browser takes it."""
+    return quote(Path(os.path.relpath(page.resolve(), beside.resolve().parent)).as_posix())
+
+
+def _script_text(data: Any) -> str:
+    """JSON that may stand in a page: nothing in it ends the script."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c").replace("&", "\\u0026")
+
+
+def _plots(*, dated: bool) -> list[Plot]:
+    """Empty figures that the page's script fills."""
+    from bokeh.models import ColumnDataSource, Range1d
+
+    from stickslip_ros.analysis.report.plots import BLUE, RED, new_figure
+
+    found = []
+    for name, (label, _) in _PLOTS.items():
+        plot = new_figure(
+            "date (UTC)" if dated else "recording", None, height=240, x_axis_type="datetime" if dated else "linear"
+        )
+        plot.name = name
+        plot.x_range, plot.y_range = Range1d(0, 1), Range1d(0, 1)
+        source = ColumnDataSource({"at": [], "value": [], "low": [], "high": []}, name=f"{name} history")
+        colour = RED if name == "stick_slip" else BLUE
+        plot.segment("at", "low", "at", "high", source=source, color=colour, line_width=1.5, alpha=0.6)
+        plot.line("at", "value", source=source, color=colour, alpha=0.4)
+        plot.scatter("at", "value", source=source, size=7, color=colour)
+        found.append(Plot(plot, label, f"{label} over the recordings of the chosen joint; bars: two standard errors."))
+    return found

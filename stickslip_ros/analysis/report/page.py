@@ -20,24 +20,25 @@ from stickslip_ros.output.wording import OUTCOME_TEXTS
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n\t"
-YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A figure with what it shows in words, for those who do not see it."""
+    """A figure with what it shows in words, for those who do not see it; a wide one has the page's width."""
 
     figure: Any
     title: str
     caption: str
+    wide: bool = False
 
 
-def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) -> None:
+def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: str = "", **values: Any) -> None:
     """Write a page; nothing is there before it is whole.
 
     Parameters
     ----------
     template : name of a file in the folder of templates. plots : all that it draws. values : what else it names.
+    own_script : name of a file in the folder of static ones, that this page has beside every page's.
 
     Raises
     ------
@@ -56,7 +57,8 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) 
     script, divs = components(tuple(plot.figure for plot in plots)) if plots else ("", ())
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if plots else ""
     folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
-    style, own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
+    scripts = ("page.js", own_script) if own_script else ("page.js",)
+    style, *own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", *scripts))
     environment = Environment(
         loader=PackageLoader("stickslip_ros.analysis.report"),
         autoescape=True,
@@ -72,13 +74,15 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], **values: Any) 
         "file_name": _file_name,
         "percent": _percent,
         "outcome": _outcome,
+        "svg": Markup,
     }
     environment.tests["finite"] = math.isfinite
+    joined = "\n".join(own)
     # The marked ones are this package's own, and bokeh's; all else is escaped.
     page = environment.get_template(template).render(
         version=stickslip_ros.__version__,
         style=Markup(style),
-        scripts=Markup(f"<script>{library}</script>\n{_escaped(script)}\n<script>{own}</script>" if plots else ""),
+        scripts=Markup(f"<script>{library}</script>\n{_escaped(script)}\n<script>{joined}</script>" if plots else ""),
         divs={plot: Markup(div) for plot, div in zip(plots, divs, strict=True)},
         **values,
     )

@@ -14,18 +14,23 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool, Range1d, Span
+from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool, Label, Range1d, Span
 from bokeh.plotting import figure
 from contourpy import contour_generator
+from scipy.ndimage import distance_transform_edt
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import Plot
+from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.stability_map import map_of, subject_of
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
+INK = "#1b1f24"  # of what the page paints in the colour of its text
+_NEAR_THE_TOP = 0.85  # of the height, from where on a word has no room above a line
+_ROOM = 3.0  # points of the map from a region's edge, for a word in it
 _MARKED, _FEW_MARKS = 3000, 150  # cycles at most; from which on their marks are small
 _MAP_POINTS = 900
 _BAND = (5.0, 95.0)  # per cent
@@ -34,7 +39,7 @@ _FEW_DECADES = 2.5
 _SMOOTHED = 5  # samples on either side, where a velocity has to be derived
 
 
-def new_figure(x: str, y: str, *, height: int = 320, log: bool = False, **more: Any) -> Any:
+def new_figure(x: str, y: str | None, *, height: int = 320, log: bool = False, **more: Any) -> Any:
     """An empty figure that can be zoomed, as wide as there is room."""
     kinds = {"x_axis_type": "log", "y_axis_type": "log"} if log else {}
     plot = figure(
@@ -111,7 +116,32 @@ def position_plot(joint: JointAnalysis) -> Plot | None:
         "Position and reference",
         f"Position of {joint.name} over {joint.duration:.4g} s; {len(joint.cycles)} breakaways marked by triangles, "
         f"{sticking:.3g} s of stick slip shaded red. Drag a box to zoom, the round arrow shows everything again.",
+        wide=True,
     )
+
+
+def error_plot(joint: JointAnalysis) -> Plot | None:
+    """Position less its reference over the whole recording, at its own scale: there the steps are seen."""
+    if joint.traces is None:
+        return None
+    time, low, high = joint.traces.error.points()
+    if not len(time):
+        return None
+    plot = new_figure("time [s]", "position − reference [mrad]", height=240)
+    time, low, high = time - joint.start, 1e3 * low, 1e3 * high
+    for segment in joint.segments:
+        if segment.status is Status.STICK_SLIP and segment.end > segment.start:
+            _shade(plot, segment.start - joint.start, segment.end - joint.start, RED, 0.09)
+    plot.varea(_small(time), _small(low), _small(high), color=BLUE, alpha=0.4)
+    plot.line(_small(time), _small(0.5 * (low + high)), color=BLUE, line_width=1.5)
+    most = f"{float(np.nanmax(np.abs([low, high]))):.3g}"
+    said = f"{joint.name} is at most {most} mrad from its reference."
+    if joint.cycles:
+        said += (
+            " Each jump is a slip, as a rule of "
+            f"{1e3 * joint.usual_slip:.3g} mrad; between them the joint stands while its reference goes on."
+        )
+    return Plot(plot, "Steps: position less its reference", said, wide=True)
 
 
 def close_up_plot(joint: JointAnalysis) -> Plot | None:
@@ -280,47 +310,81 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
         ticks = _round_numbers(float(values[0]), float(values[-1]))
         axis.ticker = FixedTicker(ticks=ticks)
         axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
-    sticks, swings = found.exact_damping - total, found.steady_damping - total
-    for field, colour in ((swings, ORANGE), (sticks, RED)):
-        if np.nanmax(field, initial=0.0) > 0:
-            plot.contour(
-                x=velocities, y=stiffnesses, z=np.nan_to_num(field), levels=[0.0, 2.0 * float(np.nanmax(field))],
-                fill_color=[colour], fill_alpha=0.12, line_color=None,
-            )  # fmt: skip
-    for name, field, colour, dash in (
-        ("stick slip ends", sticks, RED, "solid"),
-        ("steady from here on", swings, GREEN, "solid"),
-        ("the same by Eq. (43)", found.paper_damping - total, BLUE, "dotted"),
-    ):
-        lines = _boundary(velocities, stiffnesses, field)
-        if lines:
-            xs, ys = zip(*lines, strict=True)
-            plot.multi_line(
-                [_small(x) for x in xs], [_small(y) for y in ys],
-                color=colour, line_dash=dash, line_width=2, legend_label=name,
-            )  # fmt: skip
+    _draw_regions(plot, found, total)
+    _draw_boundary(plot, found, total, "present damping", INK, "solid", at=0.2)
     words = []
     if subject.advised is not None:
         target = float(subject.advised.stiffness)
-        if subject.advised_damping is not None:
-            lines = _boundary(velocities, stiffnesses, found.steady_damping - subject.advised_damping)
-            if lines:
-                xs, ys = zip(*lines, strict=True)
-                plot.multi_line(
-                    [_small(x) for x in xs], [_small(y) for y in ys],
-                    color=GREEN, line_dash="dashed", line_width=2, legend_label="steady, as advised",
-                )  # fmt: skip
-        plot.scatter([speed], [target], size=12, color=GREEN, marker="star", legend_label="advised")
         words.append(f"the star is where the advice puts it, at {target:.4g}")
-    plot.scatter([speed], [stiffness], size=11, color=RED, marker="circle", legend_label="now")
+        damping = subject.advised_damping
+        if damping is not None and _draw_boundary(plot, found, damping, "advised damping", GREEN, "dashed"):
+            words[-1] += ", and with the advised damping only what lies within the dashed line is not steady"
+        plot.scatter([speed], [target], size=14, color=GREEN, marker="star", legend_label="advised")
+    plot.scatter([speed], [stiffness], size=11, color=BLUE, marker="circle", legend_label="now")
     finish(plot)
     return Plot(
         plot,
         "Where it sticks",
-        f"At its present damping the joint sticks in the red part, swings about its speed in the orange one, and moves "
-        f"steadily in the white one. The dot is the joint now, at {speed:.3g} rad/s and {stiffness:.4g}"
-        f"{'; ' + words[0] + ', with the damping of the dashed line' if words else ''}.",
+        "The shaded regions are those of the present damping: the joint sticks (red), swings about its speed (orange), "
+        f"moves steadily (green). The dot is the joint now, at {speed:.3g} rad/s and {stiffness:.4g}"
+        f"{'; ' + words[0] if words else ''}.",
     )
+
+
+def _draw_regions(plot: Any, found: ExtinctionMap, damping: float) -> None:
+    """Shade what becomes of the joint at a damping, and write it into each region that has room for a word."""
+    sticks = np.nan_to_num(found.exact_damping - damping)
+    unsteady = np.nan_to_num(found.steady_damping - damping)
+    for word, field, colour in (
+        ("sticks", sticks, RED),
+        ("swings", np.minimum(unsteady, -sticks), ORANGE),
+        ("steady", -np.maximum(unsteady, sticks), GREEN),
+    ):
+        inside = field > 0.0
+        if not inside.any():
+            continue
+        plot.contour(
+            x=found.velocity, y=found.stiffness, z=field, levels=[0.0, 2.0 * float(field.max())],
+            fill_color=[colour], fill_alpha=0.15, line_color=None,
+        )  # fmt: skip
+        # As far from the region's edges as can be; the frame is an edge too.
+        depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+        row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+        if depth[row, column] >= _ROOM:
+            _write(plot, word, float(found.velocity[column]), float(found.stiffness[row]), INK)
+
+
+def _draw_boundary(
+    plot: Any, found: ExtinctionMap, damping: float, word: str, colour: str, dash: str, *, at: float = 0.5
+) -> bool:
+    """Draw where steady motion begins at a damping, with a word on the line, at a share of its length; whether there is
+    one on the map.
+    """
+    lines = _boundary(found.velocity, found.stiffness, found.steady_damping - damping)
+    if not lines:
+        return False
+    for x, y in lines:
+        line = plot.line(_small(x), _small(y), color=colour, line_dash=dash, line_width=2)
+        line.glyph.tags = ["ink"] if colour == INK else []
+    x, y = max(lines, key=len)
+    middle = int(at * (len(x) - 1))
+    middle = middle if x[0] < x[-1] else len(x) - 1 - middle
+    low, high = math.log(found.stiffness[0]), math.log(found.stiffness[-1])
+    below = (math.log(y[middle]) - low) / (high - low) > _NEAR_THE_TOP
+    _write(plot, word, float(x[middle]), float(y[middle]), colour, beside=-1 if below else 1)
+    return True
+
+
+def _write(plot: Any, word: str, x: float, y: float, colour: str, *, beside: int = 0) -> None:
+    """A word at a place of the plot, or just above it (1), or below (-1)."""
+    plot.add_layout(
+        Label(
+            x=x, y=y, text=word, text_align="center",
+            text_baseline={1: "bottom", 0: "middle", -1: "top"}[beside], y_offset=3 * beside,
+            text_font_size="9pt", text_font_style="normal" if beside else "bold",
+            text_color=colour, tags=["ink"] if colour == INK else [],
+        )
+    )  # fmt: skip
 
 
 def _round_numbers(low: float, high: float) -> list[float]:
@@ -338,4 +402,4 @@ def _boundary(x: FloatArray, y: FloatArray, field: FloatArray) -> Sequence[tuple
     return [(np.exp(line[:, 0]), np.exp(line[:, 1])) for line in lines]
 
 
-PLOTS = (position_plot, close_up_plot, phase_plot, friction_plot, map_plot)
+PLOTS = (position_plot, error_plot, close_up_plot, phase_plot, friction_plot, map_plot)

@@ -14,7 +14,8 @@ from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import SEVERITY
-from stickslip_ros.analysis.report.page import YEAR_2001, Plot, write_page
+from stickslip_ros.analysis.report.page import Plot, write_page
+from stickslip_ros.analysis.trend import YEAR_2001
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.units import unit_of

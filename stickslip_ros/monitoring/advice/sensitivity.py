@@ -108,8 +108,10 @@ def _damping_over_critical(groups: DimensionlessGroups, condition: Criterion) ->
 def _reached(groups: DimensionlessGroups, wanted: float, condition: Criterion) -> NDArray[np.bool_]:
     if condition is Criterion.EXACT:
         # With less damping by the wanted margin the cycle must die; that is sooner known than the critical ratio.
-        persists = cycle_persists(replace(groups, damping_ratio=groups.damping_ratio / wanted))
-        return np.equal(persists, 0.0)
+        ratio = np.asarray(groups.damping_ratio)
+        persists = cycle_persists(replace(groups, damping_ratio=np.maximum(ratio, 0.0) / wanted))
+        # Where the controller takes more damping away than the joint has, nothing is smooth.
+        return np.equal(persists, 0.0) & (ratio >= 0.0)
     return np.asarray(_damping_over_critical(groups, condition) >= wanted)
 
 

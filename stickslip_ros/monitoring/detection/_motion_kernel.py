@@ -89,7 +89,7 @@ _CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is see
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_CROSSINGS = 20
-_DIP_AT_RISK = 0.2  # of the mean speed
+DIP_AT_RISK = 0.2  # of the mean speed
 _DEEPER = 0.5  # of the reference's own share, at most
 _START = 0.25  # of the motion needed: the start from rest is no dip
 _LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
@@ -330,7 +330,7 @@ def judge(rest, motion, detector):
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
     since = max(now - needed, began + _START * needed)
     dip = slowest_share(since, detector)
-    if dip < _DIP_AT_RISK:
+    if dip < DIP_AT_RISK:
         if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
         # Where the reference itself slows down, the joint has to.

@@ -104,10 +104,11 @@ class SpeedFalls:
 
     Attributes
     ----------
-    share : that is left of the mean speed, 0 to 1.
+    share : that is left of the mean speed, 0 to 1. at_most : whether less may be left.
     """
 
     share: float
+    at_most: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,6 +30,7 @@ from stickslip_ros.nodes.gains.gain_writer import (
 from stickslip_ros.nodes.gains.motion_watch import WATCH, Watch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 
+_SAID_EVERY = 1.0  # [s] of the gains on their way, in the log
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
 _RETREAT_PERIOD = 0.05  # [s]
 _LONGEST_ADVICE = 10.0  # [s] for advice on the gains in force
@@ -116,6 +117,7 @@ class GainApplication:
         self._allowed, self._clock, self._log, self._back_to = allowed, clock, log, back_to
         self._was = watch.status
         self._withdrawn = self._running = False
+        self._said = -math.inf  # when the log was told of the gains last
         self._writer = GainWriter(
             joint, controller, clock=clock, allowed=self._may_write, look=self._look, answered=self._go_on
         )
@@ -159,7 +161,10 @@ class GainApplication:
             pass
         except Exception as error:
             # The script is over, and its end must be known.
-            self._finish(success=False, message=f"an error of the monitor itself: {error!r}; {self._gains_said()}")
+            self._finish(
+                success=False,
+                message=f"an error of the monitor itself: {type(error).__name__}: {error}; {self._gains_said()}",
+            )
             raise
         finally:
             self._running = False
@@ -245,6 +250,10 @@ class GainApplication:
                     offset=target.ramp.offset / self._scale,
                 )
             )
+        self._said = self._clock()
+        self._log.info(
+            f"{self.joint}: the gains of {self._controller.remote} go from {begin} to {target.gains}: {target.reason}"
+        )
         steps = yield from self._climb(target)
         way = f"from {begin} to {target.gains} in {steps} steps"
         if self._back_to is not None:
@@ -272,7 +281,7 @@ class GainApplication:
             gains = target.gains if share >= 1.0 else GainPair.from_si(target.ramp.at(share), self._scale)
             self._bounded = gains if self._back_to is None else None
             steps, last = steps + 1, self._clock()
-            yield from self._step(gains, f"step {steps}, {100 * share:.0f} % of the way: {target.reason}")
+            yield from self._step(gains, f"{100 * share:.0f} % of the way")
             self.state = f"{self.joint}: {100 * share:.0f} % of the way to {target.gains}"
         return steps
 
@@ -333,7 +342,10 @@ class GainApplication:
         old = self._good[-1][1]
         if gains.same(old) and self._sent is None:
             return
-        self._log.info(f"{self._controller.remote}: {self.joint} {old} -> {gains}: {why}")
+        now = self._clock()
+        if now - self._said >= _SAID_EVERY:
+            self._said = now
+            self._log.info(f"{self.joint}: {gains}: {why}")
         expected = [old] if self._sent is None else [old, self._sent]
         self._sent = gains
         yield from self._writer.write(gains, expected)
@@ -394,7 +406,7 @@ class GainApplication:
         steps = [gains for _, gains in self._good[number : None if self._sent is not None else -1]]
         for gains in reversed(steps):
             try:
-                yield from self._step(gains, f"taken back: {why}")
+                yield from self._step(gains, "on the way back")
                 yield from self._pause(_RETREAT_PERIOD)
             except StoppedError as stopped:
                 if isinstance(stopped, SetByOthersError):

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Issue 22: every option of every command is given bad values: each is refused in a sentence that names what was typed.
+
+`python test/cli/test_every_error.py` prints all of them, to be read as one page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
+from stickslip_ros.cli.main import build_parser, main
+from stickslip_ros.cli.outputs import OutputBag, OutputFile, OutputFolder
+from stickslip_ros.settings.known_joints import load_joint
+
+_JOINT = ["--joint=puma560_joint1"]
+# What makes a command right but for the option in question; {bag} is a recording, {table} a table.
+_OTHERWISE = {
+    "margin": _JOINT,
+    "recommend": _JOINT,
+    "reversal": [*_JOINT, "--amplitude=0.01", "--frequency=0.1"],
+    "map": [*_JOINT, "--out=map.png"],
+    "analyze": ["{bag}"],
+    "compare": ["{bag}", "{bag}"],
+    "identify": ["{bag}"],
+    "watch": ["--once", "--patience=0.01"],
+    "simulate": ["--out=simulated.mcap", "--duration=1"],
+    "convert": ["{table}", "--out=converted.mcap"],
+    "figures": ["1"],
+    "demo": [],
+    "warm-up": [],
+}
+_NUMBERS = ("nan", "inf", "-1", "many")
+_TEXTS = ("", "no/such", "nonsense,")
+# Values that mean something: a negative gain or speed, no bound, no topic, a name that anything may have.
+_RIGHT: dict[str, tuple[str, ...]] = {
+    "--stiffness": ("-1",), "--damping": ("-1",), "--integral": ("-1",), "--velocity": ("-1",), "--load": ("-1",),
+    "--start": ("-1",), "--end": ("inf",), "--largest-stiffness": ("inf",), "--largest-damping": ("inf",),
+    "--largest-damping-ratio": ("inf",), "--bandwidth": ("inf",), "--effort": ("inf",),
+    "--presliding-stiffness": ("inf",), "--references": ("",), "--gains-topic": ("",), "--joint": ("",),
+    "--controller": _TEXTS, "--names": _TEXTS, "--name": _TEXTS, "--prior": ("",), "--what-if": ("",),
+    "--simulated": ("",), "--speeds": ("",), "--recording": ("",),
+}  # fmt: skip
+# Refused by these names rather than by the option's.
+_OTHER_NAMES = (
+    "unknown joint",
+    "no recording begins with",
+    "no samples of joint",
+    "parameter file",
+    "--column",
+    "Dask",
+)
+_UGLY = ("Errno", "Traceback", "<class", " object at ", ".part", "invalid float", "numpy", "dtype")
+
+
+def _bad_values(action: argparse.Action) -> tuple[str, ...]:
+    if action.type in (float, int):
+        return _NUMBERS
+    if action.choices is not None:
+        return ("nonsense",)
+    if isinstance(action.type, OutputFile | OutputFolder | OutputBag):
+        return ("", "no/such/file", "file.nonsense") if isinstance(action.type, OutputFile) else ("",)
+    return _TEXTS
+
+
+def cases() -> Iterator[tuple[str, str, str]]:
+    """Command, option, and a value that is not right."""
+    parser = build_parser()
+    commands = next(one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+    for name, command in commands.choices.items():
+        for action in command._actions:
+            if action.nargs == 0 or not action.option_strings:
+                continue
+            option = action.option_strings[0]
+            for value in _bad_values(action):
+                if value not in _RIGHT.get(option, ()):
+                    yield name, option, value
+
+
+def said(command: str, option: str, value: str, files: dict[str, str]) -> tuple[int, str]:
+    """Exit status and last line on stderr."""
+    otherwise = [one.format(**files) for one in _OTHERWISE[command] if one.partition("=")[0] != option]
+    error = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(error):
+        try:
+            status = main([command, *otherwise, f"{option}={value}"])
+        except SystemExit as end:
+            status = int(end.code or 0)
+    lines = error.getvalue().strip().splitlines()
+    return status, lines[-1] if lines else ""
+
+
+def _make_files(folder: Path) -> dict[str, str]:
+    known = load_joint("puma560_joint1")
+    joint = RecordedJoint(joint=known.joint, gains=known.gains, velocities=(0.009,))
+    write_simulation(folder / "arm.mcap", {"joint1": joint}, duration=1.0, rate=100.0)
+    (folder / "table.csv").write_text("time,position\n0,0\n0.1,0\n0.2,0.1\n", encoding="utf-8")
+    return {"bag": str(folder / "arm.mcap"), "table": str(folder / "table.csv")}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """A recording and a table."""
+    return _make_files(tmp_path_factory.mktemp("files"))
+
+
+@pytest.mark.parametrize("command", sorted({command for command, _, _ in cases()}))
+def test_every_bad_value_is_refused_in_a_sentence(
+    command: str, files: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit status 2; one line that names the option and what would be right, in words, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    for name, option, value in cases():
+        if name != command:
+            continue
+        status, line = said(command, option, value, files)
+        where = f"{command} {option}={value!r}: [{status}] {line}"
+        assert status == 2, where
+        assert line.startswith("stickslip"), where
+        assert option in line or any(word in line for word in _OTHER_NAMES), where
+        assert not any(word in line for word in _UGLY), where
+        assert list(tmp_path.iterdir()) == [], where
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as temporary:
+        made = _make_files(Path(temporary))
+        os.chdir(temporary)
+        for case in cases():
+            print(" ".join(case[:2]) + f"={case[2]!r}\n    {said(*case, made)[1]}")
