@@ -13,7 +13,7 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.output.wording import dry_friction_text
+from stickslip_ros.output.wording import dry_friction_text, reversals_text
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
@@ -141,6 +141,16 @@ def depends_on(joint: JointAnalysis) -> str:
     """What the dry friction that was learnt depends on, in one sentence; "" if nothing is known to matter."""
     estimate = joint.assessment.estimate
     return dry_friction_text(estimate.dry) if estimate is not None and estimate.usable else ""
+
+
+def reversals(joint: JointAnalysis) -> str:
+    """What its reversals did to the joint, in one sentence; "" if none was seen."""
+    record = joint.assessment.reversals
+    if record is None:
+        return ""
+    times = "once" if record.count == 1 else f"{record.count} times"
+    text = f"It turned round {times}: {reversals_text(record)}"
+    return f"{text}, as a rule; at most by {1e3 * record.largest_error:.3g} mrad." if record.count > 1 else f"{text}."
 
 
 def rests_on(joint: JointAnalysis) -> str:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,12 @@ from stickslip_ros.model.compensation_effect import (
 )
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.monitoring.advice.compensations import At
 from stickslip_ros.output.csv_table import write_csv
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import OUTCOME_WORDS
 
-_WIDTHS = 2.0  # Stribeck velocities: where the tanh of the measured speed rises
-_COUNTS = 4.0  # encoder counts in the filter's time, likewise
-_FADE = 2.0  # Stribeck velocities, at which a push is gone
-_DITHER = 3.0  # natural frequencies: dither is to be quicker than the joint
 _SPEEDS = np.geomspace(0.01, 300.0, 46)  # Stribeck velocities of the feed-forward table
-
-At = Callable[[float], Compensation]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,34 +59,6 @@ class CompensationTable:
                 for kind, effects in self.effects.items()
             },
         }
-
-
-def compensations(
-    joint: Joint, gains: Gains, *, resolution: float, speed_filter: float, period: float
-) -> dict[str, At]:
-    """The kinds of compensation, with what a controller of the period would take; each by its share.
-
-    Parameters
-    ----------
-    resolution : of the encoder [rad]. speed_filter : time constant [s]. period : of the controller [s].
-    """
-    friction = joint.friction
-    scale = float(friction.stribeck_velocity)
-    width = max(_WIDTHS * scale, _COUNTS * resolution / (speed_filter + period))
-    natural = math.sqrt(float(gains.stiffness) / float(joint.inertia)) / (2.0 * math.pi)
-    frequency = min(max(_DITHER * natural, 10.0), 0.4 / period)
-    seen = Compensation(
-        friction=friction, period=period, resolution=resolution, speed_filter=speed_filter, width=width,
-        fade=max(_FADE * scale, width),
-    )  # fmt: skip
-    return {
-        "feed-forward": lambda share: replace(seen, feedforward=share),
-        "feedback": lambda share: replace(seen, feedback=share),
-        "push": lambda share: replace(seen, push=share),
-        "dither": lambda share: replace(
-            seen, dither=share * float(friction.coulomb), dither_frequency=frequency if share > 0 else 0.0
-        ),
-    }
 
 
 def compensation_table(

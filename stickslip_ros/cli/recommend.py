@@ -15,7 +15,6 @@ from rich.table import Table
 from stickslip_ros.cli.compensation_table import (
     CompensationTable,
     compensation_table,
-    compensations,
     print_table,
     write_feedforward,
 )
@@ -26,6 +25,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice.compensations import USUAL_FILTER, compensations
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
@@ -34,7 +34,6 @@ from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
-_PERIOD = 1e-3  # [s] of a controller of which nothing is known
 _WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
 
 
@@ -89,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--compensation-out", type=COMPENSATION, metavar="FILE", help="the feed-forward over speed: .csv, .yaml"
     )
     parser.add_argument(
-        "--speed-filter", type=float, metavar="S", default=0.01,
+        "--speed-filter", type=float, metavar="S", default=USUAL_FILTER,
         help="time constant of the measured speed that compensation goes by [s] (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -161,10 +160,9 @@ def _compensation(
     used = variant.gains if variant.found else gains
     known = load_joint(options.joint) if options.joint else None
     kinds = compensations(
-        joint, used,
+        joint, used, conditions,
         resolution=0.0 if known is None else known.encoder_resolution,
         speed_filter=options.speed_filter,
-        period=conditions.controller_period or _PERIOD,
     )  # fmt: skip
     return compensation_table(joint, used, advice.velocity, conditions, kinds)
 

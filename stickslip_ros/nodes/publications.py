@@ -12,6 +12,7 @@ from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -32,7 +33,7 @@ class Findings:
     silent_for : [s], None if it is heard. trouble : why nothing can be said of it, or "".
     missing : why what was configured is not known, or "".
     applied : the last outcome of `~/apply_recommendation`, or "".
-    advised : gains in the controller's units, None if there are none.
+    advised : gains in the controller's units, None if there are none. conditions : beyond the paper, as configured.
     """
 
     assessment: Assessment
@@ -43,16 +44,17 @@ class Findings:
     missing: str
     applied: str
     advised: Gains | None
+    conditions: OperatingConditions
     here: ExactVerdict | None = None
 
 
 class Publications:
-    """The node's publishers, which are silent while it is inactive."""
+    """The node's publishers, which are silent while it is inactive; ``robot`` is what stands before joints' names."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node, self._clock = node, node.get_clock()
         space = node.get_namespace().strip("/")
-        self._robot = f"{space}/" if space else ""
+        self.robot = f"{space}/" if space else ""
         create = node.create_lifecycle_publisher
         self._diagnostics = create(DiagnosticArray, "/diagnostics", 10)
         self._margins = create(Float64MultiArray, "~/margins", 10)
@@ -69,7 +71,7 @@ class Publications:
         """One status for every completed cycle, with the name of its joint."""
         if found:
             array = DiagnosticArray(
-                status=[diagnostic_status(cycle_diagnostic(name, cycle), self._robot) for name, cycle in found]
+                status=[diagnostic_status(cycle_diagnostic(name, cycle), self.robot) for name, cycle in found]
             )
             array.header.stamp = self._clock.now().to_msg()
             self._cycles.publish(array)
@@ -77,13 +79,13 @@ class Publications:
     def publish_waiting(self, own: Diagnosis, joints: Iterable[str], reason: str) -> None:
         """The status of the node, and of its joints why there is none yet."""
         statuses = [own, *(waiting_diagnostic(name, reason) for name in joints)]
-        array = DiagnosticArray(status=[diagnostic_status(one, self._robot) for one in statuses])
+        array = DiagnosticArray(status=[diagnostic_status(one, self.robot) for one in statuses])
         array.header.stamp = self._clock.now().to_msg()
         self._diagnostics.publish(array)
 
     def publish(self, own: Diagnosis, joints: Mapping[str, Findings], *, warn_margin: float) -> None:
         """The status of the node and of every joint, and the tables."""
-        array = DiagnosticArray(status=[diagnostic_status(own, self._robot)])
+        array = DiagnosticArray(status=[diagnostic_status(own, self.robot)])
         array.header.stamp = self._clock.now().to_msg()
         rows: list[float] = []
         for name, one in joints.items():
@@ -99,7 +101,7 @@ class Publications:
                 applied=one.applied,
                 here=one.here,
             )
-            array.status.append(diagnostic_status(diagnosis, self._robot))
+            array.status.append(diagnostic_status(diagnosis, self.robot))
             rows += margin_row(one.assessment, one.exact, one.trial)
         self._diagnostics.publish(array)
         if not joints:

@@ -39,8 +39,9 @@ from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.publications import Findings, Publications
+from stickslip_ros.nodes.recommended_compensation import recommended_compensation
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
-from stickslip_ros.nodes.stability_maps import StabilityMaps
+from stickslip_ros.nodes.stability_maps import stability_maps
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.nodes.worker import studies
 from stickslip_ros.nodes.worker.advice_worker import AdviceWorker
@@ -102,8 +103,11 @@ class Session:
             self._closing.append(self._publications.close)
             self._feedforward = FrictionFeedforward(node)
             self._closing.append(self._feedforward.close)
-            self._maps = StabilityMaps(node, self._work)
-            self._closing.append(self._maps.close)
+            self._on_demand = (
+                stability_maps(node, self._work),
+                recommended_compensation(node, self._work, self._publications.robot),
+            )
+            self._closing += [topic.close for topic in self._on_demand]
             self._ramps = Ramps(node, self.joints, self._gains, self._why_not_yet, state_path)
             self._closing.append(self._ramps.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
@@ -280,7 +284,8 @@ class Session:
                 self._states.look_back()
             else:
                 self._self.note()
-        self._maps.attend(findings, now)
+        for topic in self._on_demand:
+            topic.attend(findings, now)
         self._set_advice({name: one.advised for name, one in findings.items()})
         ended = []
         for name, one in findings.items():
@@ -305,6 +310,7 @@ class Session:
             applied=self._ramps.outcomes.get(joint.name, ""),
             advised=joint.advised(assessment),
             here=self._verdict_here(joint, assessment, now),
+            conditions=joint.settings.options.conditions,
         )
 
     def _verdict_here(self, joint: WatchedJoint, assessment: Assessment, now: float) -> ExactVerdict | None:

@@ -67,6 +67,8 @@ def test_the_page_is_one_file_that_needs_nothing(report: Path) -> None:
     assert not re.search(r"<(script|img|iframe)[^>]*\ssrc=|<link[^>]*href=['\"](?!data:)", text)
     assert "shoulder sticks and slips at 0.00" in text
     assert "Change stiffness from 630 to" in text
+    assert "Friction compensation, with the advised gains" in text
+    assert "Steps: position less its reference" in text
     assert "2026-" in text
     for meaning in ("Coulomb friction", "Stribeck velocity", "learnt from"):
         assert meaning in text

@@ -15,6 +15,7 @@ import stickslip_ros
 from stickslip_ros.analysis.words import percent
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
+from stickslip_ros.model.compensation_effect import CompensationEffect
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.output.wording import OUTCOME_TEXTS
 from stickslip_ros.visible import visible
@@ -97,7 +98,7 @@ def _words(status: str) -> str:
     return status.replace("_", " ")
 
 
-def _outcome(exact: ExactVerdict) -> str:
+def _outcome(exact: ExactVerdict | CompensationEffect) -> str:
     return "–" if exact.outcome is None else OUTCOME_TEXTS[exact.outcome]
 
 

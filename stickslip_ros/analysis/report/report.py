@@ -19,11 +19,14 @@ from stickslip_ros.analysis.trend import YEAR_2001
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.monitoring.advice.compensations import CompensatedGains, compensation_advice
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.output.compensation import compensation_question, compensation_words
 
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
+_COMPENSATED = 3  # sections that say what compensation buys, which takes a second each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,9 @@ class _Section:
     advice: str
     rests_on: str
     depends_on: str
+    compensation: tuple[CompensatedGains, ...]
+    compensation_words: str
+    reversals: str
     plots: list[Plot]
     parameters: list[_Row]
 
@@ -65,7 +71,7 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
     if len(joints) <= _FEW_JOINTS:
         shown = [joint for joint in joints if math.isfinite(joint.velocity)]
     shown = sorted(shown, key=_goodness)[:_MOST_SECTIONS]
-    sections = [_section(joint) for joint in shown]
+    sections = [_section(joint, with_compensation=number < _COMPENSATED) for number, joint in enumerate(shown)]
     start = min((joint.start for joint in joints if math.isfinite(joint.start)), default=math.nan)
     end = max((joint.end for joint in joints if math.isfinite(joint.end)), default=math.nan)
     read = [text for name, topics in analysis.robots.items() for text in words.topics_read(name, topics)]
@@ -96,12 +102,19 @@ def _goodness(joint: JointAnalysis) -> tuple[float, int, int]:
     return (-share if math.isfinite(share) else 0.0, SEVERITY.index(joint.worst), SEVERITY.index(joint.status))
 
 
-def _section(joint: JointAnalysis) -> _Section:
+def _section(joint: JointAnalysis, *, with_compensation: bool) -> _Section:
     from stickslip_ros.analysis.report.dry_friction_plots import DRY_FRICTION_PLOTS
     from stickslip_ros.analysis.report.plots import PLOTS
 
+    compensation: tuple[CompensatedGains, ...] = ()
+    question = compensation_question(joint.assessment, joint.velocity, joint.settings.options.conditions)
+    if with_compensation and question is not None:
+        compensation = compensation_advice(question, with_limits=False)
     return _Section(
         joint=joint,
+        compensation=compensation,
+        compensation_words=compensation_words(compensation) if compensation else "",
+        reversals=words.reversals(joint),
         finding=words.finding(joint),
         advice=words.advice(joint),
         rests_on=words.rests_on(joint),
