@@ -8,6 +8,7 @@ import ast
 import importlib.util
 import itertools
 import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,10 @@ from stickslip_ros.settings.known_joints import load_joint
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = Path(os.environ.get("STICKSLIP_RECORDINGS", ROOT.parent / "shared" / "data"))
+
+# A suite that a script starts in the background has Ctrl-C ignored, and so would the commands that tests interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time; more are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
 settings.register_profile("fixed", derandomize=True, database=None, deadline=None)

@@ -55,6 +55,8 @@ _QUEUE = 5000
 _POLL_GAINS = 0.1  # [s]
 _NEARLY = 0.01  # [s] before it is due: half of the time until the next tick
 _PUBLISHING = 2.5  # times as long as publishing takes: how long it is until the next
+_INTAKE = 3.0  # times as long as taking what has come takes: how long it is until the next
+_LONGEST_INTAKE = 0.1  # [s] until the next, whatever the last one took
 _CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
 _CONTESTED = "published by several nodes at once; remap all but one of them"
 
@@ -82,7 +84,7 @@ class Session:
         self._states: JointStateTopic | None = None
         self._references: JointStateTopic | ControllerStateTopic | None = None
         self._self: SelfDiagnosis | None = None
-        self._publish_at = self._poll_at = -math.inf
+        self._publish_at = self._poll_at = self._intake_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
         self._compiled = CompiledParts(self._log)
         self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
@@ -163,7 +165,12 @@ class Session:
         """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
         now = monotonic()
         self._compiled.look(now)
-        self._intake(now)
+        due = now >= self._publish_at - _NEARLY
+        # A joint costs about as much whether few or many of its samples have come: many joints are looked at less
+        # often. What is published is always of now.
+        if due or self._ramps.busy or now >= self._intake_at - _NEARLY:
+            self._intake(now)
+            self._intake_at = now + min(_INTAKE * (monotonic() - now), _LONGEST_INTAKE)
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
@@ -171,7 +178,7 @@ class Session:
         self._ramps.tick(now)
         self._feedforward.tick(self.joints, now)
         self._keeper.tick(self.joints, now)
-        if now >= self._publish_at - _NEARLY:
+        if due:
             self._publish(now)
             # However many joints there are, intake has most of the time.
             spent = monotonic() - now

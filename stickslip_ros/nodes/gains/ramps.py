@@ -57,6 +57,11 @@ class Ramps:
         self._service.close()
 
     @property
+    def busy(self) -> bool:
+        """Whether gains are being changed, and motion must be seen at once."""
+        return self._service.busy
+
+    @property
     def state(self) -> str:
         """What is done, or how it ended."""
         return self._service.state
