@@ -49,7 +49,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "analysis/report/static/*", "analysis/report/templates/*"]},
+    package_data={PACKAGE: ["py.typed", "analysis/report/static/*", "analysis/report/templates/*", "cli/static/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (str(SHARE), ["package.xml"]),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip watch`: every joint on the graph, live in the terminal: status, speed, damping reserve, slips, advice.
+"""`stickslip watch`: every joint on the graph, live in the terminal, or with --browser in a page: status, speed,
+damping reserve, slips, advice.
 
 Listens to the topics of the monitors that run, in whatever namespace, and needs nothing else; ROS_DOMAIN_ID counts.
 Worst joints first. Ctrl-C ends it.
@@ -24,11 +25,17 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
 _LISTENING = "Listening for a monitor"
 _REFRESH = 0.25  # [s]
+_HERE, _PORT, _LARGEST_PORT = "127.0.0.1", 5006, 65535
 _LONGEST = 60.0  # [s] of motion
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
+    parser.add_argument("--browser", action="store_true", help="serve a live page instead, with what-if sliders")
+    parser.add_argument("--port", type=int, metavar="N", default=_PORT, help="of the page (default: %(default)s)")
+    parser.add_argument(
+        "--address", metavar="IP", default=_HERE, help="that the page is served at (default: this machine alone)"
+    )
     parser.add_argument("--once", action="store_true", help="print one view and end; so does a pipe")
     parser.add_argument(
         "--seconds", type=float, default=10.0, metavar="S", help="of motion to show (default: %(default)g)"
@@ -45,10 +52,20 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--seconds", f"> 0 and <= {_LONGEST:g}", options.seconds)
     if not (math.isfinite(options.patience) and options.patience > 0):
         raise InvalidParameterError("--patience", "finite and > 0", options.patience)
+    if not 0 < options.port <= _LARGEST_PORT:
+        raise InvalidParameterError("--port", f"from 1 to {_LARGEST_PORT}", options.port)
+    for option, default in (("port", _PORT), ("address", _HERE)):
+        if not options.browser and getattr(options, option) != default:
+            raise InvalidParameterError(f"--{option}", "given together with --browser", getattr(options, option))
     try:
         from stickslip_ros.cli.watch_listener import WatchListener
     except ImportError as error:
         raise StickSlipError(f"watch needs ROS 2 (rclpy): {error}") from error
+    if options.browser:
+        from stickslip_ros.cli.live_server import serve
+
+        serve(options.address, options.port)
+        return 0
     console = Terminal(highlight=False)
     listener = WatchListener()
 

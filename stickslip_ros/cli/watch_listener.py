@@ -113,6 +113,15 @@ class WatchListener:
         """What is known of every joint now."""
         return [self._view(name, heard) for name, heard in self._joints.items() if heard.values]
 
+    def values(self) -> dict[str, dict[str, str]]:
+        """Every joint's last diagnostics, by key."""
+        return {name: heard.values for name, heard in self._joints.items() if heard.values}
+
+    @property
+    def silent_for(self) -> float:
+        """How long no monitor has said anything [s]; infinite before the first word."""
+        return time.monotonic() - max((heard.at for heard in self._monitors.values()), default=-math.inf)
+
     @staticmethod
     def _view(name: str, heard: _Heard) -> JointView:
         silent = time.monotonic() - heard.at

@@ -22,6 +22,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.output import published as told
+from stickslip_ros.output.believed import believed_values
 from stickslip_ros.output.wording import friction_change_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
@@ -171,6 +172,8 @@ def joint_diagnostic(
     if applied:
         values.append(("applied", applied))
     values += told.BELIEF.for_diagnostics(assessment)
+    if assessment.joint is not None and not assessment.per_inertia:
+        values += believed_values(assessment.joint)
     if math.isfinite(assessment.margin_std):
         values += told.UNCERTAINTY.for_diagnostics(assessment)
     if math.isfinite(exact.stick_slip_probability):

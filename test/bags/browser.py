@@ -20,8 +20,8 @@ from selenium.webdriver.chrome.service import Service
 _ARGUMENTS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars",
     "--disable-background-networking", "--disable-component-update", "--no-first-run",
-    # Nothing outside of the page is to be had: the page must need no network.
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    # Nothing outside of this machine is to be had: pages must need no network.
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )  # fmt: skip
 
 

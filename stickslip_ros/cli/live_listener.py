@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What `stickslip watch --browser` hears, in a thread of its own: the monitors, and the motion of one joint that is
+looked at.
+
+Every sample of every joint would be too many for a page: of a joint that nobody looks at only the monitor's word is
+kept.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+
+import numpy as np
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from stickslip_ros.cli.watch_listener import WatchListener
+from stickslip_ros.cli.watch_view import JointView
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.intake.refusals import Refusals
+from stickslip_ros.visible import visible
+
+_LISTENED = 0.1  # [s] at once
+_KEPT = 20_000  # rows of a joint's motion
+_QUEUE = 5000
+_NONE = np.zeros((0, 3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """What is known at one moment.
+
+    Attributes
+    ----------
+    joints, header : as the terminal's view has them. values : of each joint's last diagnostics, by key.
+    silent_for : how long no monitor has said anything [s]; infinite before the first word.
+    samples, references : rows of time, position and velocity of each joint that is looked at.
+    """
+
+    joints: tuple[JointView, ...] = ()
+    header: str = ""
+    values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    silent_for: float = math.inf
+    samples: Mapping[str, FloatArray] = field(default_factory=dict)
+    references: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+@dataclass
+class _Motion:
+    """Two topics of a robot, and the rows of its joints."""
+
+    states: JointStateTopic
+    references: JointStateTopic
+
+
+class LiveListener:
+    """A context manager: the thread ends with it.
+
+    Attributes
+    ----------
+    snapshot : the latest; it is never changed, but replaced.
+    """
+
+    def __init__(self) -> None:
+        self.snapshot = Snapshot()
+        self._listener = WatchListener()
+        self._looked_at: dict[str, int] = {}
+        self._lock = threading.Lock()
+        self._motions: dict[str, _Motion] = {}
+        self._samples: dict[str, FloatArray] = {}
+        self._references: dict[str, FloatArray] = {}
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="listener", daemon=True)
+
+    def __enter__(self) -> LiveListener:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._ending.set()
+        self._thread.join(5.0)
+        self._listener.close()
+
+    def look_at(self, joint: str) -> None:
+        """Somebody looks at a joint: its motion is kept from now on."""
+        with self._lock:
+            self._looked_at[joint] = self._looked_at.get(joint, 0) + 1
+
+    def look_away(self, joint: str) -> None:
+        """Somebody does no more."""
+        with self._lock:
+            self._looked_at[joint] = self._looked_at.get(joint, 1) - 1
+            if self._looked_at[joint] <= 0:
+                del self._looked_at[joint]
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            self._listener.listen(_LISTENED)
+            with self._lock:
+                looked_at = set(self._looked_at)
+            self._follow(looked_at)
+            self.snapshot = Snapshot(
+                joints=tuple(self._listener.joints()),
+                header=self._listener.header(),
+                values=self._listener.values(),
+                silent_for=self._listener.silent_for,
+                samples=dict(self._samples),
+                references=dict(self._references),
+            )
+
+    def _follow(self, looked_at: set[str]) -> None:
+        """Take the motion of the joints that are looked at, and leave the topics of all others."""
+        robots = {joint.rpartition("/")[0] for joint in looked_at}
+        for robot in [robot for robot in self._motions if robot not in robots]:
+            motion = self._motions.pop(robot)
+            motion.states.close()
+            motion.references.close()
+        for robot in robots - set(self._motions):
+            self._motions[robot] = self._listen_to(robot)
+        for kept in (self._samples, self._references):
+            for joint in [joint for joint in kept if joint not in looked_at]:
+                del kept[joint]
+        now = time.monotonic()
+        for robot, motion in self._motions.items():
+            for topic, kept in ((motion.states, self._samples), (motion.references, self._references)):
+                for name, rows in topic.take(now).items():
+                    joint = visible(f"{robot}/{name}" if robot else name)
+                    if joint in looked_at:
+                        kept[joint] = _continued(kept.get(joint, _NONE), rows[:, :3])
+
+    def _listen_to(self, robot: str) -> _Motion:
+        qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
+        before = f"/{robot}/" if robot else "/"
+        refuse = Refusals(lambda _: None)
+        states, references = (
+            JointStateTopic(self._listener.node, f"{before}{topic}", qos, refuse)
+            for topic in ("joint_states", "joint_references")
+        )
+        return _Motion(states=states, references=references)
+
+
+def _continued(kept: FloatArray, rows: FloatArray) -> FloatArray:
+    """Rows and those that came after them, the latest ones; where time began anew what was before is dropped."""
+    rows = rows[np.isfinite(rows[:, 0])]
+    if len(kept) and len(rows) and rows[0, 0] < kept[-1, 0] - 1.0:
+        kept = _NONE
+    return np.concatenate([kept, rows])[-_KEPT:]

@@ -1,0 +1,363 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The page of `stickslip watch --browser`: a table of all joints, and of one of them motion, cycle, map and advice."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Mapping
+from concurrent.futures import Executor, Future
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from bokeh.document import Document
+from bokeh.events import DocumentReady
+from bokeh.layouts import column, row
+from bokeh.models import (
+    ColumnDataSource,
+    CustomJS,
+    CustomJSTickFormatter,
+    Div,
+    InlineStyleSheet,
+    Range1d,
+    Select,
+    Slider,
+)
+
+from stickslip_ros.analysis.report.plots import BLUE, GREEN, INK, ORANGE, RED, new_figure
+from stickslip_ros.cli.live_joint import JointMap, Subject, cycle_duration, joint_map, phase_loop, what_if
+from stickslip_ros.cli.live_listener import LiveListener, Snapshot
+from stickslip_ros.cli.watch_view import JointView
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.output.believed import believed_joint
+from stickslip_ros.output.diagnosis import Level
+from stickslip_ros.output.wording import OUTCOME_TEXTS
+
+_EVERY = 500  # [ms]
+_SILENT = 3.0  # [s] from when on it is said
+_MOST_POINTS = 1500  # of a curve
+_SHOWN = 10.0  # [s] of motion
+_WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
+_CLASSES = {Level.ERROR: "bad", Level.WARN: "warn", Level.STALE: "none", Level.OK: "good"}
+_MARKS = {Level.ERROR: "■", Level.WARN: "▲", Level.STALE: "○", Level.OK: "●"}
+_MOVED = 1e-3  # relative change of what a map depends on
+_DECADES = 1.0  # of the slider on either side of the present stiffness
+_ADVISED = "#116329"
+_COLOURS = ((RED, "sticks"), (ORANGE, "swings"), (GREEN, "steady"))
+
+
+class LivePage:
+    """One browser's page; :meth:`close` when it has gone.
+
+    Parameters
+    ----------
+    work : where maps and verdicts are worked out, outside of the server's own process.
+    """
+
+    def __init__(self, document: Document, listener: LiveListener, work: Executor) -> None:
+        self._document, self._listener, self._work = document, listener, work
+        self._joint = ""
+        self._shown: dict[str, str] = {}
+        self._map_of: Subject | None = None
+        self._asked_map: tuple[Subject, Future[JointMap]] | None = None
+        self._asked_if: tuple[Subject, Future[dict[str, Any]]] | None = None
+        self._wanted_if: Subject | None = None
+        self._present: Gains | None = None
+        self._sheet = sheet = InlineStyleSheet(css=_text("live.css"))
+
+        def words() -> Div:
+            return Div(text="", sizing_mode="stretch_width", stylesheets=[sheet])
+
+        self._header, self._table, self._advice, self._answer = words(), words(), words(), words()
+        self._table.name = "table"
+        self._choice = Select(title="joint", options=[], name="joint", width=260, stylesheets=[sheet])
+        self._choice.on_change("value", lambda _, __, name: self._choose(name))
+        self._motion = ColumnDataSource({key: [0.0] for key in ("time", "position", "reference")})
+        self._loop = ColumnDataSource({key: [0.0] for key in ("error", "velocity")})
+        self._cells = ColumnDataSource({key: [] for key in ("left", "right", "bottom", "top", "colour")})
+        self._points = ColumnDataSource({"speed": [], "stiffness": [], "colour": []})
+        self._speeds, self._stiffnesses = Range1d(1e-4, 1.0), Range1d(1.0, 1e5)
+        three_digits = CustomJSTickFormatter(code="return (10 ** tick).toPrecision(3)")
+        self._stiffness = Slider(
+            start=0, end=1, value=0, step=0.01, title="what if: stiffness k_p [N·m/rad]", name="stiffness",
+            format=three_digits, sizing_mode="stretch_width",
+        )  # fmt: skip
+        self._damping = Slider(
+            start=0, end=1, value=0, step=0.01, title="what if: damping k_v [N·m·s/rad]", name="damping",
+            sizing_mode="stretch_width",
+        )  # fmt: skip
+        for slider in (self._stiffness, self._damping):
+            slider.on_change("value_throttled", lambda _, __, ___: self._slide())
+        document.title = "stick slip, live"
+        document.add_root(self._layout())
+        document.js_on_event(DocumentReady, CustomJS(code=_text("live.js")))
+        document.add_periodic_callback(self.update, _EVERY)
+        self.update()
+
+    def close(self) -> None:
+        """Nobody looks any more."""
+        if self._joint:
+            self._listener.look_away(self._joint)
+
+    def _layout(self) -> Any:
+        motion = new_figure("time before now [s]", "position [rad]", height=280)
+        motion.line("time", "reference", source=self._motion, color=ORANGE, line_width=1.5, legend_label="reference")
+        motion.line("time", "position", source=self._motion, color=BLUE, line_width=2, legend_label="position")
+        motion.legend.location = "top_left"
+        motion.x_range = Range1d(-_SHOWN, 0.0)
+        loop = new_figure("position less reference [mrad]", "velocity [rad/s]", height=280)
+        loop.line("error", "velocity", source=self._loop, color=BLUE, line_width=2)
+        where = new_figure("commanded speed [rad/s]", "stiffness [N·m/rad]", height=280, log=True)
+        where.quad(
+            left="left", right="right", bottom="bottom", top="top", fill_color="colour", fill_alpha=0.3,
+            line_color=None, source=self._cells,
+        )  # fmt: skip
+        where.scatter("speed", "stiffness", source=self._points, size=13, color="colour", line_color=INK)
+        where.x_range, where.y_range = self._speeds, self._stiffnesses
+
+        def titled(text: str, figure: Any) -> Any:
+            return column(Div(text=f"<b>{text}</b>"), figure, sizing_mode="stretch_width", styles={"flex": "1 1 22rem"})
+
+        plots = row(
+            titled("Motion of the last seconds", motion),
+            titled("The present cycle", loop),
+            titled("It sticks (red), swings (orange), moves steadily (green). Blue: now; dark green: advised.", where),
+            sizing_mode="stretch_width", styles={"flex-wrap": "wrap"},
+        )  # fmt: skip
+        return column(
+            Div(text="<h1>Stick slip, live</h1>", stylesheets=[self._sheet]),
+            self._header, self._table, self._choice, self._advice, plots,
+            self._stiffness, self._damping, self._answer, sizing_mode="stretch_width",
+        )  # fmt: skip
+
+    def update(self) -> None:
+        """Send what has changed."""
+        now = self._listener.snapshot
+        ordered = sorted(now.joints, key=lambda one: (_WORST_FIRST.index(one.level), one.name))
+        names = [one.name for one in ordered]
+        if sorted(self._choice.options) != sorted(names):
+            self._choice.options = names
+        if not self._joint and names:
+            self._choice.value = names[0]
+        self._say(self._header, _header(now, len(ordered)))
+        self._say(self._table, _table(ordered, self._joint))
+        chosen = next((one for one in ordered if one.name == self._joint), None)
+        if chosen is not None:
+            self._show(chosen, now)
+
+    def _say(self, place: Div, text: str) -> None:
+        if self._shown.get(place.id) != text:
+            self._shown[place.id] = text
+            place.text = text
+
+    def _choose(self, name: str) -> None:
+        if self._joint:
+            self._listener.look_away(self._joint)
+        self._joint, self._present, self._map_of = name, None, None
+        self._listener.look_at(name)
+        self._cells.data = {key: [] for key in self._cells.data}
+        self.update()
+
+    def _show(self, joint: JointView, now: Snapshot) -> None:
+        values = now.values.get(joint.name, {})
+        numbers = {key: number for key, text in values.items() if (number := _number(text)) is not None}
+        self._say(self._advice, _advice(joint, values))
+        self._show_motion(joint.name, now, numbers)
+        believed = believed_joint(values)
+        gains = _gains(numbers, "")
+        speed = abs(joint.velocity)
+        if believed is None or gains is None or not speed > 0.0:
+            self._present, self._wanted_if = None, None
+            self._say(self._answer, "<p>What other gains would do is worked out once friction and gains are known.</p>")
+            return
+        subject = Subject(joint=believed, gains=gains, velocity=speed)
+        self._show_map(subject, _gains(numbers, "recommended "))
+        if self._present != gains:
+            self._present = gains
+            self._set_sliders(subject)
+        self._slide()
+
+    def _show_motion(self, name: str, now: Snapshot, numbers: Mapping[str, float]) -> None:
+        samples, references = now.samples.get(name, np.zeros((0, 3))), now.references.get(name, np.zeros((0, 3)))
+        if not len(samples):
+            self._motion.data = {key: [] for key in self._motion.data}
+            self._loop.data = {key: [] for key in self._loop.data}
+            return
+        rows = _thinned(samples[samples[:, 0] >= samples[-1, 0] - _SHOWN])
+        desired = (
+            np.interp(rows[:, 0], references[:, 0], references[:, 1], left=math.nan)
+            if len(references)
+            else np.full(len(rows), math.nan)
+        )
+        self._motion.data = {"time": rows[:, 0] - samples[-1, 0], "position": rows[:, 1], "reference": desired}
+        error, velocity = phase_loop(samples, references, cycle_duration(dict(numbers)))
+        kept = slice(None, None, max(1, math.ceil(len(error) / _MOST_POINTS)))
+        self._loop.data = {"error": 1e3 * error[kept], "velocity": velocity[kept]}
+
+    def _show_map(self, subject: Subject, advised: Gains | None) -> None:
+        points = [(subject.gains, BLUE)] + ([(advised, _ADVISED)] if advised is not None else [])
+        self._points.data = {
+            "speed": [subject.velocity] * len(points),
+            "stiffness": [float(gains.stiffness) for gains, _ in points],
+            "colour": [colour for _, colour in points],
+        }
+        if self._asked_map is not None and self._asked_map[1].done():
+            asked, answer = self._asked_map
+            self._asked_map = None
+            if answer.exception() is None:
+                self._map_of = asked
+                self._cells.data = cells = _cells(answer.result())
+                self._speeds.update(start=float(cells["left"].min()), end=float(cells["right"].max()))
+                self._stiffnesses.update(start=float(cells["bottom"].min()), end=float(cells["top"].max()))
+        due = self._map_of is None or not _alike(self._map_of, subject)
+        if due and self._asked_map is None and float(subject.gains.stiffness) > 0.0:
+            self._asked_map = (subject, self._work.submit(joint_map, subject))
+
+    def _set_sliders(self, subject: Subject) -> None:
+        """At the present gains; a decade of stiffness either way, and damping up to twice the critical one of a joint
+        without friction.
+        """
+        stiffness, damping = float(subject.gains.stiffness), float(subject.gains.damping)
+        now = math.log10(stiffness) if stiffness > 0.0 else 0.0
+        self._stiffness.update(start=now - _DECADES, end=now + _DECADES, value=now)
+        end = max(2.0 * damping, 4.0 * math.sqrt(max(stiffness, 1.0) * float(subject.joint.inertia)))
+        self._damping.update(start=min(0.0, damping), end=end, step=_digits(end / 200.0), value=damping)
+
+    def _slide(self) -> None:
+        """Work out what the sliders' gains would do; what was asked in between is passed over."""
+        values = self._listener.snapshot.values.get(self._joint, {})
+        believed, present = believed_joint(values), self._present
+        speed = abs(_number(values.get("velocity [rad/s]", "")) or 0.0)
+        if believed is None or present is None or not speed > 0.0:
+            return
+        gains = Gains(stiffness=_digits(10.0**self._stiffness.value), damping=_digits(self._damping.value))
+        self._wanted_if = Subject(joint=believed, gains=gains, velocity=speed)
+        if self._asked_if is not None and self._asked_if[1].done():
+            asked, answer = self._asked_if
+            self._asked_if = None
+            if answer.exception() is None:
+                self._say(self._answer, _answer(asked, answer.result()))
+        if self._asked_if is None:
+            self._asked_if = (self._wanted_if, self._work.submit(what_if, self._wanted_if))
+
+
+def _text(name: str) -> str:
+    return resources.files("stickslip_ros.cli").joinpath("static").joinpath(name).read_text(encoding="utf-8")
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _gains(numbers: Mapping[str, float], before: str) -> Gains | None:
+    stiffness, damping = (numbers.get(f"{before}{name}") for name in ("stiffness [N*m/rad]", "damping [N*m*s/rad]"))
+    return None if stiffness is None or damping is None else Gains(stiffness=stiffness, damping=damping)
+
+
+def _header(now: Snapshot, joints: int) -> str:
+    if now.silent_for > _SILENT:
+        since = "yet" if math.isinf(now.silent_for) else f"for {now.silent_for:.0f} s"
+        return f"<p class='bad'>No monitor has said anything {since}. This page goes on by itself when one does.</p>"
+    lines = "<br>".join(html.escape(line) for line in now.header.splitlines())
+    return f"<p class='faint'>{joints} joints. {lines}</p>"
+
+
+def _table(joints: list[JointView], chosen: str) -> str:
+    rows = []
+    for one in joints:
+        name = html.escape(one.name, quote=True)
+        reserve = "–" if math.isnan(one.reserve) else f"{100.0 * min(one.reserve, 10.0):+.0f}"
+        rows.append(
+            f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
+            f"<td class='{_CLASSES[one.level]}'>{_MARKS[one.level]} {html.escape(one.status.replace('_', ' '))}</td>"
+            f"<td class='number'>{_told(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
+            f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
+            f"<td class='number'>{_told(1e3 * one.slip)}</td></tr>"
+        )
+    heads = "".join(
+        f"<th{' class=number' if number else ''}>{head}</th>"
+        for head, number in (
+            ("joint", False), ("status", False), ("speed [rad/s]", True), ("by physics it", False),
+            ("damping reserve [%]", True), ("slips", True), ("last slip [mrad]", True),
+        )
+    )  # fmt: skip
+    return f"<div class='list'><table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+
+
+def _advice(joint: JointView, values: Mapping[str, str]) -> str:
+    name, message = html.escape(joint.name), html.escape(joint.message.replace("stick_slip", "stick slip"))
+    reason = values.get("recommendation", "") or values.get("margin reason", "")
+    more = f"<br>{html.escape(reason)}" if reason and reason not in joint.message else ""
+    return f"<p class='{_CLASSES[joint.level]} todo'><b>{name}</b>: {message}{more}</p>"
+
+
+def _answer(subject: Subject, found: Mapping[str, Any]) -> str:
+    """What gains would do, in words."""
+    exact = found["exact"]
+    outcome = exact.get("outcome")
+    does = "cannot be judged" if outcome is None else OUTCOME_TEXTS[Outcome(outcome)]
+    ratio, critical = found["damping_ratio"], found["critical_damping_ratio"]
+    reserve = ""
+    if found["applicable"] and ratio is not None and critical:
+        reserve = f"; damping reserve {100.0 * (ratio / critical - 1.0):+.0f} % by Eq. (43)"
+    word = {"sticks": "bad", "swings": "warn", "steady": "good"}.get(outcome or "", "none")
+    return (
+        f"<p>With k_p {float(subject.gains.stiffness):.4g} N·m/rad and k_v {float(subject.gains.damping):.4g} N·m·s/rad"
+        f" at {subject.velocity:.3g} rad/s the joint <b class='{word}'>{does}</b>{reserve}. "
+        "<span class='faint'>Worked out here; nothing is written to the robot.</span></p>"
+    )
+
+
+def _told(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "–"
+
+
+def _digits(value: float) -> float:
+    """As the slider shows it."""
+    return float(f"{value:.3g}")
+
+
+def _thinned(rows: FloatArray) -> FloatArray:
+    return rows[:: max(1, math.ceil(len(rows) / _MOST_POINTS))]
+
+
+def _alike(one: Subject, other: Subject) -> bool:
+    """Whether the maps of both look the same."""
+
+    def numbers(subject: Subject) -> list[float]:
+        friction = subject.joint.friction
+        known = [float(subject.joint.inertia), *map(float, friction.numbers.values())]
+        return [*known, float(subject.gains.damping)]
+
+    same = all(
+        math.isclose(a, b, rel_tol=_MOVED, abs_tol=1e-12) for a, b in zip(numbers(one), numbers(other), strict=True)
+    )
+    near = math.isclose(one.velocity, other.velocity, rel_tol=0.5)
+    return same and near and math.isclose(float(one.gains.stiffness), float(other.gains.stiffness), rel_tol=0.5)
+
+
+def _cells(found: JointMap) -> dict[str, Any]:
+    """A rectangle about each point of the map, in the colour of what happens there."""
+    sticks, swings = found.regions()
+    across, along = _edges(found.found.velocity), _edges(found.found.stiffness)
+    rows, columns = (index.ravel() for index in np.indices(sticks.shape))
+    number = np.where(sticks, 0, np.where(swings, 1, 2)).ravel()
+    return {
+        "left": across[columns], "right": across[columns + 1], "bottom": along[rows], "top": along[rows + 1],
+        "colour": [_COLOURS[index][0] for index in number],
+    }  # fmt: skip
+
+
+def _edges(values: FloatArray) -> FloatArray:
+    """Half-way between neighbours on a logarithmic axis."""
+    logs = np.log(values)
+    middles = 0.5 * (logs[1:] + logs[:-1])
+    return np.asarray(np.exp(np.concatenate([[2.0 * logs[0] - middles[0]], middles, [2.0 * logs[-1] - middles[-1]]])))

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""The joint that a monitor believes in, as keys of its diagnostics, so that who listens can compute with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.model.friction import Friction, Joint
+from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA, PRESLIDING_PARAMETERS
+from stickslip_ros.model.units import in_ascii
+
+_BEFORE = "believed "
+_LAW, _CONTACT = f"{_BEFORE}law", f"{_BEFORE}contact"
+
+
+def believed_values(joint: Joint) -> list[tuple[str, object]]:
+    """Keys and values of a joint that is known with its inertia; SI units."""
+    friction = joint.friction
+    values: list[tuple[str, object]] = [(_key(INERTIA.name, INERTIA.unit), float(joint.inertia))]
+    parameters = FRICTION_PARAMETERS if friction.rigid else (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)
+    values += [(_key(one.name, one.unit), float(getattr(friction, one.name))) for one in parameters]
+    return [*values, (_LAW, friction.law), *([] if friction.rigid else [(_CONTACT, friction.contact)])]
+
+
+def believed_joint(values: Mapping[str, str]) -> Joint | None:
+    """The joint that diagnostics tell of; None if they tell of none, or of one that cannot be."""
+    inertia = values.get(_key(INERTIA.name, INERTIA.unit))
+    if inertia is None:
+        return None
+    told = {
+        one.name: values[key]
+        for one in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)
+        if (key := _key(one.name, one.unit)) in values
+    }
+    words = {name: values[key] for name, key in (("law", _LAW), ("contact", _CONTACT)) if key in values}
+    try:
+        numbers = {name: float(text) for name, text in told.items()}
+        return Joint(inertia=float(inertia), friction=Friction(**numbers, **words))  # type: ignore[arg-type]
+    except (InvalidParameterError, TypeError, ValueError):
+        return None
+
+
+def _key(name: str, unit: str) -> str:
+    return f"{_BEFORE}{name} [{in_ascii(unit)}]"
