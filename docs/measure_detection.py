@@ -63,7 +63,10 @@ def measure(damping: float, resolution: float, *, with_velocity: bool = False) -
 
 
 if __name__ == "__main__":
-    print("| k_v [N·m·s/rad] | encoder [rad] | sticks | missed | invented | arrest [ms] | breakaway [% of 2π/ω] |")
+    print(
+        "| damping k_v [N·m·s/rad] | encoder [rad] | sticks | missed | false | error of the arrest [ms] "
+        "| error of the breakaway [% of 2π/ω] |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for damping, resolution in ((0.0, COUNT), (20.0, COUNT), (60.0, COUNT), (0.0, 1e-4), (0.0, 1e-6)):
         print(measure(damping, resolution))

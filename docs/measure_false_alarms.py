@@ -109,7 +109,10 @@ class Alarms:
 
 def print_false_alarms(rows: Iterable[tuple[str, Iterable[Batch]]]) -> None:
     """The table of false alarms."""
-    print("| motion | hours | alarms an hour, with the reference | time [%] | alarms an hour, without | time [%] |")
+    print(
+        "| motion | duration [h] | alarms per hour, with reference | time in alarm [%], with reference "
+        "| alarms per hour, without | time in alarm [%], without |"
+    )
     print("| --- | --- | --- | --- | --- | --- |")
     for name, batches in rows:
         with_it, without = Alarms(), Alarms()
@@ -195,8 +198,9 @@ class Recall:
 
 def print_recall(stick_slip: list[tuple[RandomStickSlip, list[Rest]]]) -> None:
     """The table of recall without a reference, at the threshold that is used."""
-    print("| rate [Hz] | " + " | ".join(f"{low:g} to {high:g} counts a slip" for low, high in COUNTS) + " |")
+    print("| rate [Hz] | " + " | ".join(f"found, {low:g} to {high:g} counts a slip" for low, high in COUNTS) + " |")
     print("| --- " * (1 + len(COUNTS)) + "|")
+    needed = set()
     for rate in RATES:
         cells = []
         for low, high in COUNTS:
@@ -204,8 +208,10 @@ def print_recall(stick_slip: list[tuple[RandomStickSlip, list[Rest]]]) -> None:
             for recording, rests in stick_slip:
                 if recording.rate == rate and low <= recording.counts < high:
                     recall.add(recording, rests)
-            cells.append(f"{recall.share_of_slips:.0f} % of {recall.slips}, told at {recall.slips_needed:g}")
+            cells.append(f"{recall.share_of_slips:.0f} % of {recall.slips}")
+            needed.add(recall.slips_needed)
         print(f"| {rate:g} | " + " | ".join(cells) + " |")
+    print(f"reported with slip {min(needed):g} to {max(needed):g} (medians of the cells)")
     for low, high in ((0.0, 0.4), (0.4, 0.8), (0.8, 1.2)):
         recall = Recall()
         for recording, rests in stick_slip:

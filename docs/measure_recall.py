@@ -126,7 +126,9 @@ def measure(rate: int) -> dict[tuple[bool, float, int], Tally]:
 
 
 if __name__ == "__main__":
-    print(f"| reference | noise [counts] | rate [Hz] | {' | '.join(f'{counts} counts' for counts in COUNTS)} |")
+    first, *others = COUNTS
+    heads = [f"found, {first} counts a slip", *(f"{counts} counts" for counts in others)]
+    print(f"| reference | noise [counts] | rate [Hz] | {' | '.join(heads)} |")
     print("|" + " --- |" * (3 + len(COUNTS)))
     measured = {rate: measure(rate) for rate in RATES}
     smooth = {noise: [0.0, 0.0] for noise in NOISES}
