@@ -144,7 +144,7 @@ class LivePage:
         if not self._joint and names:
             self._choice.value = names[0]
         self._say(self._header, _header(now, len(ordered)))
-        self._say(self._table, _table(ordered, self._joint))
+        self._say(self._table, joint_table(ordered, self._joint))
         chosen = next((one for one in ordered if one.name == self._joint), None)
         if chosen is not None:
             self._show(chosen, now)
@@ -165,7 +165,7 @@ class LivePage:
     def _show(self, joint: JointView, now: Snapshot) -> None:
         values = now.values.get(joint.name, {})
         numbers = {key: number for key, text in values.items() if (number := _number(text)) is not None}
-        self._say(self._advice, _advice(joint, values))
+        self._say(self._advice, advice_text(joint, values))
         self._show_motion(joint.name, now, numbers)
         believed = believed_joint(values)
         gains = _gains(numbers, "")
@@ -270,7 +270,8 @@ def _header(now: Snapshot, joints: int) -> str:
     return f"<p class='faint'>{joints} joints. {lines}</p>"
 
 
-def _table(joints: list[JointView], chosen: str) -> str:
+def joint_table(joints: list[JointView], chosen: str) -> str:
+    """A row for each joint, as HTML; what others named is escaped."""
     rows = []
     for one in joints:
         name = html.escape(one.name, quote=True)
@@ -292,7 +293,8 @@ def _table(joints: list[JointView], chosen: str) -> str:
     return f"<div class='list'><table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
 
 
-def _advice(joint: JointView, values: Mapping[str, str]) -> str:
+def advice_text(joint: JointView, values: Mapping[str, str]) -> str:
+    """What to do about a joint, and why, as HTML."""
     name, message = html.escape(joint.name), html.escape(joint.message.replace("stick_slip", "stick slip"))
     reason = values.get("recommendation", "") or values.get("margin reason", "")
     more = f"<br>{html.escape(reason)}" if reason and reason not in joint.message else ""
