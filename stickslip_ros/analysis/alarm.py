@@ -8,6 +8,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
 from stickslip_ros.errors import InvalidParameterError
 
 # What an alarm may be about: what it is called, and whether it is a share, which is told in per cent.
@@ -19,15 +20,6 @@ QUANTITIES = {
     "reserve": ("damping reserve", True),
 }
 _FORM = re.compile(r"\s*([a-z_]+)\s*(=\s*[+-]|[<>])\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(%?)\s*")
-_SURE = 1.96  # standard errors: 95 % of what chance makes
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A value of one recording, with its standard error; NaN where none is known."""
-
-    value: float
-    error: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +50,11 @@ class Alarm:
         differs = latest.value - first.value
         if not math.isnan(self.change):
             asked = self.change * abs(first.value)
-            if abs(differs) < abs(asked) or differs * self.change <= 0.0 or abs(differs) <= _SURE * error:
+            if abs(differs) < abs(asked) or differs * self.change <= 0.0 or abs(differs) <= BEYOND_CHANCE * error:
                 return ""
             share = f" ({100.0 * differs / abs(first.value):+.0f} %)" if first.value else ""
             return f"{name} {_told(first.value, is_share)} → {_told(latest.value, is_share)}{share}"
-        own = _SURE * latest.error if latest.error > 0.0 else 0.0
+        own = BEYOND_CHANCE * latest.error if latest.error > 0.0 else 0.0
         if latest.value - own > self.above or latest.value + own < self.below:
             return f"{name} {_told(latest.value, is_share)}"
         return ""

@@ -28,6 +28,7 @@ import numpy as np
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import JUDGED
+from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.model.margin import stability_margin
@@ -36,7 +37,6 @@ from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
 from stickslip_ros.monitoring.samples import FloatArray
 
-_BEYOND_CHANCE = 1.96  # standard errors: 95 %
 _SAME_SPEED = 1.25  # a ratio of speeds up to which they are the same
 _PARTS = 10  # of the moving time
 _LEAST_SLIPS = 5  # that have an error
@@ -55,15 +55,6 @@ class Verdict(Enum):
     LARGER_SLIPS = "larger_slips"
     WORSE = "worse"
     CANNOT_SAY = "cannot_say"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Measured:
-    """A value with its standard error; NaN where it is not known. ``exact``: it was set, and has none."""
-
-    value: float = math.nan
-    error: float = math.nan
-    exact: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +89,7 @@ class Quantity:
             return self.certain
         if self.before.exact and self.after.exact:
             return self.change != 0.0
-        return abs(self.change) > _BEYOND_CHANCE * math.hypot(self.before.error, self.after.error)
+        return abs(self.change) > BEYOND_CHANCE * math.hypot(self.before.error, self.after.error)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from stickslip_ros.analysis.comparison import Comparison, JointComparison, Measured, Quantity, Verdict
+from stickslip_ros.analysis.comparison import Comparison, JointComparison, Quantity, Verdict
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.measured import Measured
 from stickslip_ros.analysis.words import percent
 from stickslip_ros.output.published import number
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stickslip_ros.analysis.alarm import Alarm, Measured
+from stickslip_ros.analysis.alarm import Alarm
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.fleet_table import (
     Row,
@@ -20,6 +20,7 @@ from stickslip_ros.analysis.fleet_table import (
     worst_status,
 )
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
+from stickslip_ros.analysis.measured import Measured
 from stickslip_ros.analysis.trend import YEAR_2001, Trend, trend
 from stickslip_ros.monitoring.detection.status import Status
 
@@ -29,16 +30,10 @@ LEAST_MOVING = 5.0  # [s]
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """A quantity in one recording.
-
-    Attributes
-    ----------
-    recording : its number among the joint's. value, error : and standard error, NaN where none is known.
-    """
+    """A quantity in one recording, which is told by its number among the joint's."""
 
     recording: int
-    value: float
-    error: float = math.nan
+    measured: Measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +46,7 @@ class History:
     @property
     def latest(self) -> float:
         """Value of the last recording that tells it; NaN if none does."""
-        return self.points[-1].value if self.points else math.nan
+        return self.points[-1].measured.value if self.points else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +105,7 @@ def _joint(key: tuple[str, str], rows: Sequence[Row], alarms: Sequence[Alarm]) -
     for alarm in alarms:
         points = histories[alarm.quantity].points
         if points:
-            first, latest = (Measured(point.value, point.error) for point in (points[0], points[-1]))
-            ringing.append(alarm.rings(first, latest))
+            ringing.append(alarm.rings(points[0].measured, points[-1].measured))
     return FleetJoint(
         robot=key[0],
         name=key[1],
@@ -133,22 +127,23 @@ def _history(rows: Sequence[Row], name: str, *, dated: bool) -> History:
         if (row["moving_time"] or 0.0) >= LEAST_MOVING:
             found = _measured(row, name)
             if math.isfinite(found.value):
-                points.append(Point(recording=number, value=found.value, error=found.error))
+                points.append(Point(recording=number, measured=found))
     times = [rows[point.recording]["recorded"] for point in points]
-    line = trend(times, [point.value for point in points], [point.error for point in points]) if dated else None
+    measured = [point.measured for point in points]
+    line = trend(times, [one.value for one in measured], [one.error for one in measured]) if dated else None
     return History(points=tuple(points), trend=line)
 
 
 def _measured(row: Row, name: str) -> Measured:
     """A quantity of one recording; NaN where it is not known, or is known per inertia only."""
     if name == "stick_slip":
-        return Measured(_number(row["stick_slip_share"]))
+        return Measured(value=_number(row["stick_slip_share"]))
     if name == "reserve":
-        return Measured(_number(row["reserve"]))
+        return Measured(value=_number(row["reserve"]))
     column = dry_friction_name(row) if name == "coulomb" else name
     if not column or not row[f"{column}_identified"] or row["per_inertia"]:
-        return Measured(math.nan)
-    return Measured(_number(row[column]), _number(row[f"{column}_std"]))
+        return Measured()
+    return Measured(value=_number(row[column]), error=_number(row[f"{column}_std"]))
 
 
 def _number(value: float | None) -> float:

@@ -23,7 +23,7 @@ from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
 from stickslip_ros.analysis.annotation import Annotation
 from stickslip_ros.analysis.data_problems import nothing_judged
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
-from stickslip_ros.analysis.fleet_joints import fleet_joints
+from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
 from stickslip_ros.analysis.joint_analysis import FollowedJoint
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
@@ -100,9 +100,9 @@ def run(options: argparse.Namespace) -> int:
     blind = [text for found in answers if (text := nothing_judged(found))]
     for text in (*errors, *blind):
         complain(text)
-    joints = fleet_joints(answers, options.alarm) if options.alarm else []
+    joints = fleet_joints(answers, options.alarm)
     try:
-        unwritten += _write(options, answers, analysis, pages)
+        unwritten += _write(options, answers, analysis, joints, pages)
     finally:
         # Whatever becomes of the files, the answer is not lost.
         if options.json:
@@ -137,6 +137,7 @@ def _write(
     options: argparse.Namespace,
     answers: Sequence[Answer],
     analysis: BagAnalysis | None,
+    joints: Sequence[FleetJoint],
     pages: Mapping[Path, Path],
 ) -> list[str]:
     """Write the files that are asked for; returns of each that was not why: one takes no other with it."""
@@ -146,7 +147,7 @@ def _write(
             write_report(path, analysis)
             return
         written = {str(bag): page for bag, page in pages.items() if page.exists()}
-        write_fleet_page(path, answers, fleet_joints(answers, options.alarm), written, with_alarms=bool(options.alarm))
+        write_fleet_page(path, answers, joints, written, with_alarms=bool(options.alarm))
 
     writers: dict[str, Callable[[Path], None]] = {
         "csv": lambda path: write_cycles(path, answers),

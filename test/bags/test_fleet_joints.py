@@ -18,10 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support_bags import sticking
 
-from stickslip_ros.analysis.alarm import QUANTITIES, Measured, parse_alarm
+from stickslip_ros.analysis.alarm import QUANTITIES, parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet_joints import fleet_joints
+from stickslip_ros.analysis.measured import Measured
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.sparkline import sparkline
 from stickslip_ros.analysis.trend import DAY, MONTH, trend

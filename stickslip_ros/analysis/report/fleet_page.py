@@ -18,9 +18,8 @@ from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.fleet_joints import FleetJoint, History
 from stickslip_ros.analysis.fleet_table import Row
-from stickslip_ros.analysis.report.page import Plot, write_page
+from stickslip_ros.analysis.report.page import Plot, number_text, percent_text, write_page
 from stickslip_ros.analysis.report.sparkline import sparkline
-from stickslip_ros.analysis.words import percent
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.visible import visible
@@ -123,14 +122,16 @@ def _line(index: int, joint: FleetJoint, links: Mapping[str, str]) -> _Line:
         joint=joint,
         status=joint.status,
         share=_Cell(
-            text=percent(latest).replace("-", _NOTHING).removesuffix(" %"),
+            text=percent_text(latest).removesuffix(" %"),
             sort=latest,
             spark=_spark(joint, share, low=0.0, high=1.0),
         ),
-        coulomb=_Cell(text=_number(coulomb.latest), sort=coulomb.latest, spark=_spark(joint, coulomb)),
+        coulomb=_Cell(text=number_text(coulomb.latest), sort=coulomb.latest, spark=_spark(joint, coulomb)),
         change=change,
         change_is_sure=sure,
-        reserve=_Cell(text=_number(100.0 * reserve.latest, "+.0f"), sort=reserve.latest, spark=_spark(joint, reserve)),
+        reserve=_Cell(
+            text=number_text(100.0 * reserve.latest, "+.0f"), sort=reserve.latest, spark=_spark(joint, reserve)
+        ),
         stiffness=_whole(None if advised is None else advised["advised_stiffness"]),
         damping=_whole(None if advised is None else advised["advised_damping"]),
         date=_Cell(
@@ -149,7 +150,7 @@ def _change(history: History) -> tuple[_Cell, bool]:
 
 def _spark(joint: FleetJoint, history: History, low: float = math.nan, high: float = math.nan) -> str:
     where = [_where(joint, point.recording) for point in history.points]
-    return sparkline(where, [point.value for point in history.points], low=low, high=high)
+    return sparkline(where, [point.measured.value for point in history.points], low=low, high=high)
 
 
 def _where(joint: FleetJoint, recording: int) -> float:
@@ -162,10 +163,11 @@ def _data(joint: FleetJoint, links: Mapping[str, str], *, dated: bool) -> dict[s
     histories = {}
     for name, (_, scale) in _PLOTS.items():
         points = joint.histories[name].points
+        measured = [point.measured for point in points]
         histories[name] = {
             "at": [1000.0 * _where(joint, one.recording) if dated else one.recording + 1 for one in points],
-            "value": [_rounded(scale * one.value) for one in points],
-            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in points],
+            "value": [_rounded(scale * one.value) for one in measured],
+            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in measured],
         }
     return {
         "title": visible(f"{joint.robot} {joint.name}".strip()),
@@ -182,23 +184,15 @@ def _recording(row: Row, links: Mapping[str, str]) -> list[str]:
         _date(recorded) if recorded is not None and recorded > 0 else _NOTHING,
         row["status"],
         row["worst_status"],
-        percent(_value(row["stick_slip_share"])).replace("-", _NOTHING),
-        _number(_value(row["moving_time"]), ".4g"),
+        percent_text(row["stick_slip_share"]),
+        number_text(row["moving_time"], ".4g"),
         str(row["cycles"]),
-        _number(_value(row["velocity"])),
-        _number(_value(row["coulomb"])) if row["coulomb_identified"] else _number(_value(row["coulomb_and_load"])),
+        number_text(row["velocity"]),
+        number_text(row["coulomb" if row["coulomb_identified"] else "coulomb_and_load"]),
         _whole(row["advised_stiffness"]),
         _whole(row["advised_damping"]),
         links.get(row["bag"], ""),
     ]
-
-
-def _value(value: float | None) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _number(value: float, form: str = ".3g") -> str:
-    return f"{value:{form}}" if math.isfinite(value) else _NOTHING
 
 
 def _whole(value: float | None) -> str:

@@ -69,11 +69,11 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
         finalize=_visible,
     )
     environment.filters |= {
-        "number": _number,
+        "number": number_text,
         "words": _words,
         "anchor": _anchor,
         "file_name": _file_name,
-        "percent": _percent,
+        "percent": percent_text,
         "outcome": _outcome,
         "svg": Markup,
     }
@@ -90,7 +90,8 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
     write_whole(path, page)
 
 
-def _number(value: float | None, form: str = ".3g", unit: str = "") -> str:
+def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:
+    """A number as the pages write it; a dash where it is unknown."""
     return f"{float(value):{form}}{unit}" if value is not None and math.isfinite(value) else "–"
 
 
@@ -102,7 +103,8 @@ def _outcome(exact: ExactVerdict | CompensationEffect) -> str:
     return "–" if exact.outcome is None else OUTCOME_TEXTS[exact.outcome]
 
 
-def _percent(share: float | None) -> str:
+def percent_text(share: float | None) -> str:
+    """A share in per cent, as the pages write it; a dash where it is unknown."""
     return percent(math.nan if share is None else share).replace("-", "–")
 
 
