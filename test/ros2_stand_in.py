@@ -46,6 +46,7 @@ class DeclareLaunchArgument:
     name: str
     default_value: str | None = None
     description: str = ""
+    choices: Iterable[str] | None = None
 
 
 @dataclass
@@ -116,6 +117,8 @@ class Node:
     namespace: Any = ""
     parameters: list[Any] = field(default_factory=list)
     remappings: list[tuple[str, Any]] = field(default_factory=list)
+    arguments: list[str] = field(default_factory=list)
+    output: str = "log"
 
 
 _MODULES = {
@@ -176,6 +179,8 @@ def _visit(entities: list[Any], context: LaunchContext, nodes: list[Node], last:
                 assert entity.name in context.arguments, f"the launch argument {entity.name} is missing"
             else:
                 context.arguments.setdefault(entity.name, entity.default_value)
+            allowed = list(entity.choices or [context.arguments[entity.name]])
+            assert context.arguments[entity.name] in allowed, f"{entity.name} is one of {', '.join(allowed)}"
         elif isinstance(entity, OpaqueFunction):
             _visit(entity.function(context), context, nodes, last)
         elif isinstance(entity, IncludeLaunchDescription):
@@ -226,7 +231,8 @@ def launch(package: str, name: str, *arguments: str) -> int:
     given = dict(argument.split(":=", 1) for argument in arguments)
     nodes, last = described(Path(share(package)) / "launch" / name, given)
     if os.environ.get("CHECK_ONLY"):
-        return 0 if all(executable(node.executable) for node in nodes) else 1
+        own = [node for node in nodes if node.package == "stickslip_ros"]
+        return 0 if all(executable(node.executable) for node in own) else 1
     with tempfile.TemporaryDirectory() as folder:
         processes = {id(node): subprocess.Popen(command_of(node, Path(folder))) for node in nodes}
         try:

@@ -170,7 +170,8 @@ def check_commands(code: str, environment: dict[str, str]) -> None:
         elif words[:3] == ["ros2", "run", "stickslip_ros"]:
             assert Path(sys.executable).with_name(words[3]).exists(), line
         else:
-            assert words[:2] in (["ros2", "bag"], ["ros2", "param"], ["ros2", "service"], ["ros2", "run"]), line
+            assert words[0] in ("ros2", "sudo"), line
+            assert words[1] in ("apt", "bag", "param", "run", "service", "topic"), line
 
 
 def check_monitor_parameters(parameters: dict[str, Any]) -> None:

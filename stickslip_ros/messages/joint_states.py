@@ -121,9 +121,9 @@ def rows_by_joint(found: list[JointRows], times: list[FloatArray]) -> dict[str, 
     """
     parts: dict[str, list[tuple[Integers, FloatArray]]] = {}
     for rows, time in zip(found, times, strict=True):
-        for number, name in enumerate(rows.names):
-            table = np.empty((len(time), 4))
-            table[:, 0], table[:, 1:] = time, rows.values[:, :, number]
+        tables = np.empty((len(rows.names), len(time), 1 + len(FIELDS)))
+        tables[:, :, 0], tables[:, :, 1:] = time, rows.values.transpose(2, 0, 1)
+        for name, table in zip(rows.names, tables, strict=True):
             parts.setdefault(name, []).append((rows.index, table))
     joined = {}
     for name, some in parts.items():

@@ -12,7 +12,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
-from stickslip_ros.monitoring.belief import Belief, believed, much_the_same
+from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -32,6 +32,7 @@ class MarginPrediction:
     def __init__(self, adviser: Adviser | None = None) -> None:
         self._adviser = adviser or CachingAdviser()
         self._advice: Advice | None = None
+        self._last: tuple[Belief, float, StabilityMargin, tuple[float, float]] | None = None
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
         self.belief: Belief | None = None
         self.disbelief = ""
@@ -52,8 +53,23 @@ class MarginPrediction:
             return None, self.disbelief
         if not math.isfinite(velocity):
             return None, "the commanded velocity is not known"
-        margin = stability_margin(self.belief.joint, self.belief.gains, velocity)
+        margin, _ = self._at(self.belief, velocity)
         return margin, str(margin.reason or "")
+
+    def uncertainty(self, velocity: float) -> tuple[float, float]:
+        """Of the margin at a velocity [rad/s] the standard error [M x˙_s²], and how probable stick slip is by Eq. (43).
+
+        NaN where they are not known.
+        """
+        return (math.nan, math.nan) if self.belief is None else self._at(self.belief, velocity)[1]
+
+    def _at(self, belief: Belief, velocity: float) -> tuple[StabilityMargin, tuple[float, float]]:
+        last = self._last
+        # Many a speed is asked for again and again: that of the reference, and the mean of the last cycles.
+        if last is None or last[0] is not belief or last[1] != velocity:
+            margin = stability_margin(belief.joint, belief.gains, velocity)
+            last = self._last = (belief, velocity, margin, uncertainty_of(margin, belief, velocity))
+        return last[2:]
 
     def advise(self, belief: Belief, velocity: float, limits: AdviceLimits, loop: ObservedLoop) -> Advice | None:
         """Advice on the joint as it is believed to be, None as long as it is being worked out."""

@@ -80,19 +80,16 @@ class ReferencePairing:
             return None
         rows, self._samples = self._samples[:ready], self._samples[ready:]
         self._gone_until = float(rows[-1, 0])
-        position, velocity = self._at(rows[:, 0])
-        return Batch(
-            time=rows[:, 0],
-            position=rows[:, 1],
-            velocity=rows[:, 2],
-            effort=rows[:, 3],
-            reference_position=position,
-            reference_velocity=velocity,
-        )
+        columns = np.empty((6, ready))
+        columns[:4] = rows.T
+        columns[4], columns[5] = self._at(columns[0]) if len(self._references) else (math.nan, math.nan)
+        return Batch.of_columns(columns)
 
     def _collect(self) -> None:
         if self._new_samples:
-            self._samples = np.concatenate([self._samples, *self._new_samples])
+            waiting = [self._samples] if len(self._samples) else []
+            parts = [*waiting, *self._new_samples]
+            self._samples = parts[0] if len(parts) == 1 else np.concatenate(parts)
             self._new_samples.clear()
         if not self._new_references:
             return
@@ -118,21 +115,18 @@ class ReferencePairing:
         self._references = joined
 
     def _at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Reference position and velocity at these times.
+        """Reference position and velocity at these times, some references being known.
 
         Between two references that follow each other closely they are interpolated, else the earlier one holds until it
         is too old: which does not depend on whether the later one is known yet.
         """
-        if not len(self._references):
-            unknown = np.full(len(times), np.nan)
-            return unknown, unknown.copy()
         known = self._references[:, 0]
         first = int(np.searchsorted(known, times[0]))
         if np.array_equal(known[first : first + len(times)], times):
             # Published together, as is usual: every sample has a reference of its own stamp.
             taken = self._references[first : first + len(times)]
             self._references = self._references[first + len(times) - 1 :]
-            return np.ascontiguousarray(taken[:, 1]), np.ascontiguousarray(taken[:, 2])
+            return taken[:, 1], taken[:, 2]
         before = np.searchsorted(known, times, side="right") - 1
         at = np.maximum(before, 0)
         after = np.minimum(at + 1, len(known) - 1)
@@ -147,4 +141,4 @@ class ReferencePairing:
         if len(finite):
             used = int(np.searchsorted(known, np.max(finite), side="right")) - 1
             self._references = self._references[max(used, 0) :]
-        return np.ascontiguousarray(values[:, 0]), np.ascontiguousarray(values[:, 1])
+        return values[:, 0], values[:, 1]

@@ -54,6 +54,14 @@ class Batch:
     def __len__(self) -> int:
         return len(self.time)
 
+    @classmethod
+    def of_columns(cls, columns: FloatArray) -> Batch:
+        """Of a contiguous array of shape (6, n), the attributes in their order; what is missing is NaN there."""
+        batch = object.__new__(cls)
+        # Nothing of it needs a check, which takes longer than a few samples are worth.
+        batch.__dict__.update(zip(cls.__dataclass_fields__, columns, strict=True))
+        return batch
+
     @staticmethod
     def joined(parts: Sequence[Batch]) -> Batch:
         """Batches one after the other, at least one."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Mapping, Sequence
 
 from builtin_interfaces.msg import Time
@@ -46,7 +47,7 @@ def table(rows: Sequence[str], columns: Sequence[str], values: Sequence[float]) 
         MultiArrayDimension(label=",".join(rows), size=len(rows), stride=len(rows) * len(columns)),
         MultiArrayDimension(label=",".join(columns), size=len(columns), stride=len(columns)),
     ]
-    message.data = [float(value) for value in values]
+    message.data = array("d", values)
     return message
 
 

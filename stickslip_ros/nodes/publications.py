@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from array import array as array_of
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -55,6 +56,7 @@ class Publications:
         self._node, self._clock = node, node.get_clock()
         space = node.get_namespace().strip("/")
         self.robot = f"{space}/" if space else ""
+        self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, as they were when a joint was told of last
         create = node.create_lifecycle_publisher
         self._diagnostics = create(DiagnosticArray, "/diagnostics", 10)
         self._margins = create(Float64MultiArray, "~/margins", 10)
@@ -83,12 +85,20 @@ class Publications:
         array.header.stamp = self._clock.now().to_msg()
         self._diagnostics.publish(array)
 
-    def publish(self, own: Diagnosis, joints: Mapping[str, Findings], *, warn_margin: float) -> None:
-        """The status of the node and of every joint, and the tables."""
+    def publish(
+        self, own: Diagnosis, joints: Mapping[str, Findings], told: Sequence[str], *, warn_margin: float
+    ) -> None:
+        """The status of the node and of the joints that are told of, and the tables.
+
+        Parameters
+        ----------
+        joints : what is known of all of them: `~/margins` and `~/recommended_gains` always have every joint.
+        told : names of those that are told of now.
+        """
+        now = [(name, joints[name]) for name in told if name in joints]
         array = DiagnosticArray(status=[diagnostic_status(own, self.robot)])
         array.header.stamp = self._clock.now().to_msg()
-        rows: list[float] = []
-        for name, one in joints.items():
+        for name, one in now:
             diagnosis = joint_diagnostic(
                 name,
                 one.assessment,
@@ -102,13 +112,15 @@ class Publications:
                 here=one.here,
             )
             array.status.append(diagnostic_status(diagnosis, self.robot))
-            rows += margin_row(one.assessment, one.exact, one.trial)
+            self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
         self._diagnostics.publish(array)
         if not joints:
             return
-        self._friction.publish(
-            friction_message(array.header.stamp, {name: one.assessment for name, one in joints.items()})
-        )
+        if now:
+            self._friction.publish(friction_message(array.header.stamp, {name: one.assessment for name, one in now}))
+        rows = array_of("d")
+        for name in joints:
+            rows.extend(self._rows[name])
         self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
         self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
 

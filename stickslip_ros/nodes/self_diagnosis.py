@@ -30,21 +30,24 @@ class SelfDiagnosis:
     def __init__(self, states: JointStateTopic, work: SlowWork, joints: Sized) -> None:
         self._states, self._work, self._joints = states, work, joints
         self._meters: deque[Meters] = deque()
-        self._notes: deque[tuple[float, float, int, float, int]] = deque()
+        self._notes: deque[tuple[float, float, int]] = deque()  # when [s], latency [s], messages waiting
+        self._counts: deque[tuple[float, float, int]] = deque()  # when [s], processor time [s], messages
         self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
 
     def note(self) -> None:
         """Remember how things are, statuses having been published just now."""
         now = time.monotonic()
         latency = time.time() - self._states.oldest
-        cpu = time.process_time() + sum(_processor_time(pid) for pid in self._work.process_ids)
-        self._notes.append((now, cpu, self._states.messages, latency, self._states.waiting))
+        self._notes.append((now, latency, self._states.waiting))
         while len(self._notes) > 2 and now - self._notes[1][0] >= _OVER:
             self._notes.popleft()
         if not self._meters or now - self._meters[-1].steady >= _METERED_EVERY:
             self._meters.append(Meters.read())
+            cpu = time.process_time() + sum(_processor_time(pid) for pid in self._work.process_ids)
+            self._counts.append((now, cpu, self._states.messages))
             while len(self._meters) > 2 and now - self._meters[1].steady >= _OVER:
                 self._meters.popleft()
+                self._counts.popleft()
         if self._states.lost > self._lost or self._work.skipped > self._skipped:
             self._lost_at = now
         self._lost, self._skipped = self._states.lost, self._work.skipped
@@ -53,14 +56,14 @@ class SelfDiagnosis:
     @property
     def latency(self) -> float:
         """From the arrival of the oldest message in the last status to its publication [s]; NaN if there was none."""
-        return self._notes[-1][3] if self._notes else math.nan
+        return self._notes[-1][1] if self._notes else math.nan
 
     @property
     def trouble(self) -> str:
         """What there is to worry about, "" if nothing."""
         if self._notes and self._notes[-1][0] - self._lost_at < _RECENT:
             return f"{self._lost} messages lost, {self._skipped} questions skipped so far"
-        late = [note[3] for note in self._notes if note[3] > _LATE]
+        late = [latency for _, latency, _ in self._notes if latency > _LATE]
         if late:
             load, cores = machine()
             return why_late(
@@ -79,8 +82,8 @@ class SelfDiagnosis:
     def values(self) -> Sequence[tuple[str, float]]:
         """The figures, each under a key with its unit."""
         rate = processor = math.nan
-        if len(self._notes) > 1:
-            (began, cpu, messages, *_), (now, cpu_now, messages_now, *_) = self._notes[0], self._notes[-1]
+        if len(self._counts) > 1:
+            (began, cpu, messages), (now, cpu_now, messages_now) = self._counts[0], self._counts[-1]
             rate, processor = (messages_now - messages) / (now - began), 100.0 * (cpu_now - cpu) / (now - began)
         memory = [_resident_memory(pid) for pid in (os.getpid(), *self._work.process_ids)]
         return [
@@ -89,7 +92,7 @@ class SelfDiagnosis:
             ("messages lost [1]", self._states.lost),
             ("publishers of joint_states [1]", self._states.publishers),
             ("latency from message to status [s]", self.latency),
-            ("messages waiting [1]", max((note[4] for note in self._notes), default=0)),
+            ("messages waiting [1]", max((waiting for _, _, waiting in self._notes), default=0)),
             ("questions under way [1]", self._work.waiting),
             ("oldest question [s]", self._work.lateness),
             ("questions skipped, the worker being late [1]", self._work.skipped),

@@ -20,7 +20,6 @@ from std_srvs.srv import Trigger
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
@@ -34,6 +33,7 @@ from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, ref
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
+from stickslip_ros.nodes.joints.following import Following, Turns, urgent
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
@@ -86,13 +86,18 @@ class Session:
         self._self: SelfDiagnosis | None = None
         self._publish_at = self._poll_at = self._intake_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
+        self._turns = Turns(self._period)
+        self._findings: dict[str, Findings] = {}
         self._compiled = CompiledParts(self._log)
         self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
         self._closing: list[Callable[[], object]] = [self._work.close, self._compiled.close]
         self._reference_type = str(node.get_parameter("reference_type").value)
         try:
             names = monitor_parameters.joint_names(node)
-            self.joints = WatchedJoints(node, names, bounds, own_change, advice.adviser, self._refuse, self._on_new)
+            self.joints = WatchedJoints(
+                node, names, bounds, own_change, advice.adviser, self._refuse, self._on_new, self._before_new_gains
+            )
+            self._following = Following(self.joints, lambda: self._ramps.busy, self._begin_anew)
             self._gains = GainIntake(
                 node,
                 lambda: list(self.joints),
@@ -148,9 +153,11 @@ class Session:
         if self._node.context.ok():
             self._feedforward.silence()
         if self._compiled.ready:
+            for name in self.joints:
+                self._following.catch_up(name)
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
             if self._node.context.ok():
-                self._publications.publish_cycles(last)
+                self._publications.publish_cycles([*self._following.found(), *last])
         self._states.close()
         self._references.close()
         self._states = self._references = self._self = None
@@ -166,8 +173,7 @@ class Session:
         now = monotonic()
         self._compiled.look(now)
         due = now >= self._publish_at - _NEARLY
-        # A joint costs about as much whether few or many of its samples have come: many joints are looked at less
-        # often. What is published is always of now.
+        # A drain costs about as much whether few or many messages have come: many joints' come less often.
         if due or self._ramps.busy or now >= self._intake_at - _NEARLY:
             self._intake(now)
             self._intake_at = now + min(_INTAKE * (monotonic() - now), _LONGEST_INTAKE)
@@ -200,6 +206,10 @@ class Session:
             self._gains_waiting.append((monotonic(), name, gains))
         else:
             self._take_gains(name, gains)
+
+    def _before_new_gains(self, joint: WatchedJoint) -> None:
+        """They concern the samples that come from now on."""
+        self._following.catch_up(joint.name)
 
     def _take_gains(self, name: str, gains: Gains | None) -> None:
         self.joints.hear_gains(name, gains)
@@ -253,20 +263,9 @@ class Session:
             if name in self.joints:
                 self.joints[name].pairing.add_references(rows[:, :3])
                 self._feedforward.hear(name, rows, now)
-        found: list[tuple[str, Cycle]] = []
-        for name in dict.fromkeys([*samples, *references]):
-            if name in self.joints:
-                found += [(name, cycle) for cycle in self._follow(self.joints[name], now)]
-        self._publications.publish_cycles(found)
-
-    def _follow(self, joint: WatchedJoint, now: float) -> list[Cycle]:
-        """Let one joint's monitor follow its samples; what goes wrong with it is no other joint's business."""
-        try:
-            batch = joint.pairing.take(now)
-            return joint.monitor.process(batch) if batch is not None else []
-        except Exception:
-            self._begin_anew(joint)
-            return []
+        self._following.expect(dict.fromkeys([*samples, *references]), now)
+        self._following.look(now)
+        self._publications.publish_cycles(self._following.found())
 
     def _begin_anew(self, joint: WatchedJoint) -> None:
         """Go on after an error in what follows one joint."""
@@ -278,31 +277,43 @@ class Session:
         if not self._compiled.ready:
             self._publications.publish_waiting(self._own_status(), self.joints, self._compiled.state)
             return
-        warn_margin = float(self._node.get_parameter("warn_margin").value)
-        findings = {}
-        for name, joint in self.joints.items():
+        news = {name: self._news(joint, now) for name, joint in self.joints.items()}
+        told = self._turns.due(news, urgent(self.joints))
+        for name in told:
+            self._following.catch_up(name, now)
             try:
-                findings[name] = self._findings(joint, now)
+                self._findings[name] = self._find(self.joints[name], now)
             except Exception:
-                self._begin_anew(joint)
-        self._publications.publish(self._own_status(), findings, warn_margin=warn_margin)
+                self._findings.pop(name, None)
+                self._begin_anew(self.joints[name])
+        self._publications.publish(
+            self._own_status(),
+            self._findings,
+            told,
+            warn_margin=float(self._node.get_parameter("warn_margin").value),
+        )
         if self._self is not None and self._states is not None:
             if self._behind(now):
                 self._states.look_back()
             else:
                 self._self.note()
         for topic in self._on_demand:
-            topic.attend(findings, now)
-        self._set_advice({name: one.advised for name, one in findings.items()})
-        ended = []
-        for name, one in findings.items():
-            monitor = self.joints[name].monitor
-            studies.attend(self._work, name, monitor.learner)
-            if one.silent_for is not None:
-                ended += [(name, cycle) for cycle in monitor.finish()]
+            topic.attend(self._findings, now)
+        self._set_advice({name: self._findings[name].advised for name in told if name in self._findings})
+        ended = self._following.found()
+        for name, joint in self.joints.items():
+            studies.attend(self._work, name, joint.monitor.learner)
+        for name in told:
+            if name in self._findings and self._findings[name].silent_for is not None:
+                ended += [(name, cycle) for cycle in self.joints[name].monitor.finish()]
         self._publications.publish_cycles(ended)
 
-    def _findings(self, joint: WatchedJoint, now: float) -> Findings:
+    def _news(self, joint: WatchedJoint, now: float) -> tuple[object, ...]:
+        """Objects, one of which is another when there is something to tell of a joint at once."""
+        outcome = self._ramps.outcomes.get(joint.name, "")
+        return (*joint.monitor.news, joint.trouble, now - joint.heard > _STALE_AFTER, outcome)
+
+    def _find(self, joint: WatchedJoint, now: float) -> Findings:
         assessment = joint.monitor.assessment()
         self._feedforward.know(joint, assessment)
         silence = now - joint.heard
@@ -401,6 +412,7 @@ class Session:
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         for name, joint in self.joints.items():
+            self._following.catch_up(name)
             joint.monitor.reset()
             self._keeper.forget(name)
         response.success = True

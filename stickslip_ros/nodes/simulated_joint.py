@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The node `simulated_joint`: joints with friction under PID control, in place of hardware and controller."""
+"""The node `simulated_joint`: joints with friction, in place of hardware, and of the controller too if wanted."""
 
 from __future__ import annotations
 
@@ -21,20 +21,22 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.compensation import Compensation
-from stickslip_ros.model.friction import Joint
+from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.compiled_parts import wait_until_compiled
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
-from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 _GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
 _PROFILES = ("hold", "move", "reverse")
+_COMMANDS = ("reference", "effort")
 _COMPENSATED = {"feedforward": "at the reference's speed", "feedback": "at the measured speed", "push": "by the error"}
 _SPEED_FILTER = 0.01  # [s] of the measured speed
-_FEEDFORWARD_HOLDS = 0.2  # [s] without a message, after which nothing is added
-_TIMER_PERIOD = 0.005
+_EFFORT_HOLDS = 0.2  # [s] without a message, after which it is zero
+_TIMER_PERIOD = 0.005  # [s]
+_TIMER_PERIOD_OF_A_DRIVE = 0.001  # [s] a controller of somebody else waits for the states
 _LONGEST_CATCH_UP = 0.1  # [s] after a pause of the process, the rest of the time is skipped
 
 
@@ -65,7 +67,10 @@ class Reference:
 
 
 class SimulatedJoint(Node):
-    """Integrates Eqs (4)-(6) and publishes what a robot's driver and controller would."""
+    """Integrates Eqs (4)-(6) and publishes what a robot's driver and controller would.
+
+    With the parameter `command` set to effort it is a driver alone: another node closes the loop, and sends efforts.
+    """
 
     def __init__(self) -> None:
         super().__init__("simulated_joint")
@@ -76,8 +81,17 @@ class SimulatedJoint(Node):
         )
         self._declare("seed", 1, "of the noise", read_only=True)
         self._declare(
-            "feedforward_topic", "", "JointState whose effort the controllers add; none by default", read_only=True
-        )
+            "command", "reference", "reference: the node has controllers of its own; effort: it takes efforts from "
+            "joint_commands and applies them", read_only=True,
+        )  # fmt: skip
+        command = self.get_parameter("command").value
+        if command not in _COMMANDS:
+            raise InvalidParameterError("command", f"one of {', '.join(_COMMANDS)}", command)
+        self._has_controllers = command == "reference"
+        if self._has_controllers:
+            self._declare(
+                "feedforward_topic", "", "JointState whose effort the controllers add; none by default", read_only=True
+            )
         self._names: list[str] = list(self.get_parameter("joints").value)
         rate = float(self.get_parameter("rate").value)
         self._period = 1.0 / rate if rate > 0 else math.nan
@@ -103,17 +117,18 @@ class SimulatedJoint(Node):
             simulation.advance(period, nothing, nothing)
         qos = QoSProfile(depth=1000)
         self._states = self.create_publisher(JointState, "joint_states", qos)
-        self._desired = self.create_publisher(JointState, "joint_references", qos)
+        self._desired = self.create_publisher(JointState, "joint_references", qos) if self._has_controllers else None
         self._torques: dict[str, float] = {}
         self._told = -math.inf
-        if self.get_parameter("feedforward_topic").value:
-            topic = str(self.get_parameter("feedforward_topic").value)
-            self.create_subscription(JointState, topic, self._hear_feedforward, 1)
+        topic = str(self.get_parameter("feedforward_topic").value) if self._has_controllers else "joint_commands"
+        if topic:
+            self.create_subscription(JointState, topic, self._hear_efforts, 1)
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 10) if self._time_factor != 1.0 else None
         self._count = 0
         self._start_stamp = 1.0 if self._clock_publisher else time.time()
         self._start = time.monotonic()
-        self.create_timer(_TIMER_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        every = _TIMER_PERIOD if self._has_controllers else max(_TIMER_PERIOD_OF_A_DRIVE, 0.5 * self._period)
+        self.create_timer(every, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _declare(self, name: str, default: object, text: str, *, read_only: bool = False) -> None:
         self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=read_only))
@@ -121,22 +136,28 @@ class SimulatedJoint(Node):
     def _create(self, name: str) -> JointSimulation:
         self._declare(f"model.{name}", "puma560_joint1", "known joint or path of a joint file", read_only=True)
         known = load_joint(self.get_parameter(f"model.{name}").value)
+        if self._has_controllers:
+            self._declare_controller(name, known)
+        self._declare(f"encoder_resolution.{name}", known.encoder_resolution, "of the position; 0: exact [rad]")
+        self._declare(f"velocity_noise.{name}", 0.0, "standard deviation [rad/s]")
+        self._declare(f"effort_noise.{name}", 0.0, "standard deviation [N*m]")
+        self._declare(f"load.{name}", 0.0, "constant torque against the controller [N*m]", read_only=True)
+        load = float(self.get_parameter(f"load.{name}").value)
+        require_finite(f"load.{name}", load)
+        gains = known.gains if self._has_controllers else Gains(stiffness=0.0, damping=0.0)
+        return JointSimulation(known.joint, gains, load=load)
+
+    def _declare_controller(self, name: str, known: KnownJoint) -> None:
+        """What the node's own controller of a joint is told."""
         self._declare(f"gains.{name}.p", float(known.gains.stiffness), "stiffness [N*m/rad]")
         self._declare(f"gains.{name}.i", float(known.gains.integral), "integral gain [N*m/(rad*s)]")
         self._declare(f"gains.{name}.d", float(known.gains.damping), "damping [N*m*s/rad]")
         self._declare(f"velocity.{name}", known.velocity, "commanded velocity [rad/s]")
         self._declare(f"profile.{name}", "move", f"one of {', '.join(_PROFILES)}")
         self._declare(f"reversal_period.{name}", 10.0, "how long the profile 'reverse' moves one way [s]")
-        self._declare(f"encoder_resolution.{name}", known.encoder_resolution, "of the position; 0: exact [rad]")
-        self._declare(f"velocity_noise.{name}", 0.0, "standard deviation [rad/s]")
-        self._declare(f"effort_noise.{name}", 0.0, "standard deviation [N*m]")
         for kind in _COMPENSATED:
             text = "share of the friction that the controller compensates"
             self._declare(f"{kind}.{name}", 0.0, f"{text}: {_COMPENSATED[kind]} [1]")
-        self._declare(f"load.{name}", 0.0, "constant torque against the controller [N*m]", read_only=True)
-        load = float(self.get_parameter(f"load.{name}").value)
-        require_finite(f"load.{name}", load)
-        return JointSimulation(known.joint, known.gains, load=load)
 
     def _check(self, parameters: list[Parameter]) -> None:
         """Refuse what no controller or encoder could be."""
@@ -153,6 +174,8 @@ class SimulatedJoint(Node):
                 require_positive(name, value)
 
     def _apply(self, _: list[Parameter]) -> None:
+        if not self._has_controllers:
+            return
         for name, simulation in self._simulations.items():
             for key, field in _GAIN_FIELDS.items():
                 value = float(self._value(f"gains.{name}.{key}"))
@@ -179,8 +202,10 @@ class SimulatedJoint(Node):
             speed_filter=_SPEED_FILTER,
         )
 
-    def _hear_feedforward(self, message: JointState) -> None:
-        """A torque for each joint, added until the next one, or until they stay away."""
+    def _hear_efforts(self, message: JointState) -> None:
+        """A torque for each joint, applied until the next one, or until they stay away."""
+        # Until now the one before was.
+        self._tick()
         if len(message.effort) == len(message.name):
             self._torques |= {
                 name: effort
@@ -190,7 +215,7 @@ class SimulatedJoint(Node):
             self._told = time.monotonic()
 
     def _torque(self, name: str) -> float:
-        if time.monotonic() - self._told > _FEEDFORWARD_HOLDS:
+        if time.monotonic() - self._told > _EFFORT_HOLDS:
             return 0.0
         return self._torques.get(name, 0.0)
 
@@ -217,7 +242,8 @@ class SimulatedJoint(Node):
             desired.position, desired.velocity, states.position, states.velocity, states.effort = (
                 [columns[name][column][index] for name in self._names] for column in range(5)
             )
-            self._desired.publish(desired)
+            if self._desired is not None:
+                self._desired.publish(desired)
             self._states.publish(states)
 
     def _advance(self, name: str, count: int) -> tuple[list[float], ...]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, ItemsView, Iterator, Mapping, ValuesView
 from time import monotonic
 
 from rclpy.node import Node
@@ -36,6 +36,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     node : has the parameters. names : to watch from the beginning; () for every joint heard of.
     own_change : entered to declare what others may not set.
     adviser : makes the adviser of a joint's monitor. on_new : called with every joint that is heard of first.
+    before_new_gains : called with a joint whose gains are about to be others.
     """
 
     def __init__(
@@ -47,9 +48,10 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         adviser: Callable[[str], Adviser],
         refuse: Refusals,
         on_new: Callable[[WatchedJoint], None],
+        before_new_gains: Callable[[WatchedJoint], None],
     ) -> None:
         self._node, self._adviser, self._refuse, self._on_new = node, adviser, refuse, on_new
-        self._bounds, self._own_change = bounds, own_change
+        self._bounds, self._own_change, self._before_new_gains = bounds, own_change, before_new_gains
         self._joints: dict[str, WatchedJoint] = {}
         self._told: dict[str, float] = {}  # when a joint's gains were, as a steady time [s]
         self.welcomes_others = not names
@@ -65,11 +67,23 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     def __len__(self) -> int:
         return len(self._joints)
 
+    # The views of a Mapping ask for every joint by its name, many thousand times a second.
+
+    def items(self) -> ItemsView[str, WatchedJoint]:
+        """Names and joints."""
+        return self._joints.items()
+
+    def values(self) -> ValuesView[WatchedJoint]:
+        """The joints."""
+        return self._joints.values()
+
     def _add(self, name: str) -> WatchedJoint:
         with self._own_change:
             joint_parameters.declare(self._node, name)
         settings = joint_parameters.read(self._node, name)
-        monitor = JointMonitor(settings.joint, settings.gains, settings.options, self._adviser(name), at_arrest=True)
+        monitor = JointMonitor(
+            settings.joint, settings.gains, settings.options, self._adviser(name), segments_kept=0, at_arrest=True
+        )
         joint = self._joints[name] = WatchedJoint(name, monitor, settings, self._bounds)
         return joint
 
@@ -130,6 +144,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
         """Let a joint's monitor know its gains, in SI units."""
         if joint.monitor.gains != gains:
+            self._before_new_gains(joint)
             joint.monitor.gains = gains
             # A ramp changes them again and again, and says itself to what.
             if monotonic() - self._told.get(joint.name, -math.inf) >= _A_LINE_EVERY:

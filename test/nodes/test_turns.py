@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Whom the node tells of: all joints within a second, and at once where there is something to tell."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from hypothesis import given
+from hypothesis import strategies as st
+from support_ros import probe
+
+from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.nodes.joints.following import Turns
+
+JOINTS = [f"joint{number + 1}" for number in range(40)]
+
+
+@given(
+    count=st.integers(1, 200),
+    rate=st.sampled_from([1.0, 10.0, 25.0, 100.0]),
+    changes=st.lists(st.tuples(st.integers(0, 199), st.booleans()), max_size=60),
+)
+def test_every_joint_has_its_turn(count: int, rate: float, changes: list[tuple[int, bool]]) -> None:
+    """News and what is urgent are told at the next publication, and everything else within a second."""
+    turns = Turns(1.0 / rate)
+    news: dict[str, tuple[object, ...]] = {f"j{number}": (object(),) for number in range(count)}
+    assert turns.due(news, ()) == list(news)
+    waits = dict.fromkeys(news, 0)
+    for number, urgent in changes:
+        name = f"j{number % count}"
+        if not urgent:
+            news[name] = (object(),)
+        told = turns.due(news, [name] if urgent else ())
+        assert name in told
+        assert told == [one for one in news if one in told]
+        waits = {one: 0 if one in told else waits[one] + 1 for one in news}
+        assert max(waits.values()) <= max(1, math.ceil(rate))
+        # An arm's joints are always all there, and of many only a few.
+        assert len(told) >= min(count, 8)
+        assert len(told) <= 1 + max(8, math.ceil(count / rate))
+
+
+def test_a_joint_that_was_not_there_is_told_of_at_once() -> None:
+    """So is one whose findings were others before; joints that are gone are forgotten."""
+    turns = Turns(0.04)
+    news: dict[str, tuple[object, ...]] = dict.fromkeys(JOINTS, ("smooth",))
+    turns.due(news, ())
+    assert len(turns.due(news, ())) == 8
+    assert "new" in turns.due({**news, "new": ("smooth",)}, ())
+    del news["joint1"]
+    assert "joint1" not in turns.due(news, ())
+
+
+def test_forty_joints_over_dds(ros_domain: int) -> None:
+    """Issue 21: few joints in a message, all within a second; news at once; the tables have every joint."""
+    gains = {f"gains.{name}.p": 630.0 for name in JOINTS}
+    sizes: list[int] = []
+    heard: dict[str, list[float]] = {name: [] for name in JOINTS}
+
+    def take(message: DiagnosticArray) -> None:
+        sizes.append(len(message.status))
+        for status in message.status:
+            heard.setdefault(status.hardware_id, []).append(time.monotonic())
+
+    with NodeProcess("monitor", {"joints": f"[{', '.join(JOINTS)}]", "state_file": "none", **gains}), probe() as one:
+        one.wait_for_monitor()
+        begin, sent, rate = time.time(), 0, 100.0
+
+        def stand(seconds: float) -> None:
+            nonlocal sent
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                while sent < (time.time() - begin) * rate:
+                    # They all stand still at a count of their encoders.
+                    one.publish(JOINTS, begin + sent / rate, position=[0.0] * len(JOINTS))
+                    sent += 1
+                one.spin(0.01)
+
+        stand(3.0)
+        assert set(one.margins) == set(JOINTS)
+        assert {one.status(name) for name in JOINTS} == {"at_rest"}
+        one.node.create_subscription(DiagnosticArray, "/diagnostics", take, 1000)
+        stand(4.0)
+        # A latecomer had every joint within a second (and half of one for a busy machine), and every second again.
+        first = min(times[0] for times in heard.values())
+        for name in JOINTS:
+            assert heard[name][0] - first < 1.5, name
+            assert max(later - earlier for earlier, later in zip(heard[name], heard[name][1:], strict=False)) < 1.5
+        assert sorted(sizes)[len(sizes) // 2] == 1 + 8
+        assert one.set_parameters("/stickslip_monitor", {"gains.joint33.p": 700.0}) == [""]
+        changed = time.monotonic()
+        while one.margins["joint33"]["stiffness"] != 700.0:
+            assert time.monotonic() - changed < 5.0
+            stand(0.02)
+        assert time.monotonic() - changed < 0.5
+        assert one.margins["joint34"]["stiffness"] == 630.0
