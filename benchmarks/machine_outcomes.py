@@ -134,9 +134,16 @@ def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float],
     if machine.law == LUGRE:
         del truth["lag"], truth["rise_time"]
     untrue: tuple[str, ...] = ()
+    if machine.sampled:
+        # Viscous friction is told with what the delay of the controller's force takes away.
+        period = float(recording.batch.time[1] - recording.batch.time[0])
+        truth["viscous"] -= float(recording.gains.stiffness) * (0.5 * period + machine.control_delay)
+        if truth["viscous"] <= 0.0:
+            del truth["viscous"]
+            untrue = ("viscous",)
     if recording.one_way and machine.load != 0.0:
         del truth["coulomb"]
-        untrue = ("coulomb",)
+        untrue = (*untrue, "coulomb")
     load = machine.load + machine.asymmetry * machine.coulomb
     if not recording.one_way and load != 0.0:
         truth["load"] = load

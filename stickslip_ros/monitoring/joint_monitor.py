@@ -315,12 +315,10 @@ class JointMonitor:
         if not self._keeps_the_past:
             rows = rows[-1:]
         codes = rows[:, kernel.CODE].astype(int)
-        self._believe()
-        if self._prediction.belief is not None:
-            moves = np.flatnonzero(codes == kernel.MOVES)
-            if len(moves):
-                reserves, _ = self._damping_reserves(rows[moves, kernel.VELOCITY])
-                codes[moves[reserves < self.options.warn_margin]] = kernel.DIPS
+        moves = np.flatnonzero(codes == kernel.MOVES)
+        if len(moves):
+            reserves, _ = self._damping_reserves(rows[moves, kernel.VELOCITY])
+            codes[moves[reserves < self.options.warn_margin]] = kernel.DIPS
         self._latest_status = STATUS_OF[int(codes[-1])]
         if self._keeps_the_past:
             self._slices += np.bincount(codes, minlength=len(self._slices))

@@ -88,6 +88,8 @@ class MarginPrediction:
     def damping_reserves(self, velocities: FloatArray, condition: Criterion) -> tuple[FloatArray, Criterion]:
         """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
         reserves = np.full(len(velocities), np.inf)
+        if self.belief is None and self._advice is None:
+            return reserves, condition
         if self.belief is not None:
             condition = criterion_for(self.belief.joint, condition)
         if condition is Criterion.EXACT:

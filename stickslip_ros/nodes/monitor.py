@@ -24,7 +24,7 @@ from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session
 
-_TICK = 0.02  # [s]
+_TICK, _IDLE_TICK = 0.02, 0.2  # [s]; the latter while nothing comes
 RCLError = rclpy_implementation.RCLError
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -154,11 +154,17 @@ class Monitor(LifecycleNode):
             return
         try:
             self._session.tick()
+            self._set_pace(_IDLE_TICK if self._session.idle else _TICK)
         except Exception:
             if not self.context.ok():
                 raise
             # Whatever it was, the next tick may well succeed, and a monitor that is gone helps nobody.
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+
+    def _set_pace(self, period: float) -> None:
+        nanoseconds = round(period * 1e9)
+        if self._timer is not None and self._timer.timer_period_ns != nanoseconds:
+            self._timer.timer_period_ns = nanoseconds
 
     def _check_parameters(self, parameters: list[Parameter]) -> None:
         """Refuse what would make no joint, with the reason; nothing is changed here."""

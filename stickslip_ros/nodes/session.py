@@ -58,6 +58,8 @@ _PUBLISHING = 2.5  # times as long as publishing takes: how long it is until the
 _INTAKE = 3.0  # times as long as taking what has come takes: how long it is until the next
 _LONGEST_INTAKE = 0.1  # [s] until the next, whatever the last one took
 _CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
+_IDLE_AFTER = 2.0  # [s] without a message, and with nothing under way
+_IDLE_PERIOD = 1.0  # [s] from one status to the next then
 _CONTESTED = "published by several nodes at once; remap all but one of them"
 
 
@@ -86,7 +88,8 @@ class Session:
         self._self: SelfDiagnosis | None = None
         self._publish_at = self._poll_at = self._intake_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
-        self._turns = Turns(self._period)
+        self._turns = Turns()
+        self._busy_at, self._came = monotonic(), 0
         self._findings: dict[str, Findings] = {}
         self._compiled = CompiledParts(self._log)
         self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
@@ -177,6 +180,9 @@ class Session:
         if due or self._ramps.busy or now >= self._intake_at - _NEARLY:
             self._intake(now)
             self._intake_at = now + min(_INTAKE * (monotonic() - now), _LONGEST_INTAKE)
+        came = self._came_so_far()
+        if came != self._came or self._ramps.busy or self._work.waiting or not self._compiled.ready:
+            self._busy_at, self._came = now, came
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
@@ -188,7 +194,21 @@ class Session:
             self._publish(now)
             # However many joints there are, intake has most of the time.
             spent = monotonic() - now
-            self._publish_at = max(self._publish_at + self._period, now + _PUBLISHING * spent)
+            self._publish_at = max(self._publish_at + self._publish_period, now + _PUBLISHING * spent)
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing has come for a while, and nothing is under way: few ticks a second suffice then."""
+        return monotonic() - self._busy_at > _IDLE_AFTER
+
+    @property
+    def _publish_period(self) -> float:
+        return max(self._period, _IDLE_PERIOD) if self.idle else self._period
+
+    def _came_so_far(self) -> int:
+        """How many messages came."""
+        topics = (self._states, self._references)
+        return sum(topic.messages for topic in topics if topic is not None)
 
     @staticmethod
     def _qos() -> QoSProfile:
@@ -278,7 +298,7 @@ class Session:
             self._publications.publish_waiting(self._own_status(), self.joints, self._compiled.state)
             return
         news = {name: self._news(joint, now) for name, joint in self.joints.items()}
-        told = self._turns.due(news, urgent(self.joints))
+        told = self._turns.due(news, urgent(self.joints), self._publish_period)
         for name in told:
             self._following.catch_up(name, now)
             try:

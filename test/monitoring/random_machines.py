@@ -50,6 +50,7 @@ class Condition:
     change : what is not ideal in the machine.
     jitter : whether stamps are off by up to half a period, and samples lost.
     both_directions : whether slips in either direction are needed.
+    sampled : whether the controller sees the joint with the samples, and holds an effort that acts up to a period late.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Condition:
     change: Change
     jitter: bool = False
     both_directions: bool = False
+    sampled: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +155,7 @@ CONDITIONS = {
         Condition(name="ripple_200", velocities=one_way, change=_with(ripple=0.1, ripples=200.0)),
         Condition(name="exponential", velocities=one_way, change=_with(law=EXPONENTIAL)),
         Condition(name="lugre", velocities=one_way, change=_on_bristles),
+        Condition(name="sampled", velocities=one_way, change=_as_it_is, sampled=True),
     )
 }
 
@@ -184,6 +187,8 @@ def _attempt(seed: int, attempt: int, condition: Condition) -> MachineRecording 
     speeds = [first, *(first * rng.choice(_SPEED_FACTORS, size=2, replace=False)).tolist()][:count]
     fineness = rng.random()
     machine = condition.change(own, machine, gains)
+    if condition.sampled:
+        machine = replace(machine, sampled=True, control_delay=float(own.uniform(0.0, 1.0)) / rate)
     times = np.arange(round(DURATION * rate)) / rate
     velocities = condition.velocities(own, times, speeds)
     # The spring is nearly drawn already, so that the slowest joints slip within the record too.

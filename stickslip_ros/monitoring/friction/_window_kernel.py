@@ -219,14 +219,15 @@ def _shape_at(time, first, law, history, weights):
 
 @compiled(nogil=True)
 def simulate_windows(
-    parameters, law, directions, starts, gains, edges, times, drives, steps, positions, velocities, found
+    parameters, law, directions, starts, surpluses, gains, edges, times, drives, steps, positions, velocities, found
 ):
     """Simulate slip n from its start over the nodes ``edges[n]`` to ``edges[n + 1]``, by a law of ``_friction_law``.
 
-    All but ``directions``, ``edges`` and ``times`` have as many rows as there are variants; gains and drives may have
-    one for all. ``drives`` are what the force on a joint at zero would be, without its velocity's part. What holds the
-    joint at its breakaway beside the Stribeck friction is its kinetic friction, with any load, during the
-    slip. It may stop and go on within the window, but does not turn.
+    All but ``directions``, ``surpluses``, ``edges`` and ``times`` have as many rows as there are variants; gains and
+    drives may have one for all. ``surpluses`` are by what the force exceeds what holds the joint when it breaks away,
+    ``drives`` what the force on a joint at zero would be, without its velocity's part. What holds the joint at its
+    breakaway beside the Stribeck friction is its kinetic friction, with any load, during the slip. It may stop and go
+    on within the window, but does not turn.
     """
     room = 0.0
     for variant in range(parameters.shape[0]):
@@ -270,7 +271,7 @@ def simulate_windows(
             found[variant, n, ARREST] = math.nan
             for i in range(first, node + 1):
                 positions_at[i], velocities_at[i] = rest, 0.0
-            level_now, surplus = level, 0.0
+            level_now, surplus = level, surpluses[n]
             for _ in range(_MOST_SLIPS):
                 arrest, way, shape, node = _slide(
                     begin, surplus, level_now, drive, stiffness, law, plant, step, whole, first_share, direction, rest,

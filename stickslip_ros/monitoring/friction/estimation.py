@@ -37,6 +37,7 @@ from stickslip_ros.monitoring.friction.estimate import (
 )
 from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
+from stickslip_ros.monitoring.friction.late_controller import with_delay
 from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighed_laws
 from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
@@ -95,7 +96,8 @@ def fitted_laws(
             solution = search(problem, known, start)
     if solution is None:
         return []
-    first = with_trend(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
+    first = with_delay(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
+    first = with_trend(first, known)
     why = _unexplained(first)
     if why and not first.problem.trend and not first.problem.normalised:
         first = with_surroundings(first, known, why)

@@ -3,8 +3,8 @@
 """Standard errors of a fit that hold where the model does not: what the residuals show beside the sensor's noise.
 
 Five things widen the errors of least squares. That a controller acts on samples, in steps, as much as its samples are
-apart. Static friction that may have risen by then, or not. Slips that nothing explains, and residuals larger than they
-should be.
+apart, and late. Static friction that may have risen by then, or not. Slips that nothing explains, and residuals larger
+than they should be.
 The scatter of what each slip says about the parameters, which shows errors that differ from slip to slip. And a
 residual that repeats from slip to slip: more slips then say the same wrong thing, and no scatter shows it. Such a
 pattern is taken for what is seen of a discrepancy between model and machine, as large in what the fit could absorb as
@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction._window_kernel import RISE_TIME, STRIBECK, VISCOUS
+from stickslip_ros.monitoring.friction._window_kernel import INERTIA, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -30,6 +30,7 @@ _TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much mo
 _RISEN, _LONGER = 0.1, 2.0  # of the usual rest: a rise time that has long passed; a rest that is longer
 _ANY = 1.5  # of a logarithm: an error that leaves it open
 _CONFIGURED = 0.5  # information of a prior that knows the rise time
+_HALF_A_STEP = 0.5  # of what a sample interval adds to the force
 _ABSORBED = 8  # of the parts of a slip: as many freedoms a fit has in each
 
 
@@ -60,6 +61,7 @@ def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> Float
         covariance
         + _by_discrepancy(problem, fit, narrow)
         + _by_sampling(problem, fit)
+        + _by_steps(problem, fit, narrow)
         + _by_trend(problem, fit)
         + _by_no_rise(problem, fit, prior)
     )
@@ -88,15 +90,39 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     """Covariance of what a controller's steps make of the parameters, who acts on samples and holds its force.
 
     The force at breakaway is known to half of what a sample interval adds; what is taken for a continuous force is
-    off by the square of the angle ω Δt that the oscillation goes on in an interval.
+    off by the square of the angle ω Δt that the oscillation goes on in an interval. A delay τ that is not fitted is
+    inertia of −k_v τ; what it makes of viscous friction is told with that, see :mod:`.late_controller`.
     """
     size, columns = len(fit.parameters), fit.information.shape[0]
     variances = np.zeros(columns)
     if problem.windows[0].source is not ForceSource.SPEED:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
         variances[:PARAMETERS] = angle**4
-        variances[size] = (0.5 * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
+        variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
+    if problem.may_be_late and not problem.delay_shows:
+        late = LATE * problem.sample_interval * problem.latest_damping
+        variances[INERTIA] += (late / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
+
+
+def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> FloatArray:
+    """Covariance of what a force that grows in steps makes of the parameters: it may begin a slip with some surplus.
+
+    A slip that begins so is quicker than one that begins with the forces in balance, by as much in every slip; what
+    that does to the parameters is what it does to the residuals in each part of the slips. A controller that is seen to
+    act late is known to act in steps; of another it is not known.
+    """
+    size = fit.information.shape[0]
+    if not problem.delay_shows or not problem.usable.any():
+        return np.zeros((size, size))
+    surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
+    balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
+    ways = (quicker - balanced)[problem.observed] / (problem.directions * problem.distances)[problem.slip_of]
+    used = (problem.weights > 0) & np.isfinite(ways)
+    parts, count = problem.parts_of_slips[used], len(fit.pulls)
+    mean = np.bincount(parts, ways[used], count) / np.maximum(np.bincount(parts, minlength=count), 1)
+    moved = covariance @ fit.pulls.T @ mean
+    return np.asarray(np.outer(moved, moved))
 
 
 def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:

@@ -37,7 +37,7 @@ SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
 _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
-_DELAY = 1.5  # sample intervals, that a controller may be late
+LATE = 1.5  # sample intervals, that a controller may be late
 _GROWTH = 0.5  # of the Stribeck friction, by which it may grow with the load, or from place to place
 _TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
 _LEAST_INERTIA = 0.1  # share that a delay leaves
@@ -106,11 +106,12 @@ class SlipProblem(ObservedSlips):
         if delay_shows is None:
             delay_shows = windows[0].source is ForceSource.GAINS and len({window.gains for window in windows}) > 1
         self.delay_shows = delay_shows
+        self._no_surplus = np.zeros(self.count)
         self._rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
         stiffness, damping = self._gains[self._slip_of_node].T
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
         self._drives = stiffness * self.references + damping * self._rates + self.forces
-        self.more_errors = np.array([_DELAY]) if self.delay_shows else self.speed_errors
+        self.more_errors = np.array([LATE]) if self.delay_shows else self.speed_errors
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
         self.trend = trend and not self.normalised
@@ -140,26 +141,34 @@ class SlipProblem(ObservedSlips):
 
     def loading_rate(self, parameters: FloatArray) -> float:
         """How fast the force on the resting joint rises, median of the slips [N·m/s]."""
+        return float(np.median(self.loading_rates(parameters)))
+
+    def loading_rates(self, parameters: FloatArray) -> FloatArray:
+        """How fast the force on the resting joint rises before each slip [N·m/s], shape (slips,)."""
         if self.normalised:
             rates = np.abs(self.speeds * np.exp(parameters[PARAMETERS:]))[self.groups]
         else:
             ends = self.edges[1:] - 1
             rates = np.abs(self.references[ends] - self.references[self.edges[:-1]])
             rates /= self.last_times - self.first_times
-        return float(np.median(self.stiffness(parameters) * rates))
+        return np.asarray(self.stiffness(parameters) * rates)
 
-    def simulate(self, parameters: FloatArray, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def simulate(
+        self, parameters: FloatArray, unknowns: FloatArray, surpluses: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Positions and velocities at the nodes, and what is found of each slip (columns of the kernel).
 
         ``unknowns`` of shape (slips, 3): rest position [rad], breakaway [s], logarithm of the level [N·m].
+        ``surpluses`` of shape (slips,): by what the force exceeds what holds the joint when it breaks away [N·m].
         """
-        positions, velocities, found = self.simulate_variants(parameters[None], unknowns[None])
+        positions, velocities, found = self.simulate_variants(parameters[None], unknowns[None], surpluses)
         return positions[0], velocities[0], found[0]
 
     def simulate_variants(
-        self, parameters: FloatArray, unknowns: FloatArray
+        self, parameters: FloatArray, unknowns: FloatArray, surpluses: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What :meth:`simulate` gives for several parameters and unknowns at once, each with its row."""
+        surpluses = self._no_surplus if surpluses is None else surpluses
         plants = np.exp(parameters[:, :PARAMETERS])
         gains, drives = self._gains[None], self._drives[None]
         if self.normalised:
@@ -200,7 +209,7 @@ class SlipProblem(ObservedSlips):
         positions, velocities = np.empty((2, len(plants), len(self.times)))
         found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
         kernel.simulate_windows(
-            plants, self.law, self.directions, starts, gains, self.edges, self.times, drives,
+            plants, self.law, self.directions, starts, surpluses, gains, self.edges, self.times, drives,
             self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
         if lighter is not None:
@@ -244,6 +253,22 @@ class SlipProblem(ObservedSlips):
         other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=self.delay_shows, trend=True)
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
+
+    def with_delay(self) -> SlipProblem:
+        """The problem of the same slips with a controller whose delay is unknown; what was found of stamps is kept."""
+        other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=True)
+        other.take_up(stray=self.stray, tolerance=0.0)
+        return other
+
+    @property
+    def may_be_late(self) -> bool:
+        """Whether the force is that of a controller's gains, which may act late."""
+        return self.windows[0].source is ForceSource.GAINS
+
+    @property
+    def latest_damping(self) -> float:
+        """Gain of the last slip [N·m·s/rad]."""
+        return float(self._gains[-1, 1])
 
     def elsewhere(
         self, windows: list[SlipWindow], taken_off: FloatArray, growth: FloatArray | None = None

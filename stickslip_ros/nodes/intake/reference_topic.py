@@ -23,12 +23,16 @@ from stickslip_ros.nodes.intake.refusals import Refusals
 
 
 class ControllerStateTopic:
-    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which few publish fast."""
+    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which few publish fast.
+
+    ``messages`` : how many came.
+    """
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
         self._topic, self._refuse = topic, refuse
         self._subscription = DrainedSubscription(node, message_type, topic, qos)
         self._arrivals = ArrivalTimes(node)
+        self.messages = 0
         self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
 
     def take(self, until: float) -> dict[str, FloatArray]:
@@ -39,6 +43,7 @@ class ControllerStateTopic:
     def keep(self) -> None:
         """Take what has arrived from the middleware, and let it wait."""
         taken = self._subscription.take_all()
+        self.messages += len(taken)
         arrivals = self._arrivals.of([info for _, info in taken])
         rows: dict[str, list[tuple[float, float, float]]] = {}
         for (message, _), arrival in zip(taken, arrivals.tolist(), strict=True):

@@ -77,21 +77,21 @@ class Following:
 class Turns:
     """Whom to tell of now: joints that have news, that stick or are at risk, and some of the others in turn."""
 
-    def __init__(self, period: float) -> None:
-        self._period = period
+    def __init__(self) -> None:
         self._told: dict[str, tuple[object, ...]] = {}  # the news, that told longest ago first
 
-    def due(self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str]) -> list[str]:
+    def due(self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float) -> list[str]:
         """The joints to tell of, of all that there are.
 
         Parameters
         ----------
         news : of each joint objects that are others when there is something to tell at once. urgent : told each time.
+        period : until they are told of again [s].
         """
         wanted = set(urgent)
         wanted.update(name for name, new in news.items() if self._is_new(name, new))
         others = [name for name in self._told if name in news and name not in wanted]
-        share = max(_ALWAYS, math.ceil(len(news) * self._period / _ALL_WITHIN))
+        share = max(_ALWAYS, math.ceil(len(news) * period / _ALL_WITHIN))
         wanted.update(others[:share])
         chosen = [name for name in news if name in wanted]
         for name in chosen:

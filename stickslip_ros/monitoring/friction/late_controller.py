@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A controller that acts late, as every sampled one does: it holds its effort for a period, and sends it later still.
+
+A delay τ of the force of the gains is, to the first order, damping of −k_p τ and inertia of −k_v τ. With gains that
+are the same throughout, viscous friction and inertia take it up: then viscous friction is told with it, F_v − k_p τ,
+which is what counts for the margin, and the error of the inertia has it. Where it takes away more damping than friction
+gives, no friction can take it up: there it is fitted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from numpy.linalg import LinAlgError
+
+from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
+from stickslip_ros.monitoring.friction.laws import FittedLaw, misfit_of
+from stickslip_ros.monitoring.friction.slip_solution import GOOD, fit_near
+
+_NEXT_TO_NONE = math.log(3.0)  # above the least viscous friction that can be fitted: there may be less than none
+
+
+def with_delay(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
+    """The same law with a controller that acts late, where that explains the slips better (BIC); else as it was.
+
+    Tried only where viscous friction next to none is found.
+
+    Parameters
+    ----------
+    known : mean and standard deviation of parameters' logarithms, by index.
+    """
+    problem, solution = first.problem, first.solution
+    viscous = float(solution.fit.parameters[VISCOUS])
+    if not problem.may_be_late or problem.delay_shows or viscous > solution.prior.lower[VISCOUS] + _NEXT_TO_NONE:
+        return first
+    late = problem.with_delay()
+    try:
+        found = fit_near(late, solution.fit.parameters, solution.fit, known)
+    except LinAlgError:
+        return first
+    gain = misfit_of(problem, solution) - misfit_of(late, found)
+    if found.mean_square >= max(GOOD, solution.mean_square) or gain < math.log(problem.count):
+        return first
+    return FittedLaw(law=first.law, problem=late, solution=found)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Issue 18: friction learnt beside a sampled controller, which holds its effort for a period and sends it late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machines import Machine, drawn, simulate
+from random_machines import CONDITIONS, random_recording
+
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
+
+pytestmark = pytest.mark.slow
+
+SPEED, RESOLUTION, SECONDS = 0.005, 2e-5, 40.0
+
+
+def learnt(batch: Batch, gains: Gains) -> FrictionEstimate:
+    """What a monitor learns from a recording."""
+    monitor = JointMonitor(None, gains, studies_at_once=True)
+    monitor.process(batch)
+    monitor.finish()
+    assert monitor.learner.estimate is not None
+    return monitor.learner.estimate
+
+
+def beside_a_sampled_controller(
+    puma: Joint, *, rate: float, late: float, damping: float
+) -> tuple[Machine, FrictionEstimate]:
+    """The PUMA's joint, its controller acting a share of a period late, and what is learnt."""
+    machine = replace(Machine.of(puma), sampled=True, control_delay=late / rate)
+    gains = Gains(stiffness=630.0, damping=damping)
+    times = np.arange(int(SECONDS * rate)) / rate
+    velocities = np.full(len(times), SPEED)
+    references = drawn(machine, gains) + SPEED * times
+    motion = simulate(machine, gains, references, velocities, 1.0 / rate)
+    batch = Batch(
+        time=times,
+        position=RESOLUTION * np.round(motion.position / RESOLUTION),
+        effort=motion.effort,
+        reference_position=references,
+        reference_velocity=velocities,
+    )
+    return machine, learnt(batch, gains)
+
+
+@pytest.mark.parametrize(("late", "damping"), [(0.7, 0.0), (0.2, 30.0), (0.7, 60.0)])
+def test_the_delay_goes_into_viscous_friction_and_into_nothing_else(puma: Joint, late: float, damping: float) -> None:
+    """At 500 Hz: F_v − k_p τ is what counts for the margin, and what is told; the inertia's error has k_v τ in it."""
+    machine, estimate = beside_a_sampled_controller(puma, rate=500.0, late=late, damping=damping)
+    delay = (0.5 + late) / 500.0
+    viscous = estimate["viscous"]
+    assert viscous.value == pytest.approx(machine.viscous - 630.0 * delay, abs=3.0 * viscous.std)
+    assert viscous.std < 0.5
+    for name in set(NAMES) - {"viscous", "coulomb"}:
+        assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
+    assert estimate["inertia"].std > damping * delay / 3.0
+
+
+@pytest.mark.parametrize("seed", [1, 4, 6, 8])
+def test_a_delay_that_takes_away_more_than_friction_gives(seed: int) -> None:
+    """No friction takes it up: it was in all that was called identified before, up to hundreds of its errors off."""
+    recording = random_recording(seed, CONDITIONS["sampled"])
+    machine, gains = recording.machine, recording.gains
+    period = float(recording.batch.time[1])
+    assert machine.viscous < float(gains.stiffness) * (0.5 * period + machine.control_delay)
+    estimate = learnt(recording.batch, gains)
+    assert estimate.law == "hess_soom"
+    assert not estimate["viscous"].identified
+    for name in set(NAMES) - {"viscous", "coulomb"}:
+        off = abs(estimate[name].value - float(getattr(machine, name)))
+        assert off < 3.0 * estimate[name].std or not estimate[name].identified, name
+    for name in ("inertia", "lag"):
+        assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
