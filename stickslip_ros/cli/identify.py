@@ -191,6 +191,10 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
         speeds = [float(word) for word in (options.speeds or "").split(",") if word]
     except ValueError as error:
         raise InvalidParameterError("--speeds", "numbers separated by commas", options.speeds) from error
+    if not speeds:
+        raise InvalidParameterError(
+            "--speeds", "given for an experiment, one or more, such as 0.005,0.02", options.speeds
+        )
     steps = speed_ladder(speeds, duration=options.step_time, rest=options.rest)
     way = sum(speeds) * options.step_time
     total = sum(step.duration for step in steps)

@@ -132,6 +132,7 @@ def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--simulated", "/a", "--controller", "/b"], "one of RECORDING"),
         (["--simulated", "/a", "--speeds", "fast"], "numbers separated by commas"),
         (["--simulated", "/a", "--speeds", "-0.1"], "finite and > 0"),
+        (["--controller", "/a"], "'--speeds' must be given for an experiment"),
         (["--simulated", "/a"], "one or more"),
         (["--simulated", "/a", "--speeds", "0.1", "--step-time", "nan"], "'--step-time' must be"),
         (["--simulated", "/a", "--speeds", "0.1,0.3"], "--largest-way"),

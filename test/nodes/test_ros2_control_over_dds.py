@@ -148,7 +148,7 @@ def test_identify_moves_it(ros_domain: int) -> None:
         one.wait_for_monitor()
         one.wait(lambda: "shoulder" in one.margins, 60.0, "the joint")
         command = [sys.executable, "-m", "stickslip_ros.cli.main", "identify", "--controller", CONTROLLER]
-        command += ["--on", "shoulder", "--json"]
+        command += ["--on", "shoulder", "--speeds", "0.005,0.02", "--json"]
         found = subprocess.run(command, capture_output=True, text=True, timeout=400.0, check=False)
         assert found.returncode == 0, found.stdout + found.stderr
         coulomb = json.loads(found.stdout)["friction"]["coulomb"]

@@ -21,7 +21,7 @@ from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING, WatchedJoin
 _LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
 _ALL_WITHIN = 1.0  # [s] every joint is told of at least so often
-_ALWAYS = 8  # so many joints are told of each time: an arm's are always all there
+_FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
 
 
 class Following:
@@ -91,7 +91,7 @@ class Turns:
         wanted = set(urgent)
         wanted.update(name for name, new in news.items() if self._is_new(name, new))
         others = [name for name in self._told if name in news and name not in wanted]
-        share = max(_ALWAYS, math.ceil(len(news) * period / _ALL_WITHIN))
+        share = len(news) if len(news) <= _FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
         wanted.update(others[:share])
         chosen = [name for name in news if name in wanted]
         for name in chosen:
