@@ -13,11 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from numpy.linalg import LinAlgError
-
 from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
-from stickslip_ros.monitoring.friction.laws import FittedLaw, misfit_of
-from stickslip_ros.monitoring.friction.slip_solution import GOOD, fit_near
+from stickslip_ros.monitoring.friction.laws import FittedLaw, fitted_with_more
 
 _NEXT_TO_NONE = math.log(3.0)  # above the least viscous friction that can be fitted: there may be less than none
 
@@ -35,12 +32,4 @@ def with_delay(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Fi
     viscous = float(solution.fit.parameters[VISCOUS])
     if not problem.may_be_late or problem.delay_shows or viscous > solution.prior.lower[VISCOUS] + _NEXT_TO_NONE:
         return first
-    late = problem.with_delay()
-    try:
-        found = fit_near(late, solution.fit.parameters, solution.fit, known)
-    except LinAlgError:
-        return first
-    gain = misfit_of(problem, solution) - misfit_of(late, found)
-    if found.mean_square >= max(GOOD, solution.mean_square) or gain < math.log(problem.count):
-        return first
-    return FittedLaw(law=first.law, problem=late, solution=found)
+    return fitted_with_more(first, problem.with_delay(), 1, known)

@@ -22,7 +22,7 @@ from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_near, usual_level
+from stickslip_ros.monitoring.friction.slip_solution import GOOD, Solution, fit_near, usual_level
 from stickslip_ros.monitoring.friction.surroundings import Surroundings
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -109,6 +109,25 @@ def _is_hopeless(problem: SlipProblem, start: FloatArray, known: Solution) -> bo
         enough=_ENOUGH, wanted=far,
     )  # fmt: skip
     return looked.cost > far
+
+
+def fitted_with_more(
+    first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]
+) -> FittedLaw:
+    """The fit of the same slips with more parameters, where it is good and worth them (BIC); else the first one.
+
+    Parameters
+    ----------
+    problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
+    """
+    try:
+        found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
+    except LinAlgError:
+        return first
+    gain = misfit_of(first.problem, first.solution) - misfit_of(problem, found)
+    if found.mean_square >= GOOD or gain < more * math.log(problem.count):
+        return first
+    return FittedLaw(law=first.law, problem=problem, solution=found)
 
 
 def misfit_of(problem: SlipProblem, solution: Solution) -> float:

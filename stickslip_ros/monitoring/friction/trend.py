@@ -8,16 +8,13 @@ the kinetic friction grows by so much from the first slip to the last, Stribeck 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.linalg import LinAlgError
 
-from stickslip_ros.monitoring.friction.laws import FittedLaw, misfit_of
+from stickslip_ros.monitoring.friction.laws import FittedLaw, fitted_with_more
 from stickslip_ros.monitoring.friction.slip_fit import Prior
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_solution import GOOD, fit_near
 from stickslip_ros.monitoring.samples import FloatArray
 
 _LEAST_SLIPS = 12
@@ -34,15 +31,7 @@ def with_trend(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Fi
     problem, solution = first.problem, first.solution
     if problem.normalised or solution.tolerance > 0 or not _shows(first):
         return first
-    changing = problem.with_trend()
-    try:
-        found = fit_near(changing, solution.fit.parameters, solution.fit, known)
-    except LinAlgError:
-        return first
-    gain = misfit_of(problem, solution) - misfit_of(changing, found)
-    if found.mean_square >= GOOD or gain < _PARAMETERS * math.log(problem.count):
-        return first
-    return FittedLaw(law=first.law, problem=changing, solution=found)
+    return fitted_with_more(first, problem.with_trend(), _PARAMETERS, known)
 
 
 def lasting_knowledge(problem: SlipProblem, information: FloatArray, prior: Prior) -> tuple[FloatArray, Prior]:
