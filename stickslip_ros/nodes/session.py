@@ -182,6 +182,9 @@ class Session:
             self._intake_at = now + min(_INTAKE * (monotonic() - now), _LONGEST_INTAKE)
         came = self._came_so_far()
         if came != self._came or self._ramps.busy or self._work.waiting or not self._compiled.ready:
+            # What ends a silence is told of at once, however long the next status would have waited in it.
+            if self.idle:
+                due, self._publish_at = True, now
             self._busy_at, self._came = now, came
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
