@@ -20,6 +20,7 @@ from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.settings.parameters import Feedforward
 
 _SILENT = 0.1  # [s] after which a reference is no more
@@ -42,7 +43,7 @@ class FrictionFeedforward:
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
-        self._publisher = node.create_lifecycle_publisher(JointState, "~/friction_feedforward", 1)
+        self._publisher = quiet_publisher(node, JointState, "~/friction_feedforward", 1)
         self._heard: dict[str, _Heard] = {}
         self._known: dict[str, Friction] = {}
         self._on: tuple[str, ...] = ()

@@ -24,7 +24,7 @@ from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session
 
-_TICK, _IDLE_TICK = 0.02, 0.2  # [s]; the latter while nothing comes
+_TICK, _IDLE_TICK = 0.02, 0.5  # [s]; the latter while nothing comes: what comes then is seen at once all the same
 RCLError = rclpy_implementation.RCLError
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -89,7 +89,7 @@ class Monitor(LifecycleNode):
 
         def activate() -> None:
             assert self._session is not None
-            self._session.activate()
+            self._session.activate(self._tick)
             # A timer on ROS time would stop with a paused or looping simulation.
             self._timer = self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -154,7 +154,7 @@ class Monitor(LifecycleNode):
             return
         try:
             self._session.tick()
-            self._set_pace(_IDLE_TICK if self._session.idle else _TICK)
+            self._set_pace(_IDLE_TICK if self._session.sleeps() else _TICK)
         except Exception:
             if not self.context.ok():
                 raise
@@ -165,6 +165,7 @@ class Monitor(LifecycleNode):
         nanoseconds = round(period * 1e9)
         if self._timer is not None and self._timer.timer_period_ns != nanoseconds:
             self._timer.timer_period_ns = nanoseconds
+            self._timer.reset()
 
     def _check_parameters(self, parameters: list[Parameter]) -> None:
         """Refuse what would make no joint, with the reason; nothing is changed here."""

@@ -19,6 +19,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.nodes.conversion import diagnostic_status, friction_message, table
+from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 
@@ -57,12 +58,11 @@ class Publications:
         space = node.get_namespace().strip("/")
         self.robot = f"{space}/" if space else ""
         self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, as they were when a joint was told of last
-        create = node.create_lifecycle_publisher
-        self._diagnostics = create(DiagnosticArray, "/diagnostics", 10)
-        self._margins = create(Float64MultiArray, "~/margins", 10)
-        self._cycles = create(DiagnosticArray, "~/cycles", 1000)
-        self._friction = create(JointState, "~/friction", 10)
-        self._recommended = create(Float64MultiArray, "~/recommended_gains", 10)
+        self._diagnostics = quiet_publisher(node, DiagnosticArray, "/diagnostics", 10)
+        self._margins = quiet_publisher(node, Float64MultiArray, "~/margins", 10)
+        self._cycles = quiet_publisher(node, DiagnosticArray, "~/cycles", 1000)
+        self._friction = quiet_publisher(node, JointState, "~/friction", 10)
+        self._recommended = quiet_publisher(node, Float64MultiArray, "~/recommended_gains", 10)
 
     def close(self) -> None:
         """Take them from the graph."""

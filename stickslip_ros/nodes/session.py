@@ -27,6 +27,7 @@ from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.ramp_service import RefusedError
 from stickslip_ros.nodes.gains.ramps import Ramps
+from stickslip_ros.nodes.intake.drain import FirstMessage
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, reference_topic
@@ -86,6 +87,7 @@ class Session:
         self._states: JointStateTopic | None = None
         self._references: JointStateTopic | ControllerStateTopic | None = None
         self._self: SelfDiagnosis | None = None
+        self._first: FirstMessage | None = None
         self._publish_at = self._poll_at = self._intake_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
         self._turns = Turns()
@@ -140,13 +142,14 @@ class Session:
         """Write no more gains of what was asked for until now."""
         self._ramps.withdraw()
 
-    def activate(self) -> None:
-        """Begin to listen."""
+    def activate(self, heard: Callable[[], None]) -> None:
+        """Begin to listen; ``heard`` is called when the first message comes that ends an idle time."""
         self._references = reference_topic(
             self._node, self._reference_type, "joint_references", self._qos(), self._refuse
         )
         self._states = JointStateTopic(self._node, "joint_states", self._qos(), self._refuse)
         self._self = SelfDiagnosis(self._states, self._work, self.joints)
+        self._first = FirstMessage(self._node, (self._states.subscription, self._references.subscription), heard)
 
     def deactivate(self) -> None:
         """Listen no more, and write no more gains; what was learnt is kept and saved."""
@@ -161,9 +164,11 @@ class Session:
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
             if self._node.context.ok():
                 self._publications.publish_cycles([*self._following.found(), *last])
+        if self._first is not None:
+            self._first.close()
         self._states.close()
         self._references.close()
-        self._states = self._references = self._self = None
+        self._states = self._references = self._self = self._first = None
         self._keeper.save(self.joints)
 
     def close(self) -> None:
@@ -183,7 +188,7 @@ class Session:
         came = self._came_so_far()
         if came != self._came or self._ramps.busy or self._work.waiting or not self._compiled.ready:
             # What ends a silence is told of at once, however long the next status would have waited in it.
-            if self.idle:
+            if self._idle:
                 due, self._publish_at = True, now
             self._busy_at, self._came = now, came
         if now >= self._poll_at:
@@ -199,14 +204,19 @@ class Session:
             spent = monotonic() - now
             self._publish_at = max(self._publish_at + self._publish_period, now + _PUBLISHING * spent)
 
+    def sleeps(self) -> bool:
+        """Whether nothing has come for a while, and nothing is under way: few ticks a second suffice until it does."""
+        if self._first is not None:
+            self._first.armed = self._idle
+        return self._idle
+
     @property
-    def idle(self) -> bool:
-        """Whether nothing has come for a while, and nothing is under way: few ticks a second suffice then."""
+    def _idle(self) -> bool:
         return monotonic() - self._busy_at > _IDLE_AFTER
 
     @property
     def _publish_period(self) -> float:
-        return max(self._period, _IDLE_PERIOD) if self.idle else self._period
+        return max(self._period, _IDLE_PERIOD) if self._idle else self._period
 
     def _came_so_far(self) -> int:
         """How many messages came."""

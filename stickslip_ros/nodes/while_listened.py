@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING
 from stickslip_ros.nodes.publications import Findings
+from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
 
@@ -51,7 +52,7 @@ class WhileListened(Generic[Question, Answer]):
     ) -> None:
         self._node = node
         self._question, self._alike, self._message = question, alike, message
-        self._publisher = node.create_lifecycle_publisher(message_type, topic, _LATCHED)
+        self._publisher = quiet_publisher(node, message_type, topic, _LATCHED)
         self._answers: Background[Question, Answer] = Background(work, kind, answer)
         self._asked_at: dict[str, float] = {}
         self._shown: dict[str, Question] = {}

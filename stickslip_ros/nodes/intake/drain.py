@@ -8,12 +8,14 @@ go costs a tenth of that and loses none as long as the queue holds a drain perio
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.waitable import NumberOfEntities, Waitable
 
 from stickslip_ros.errors import StickSlipError
 
@@ -84,6 +86,54 @@ class DrainedSubscription:
                 found.append(taken)
         return found
 
+    def add_to(self, wait_set: Any) -> int:
+        """Have the executor wait for the next message too; returns the place in its wait set."""
+        with self._subscription.handle:
+            return int(wait_set.add_subscription(self._subscription.handle))
+
     def close(self) -> None:
         """Listen no more."""
         self._node.destroy_subscription(self._subscription)
+
+
+class FirstMessage(Waitable):
+    """Lets the executor call back as soon as a message waits in one of some subscriptions, while it is armed.
+
+    The message stays where it is until it is taken. With it a node that nothing is sent to can sleep long, and is awake
+    at once.
+
+    Parameters
+    ----------
+    heard : what is called, once; it may arm this anew.
+    """
+
+    def __init__(self, node: Node, subscriptions: Sequence[DrainedSubscription], heard: Callable[[], None]) -> None:
+        super().__init__(node.default_callback_group)
+        self._node, self._subscriptions, self._heard = node, subscriptions, heard
+        self._places: list[int] = []
+        self.armed = False
+        node.add_waitable(self)
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """How many subscriptions are waited for."""
+        return NumberOfEntities(num_subs=len(self._subscriptions) if self.armed else 0)
+
+    def add_to_wait_set(self, wait_set: Any) -> None:
+        """Wait for them."""
+        self._places = [one.add_to(wait_set) for one in self._subscriptions] if self.armed else []
+
+    def is_ready(self, wait_set: Any) -> bool:
+        """Whether a message waits in any."""
+        return any(wait_set.is_ready("subscription", place) for place in self._places)
+
+    def take_data(self) -> None:
+        """Take no message: that is for those who drain them."""
+        self.armed = False
+
+    async def execute(self, taken_data: None) -> None:
+        """Say so."""
+        self._heard()
+
+    def close(self) -> None:
+        """Wait for nothing any more; before the subscriptions are closed."""
+        self._node.remove_waitable(self)

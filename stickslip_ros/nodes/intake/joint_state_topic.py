@@ -52,7 +52,7 @@ class JointStateTopic:
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
         self._topic, self._refuse = topic, refuse
-        self._subscription = DrainedSubscription(node, JointState, topic, qos, raw=True)
+        self.subscription = DrainedSubscription(node, JointState, topic, qos, raw=True)
         self._decoder = JointStateDecoder()
         self._arrivals = ArrivalTimes(node)
         self._sequence = SequenceNumbers()
@@ -76,7 +76,7 @@ class JointStateTopic:
 
     def keep(self) -> None:
         """Take what has arrived from the middleware, which keeps no more than its queue holds, and let it wait."""
-        taken = self._subscription.take_all()
+        taken = self.subscription.take_all()
         self._look_at_the_graph()
         arrivals = self._arrivals.of([info for _, info in taken])
         if not taken:
@@ -120,7 +120,7 @@ class JointStateTopic:
         if now - self._looked_at < _LOOK_EVERY:
             return
         self._looked_at = now
-        self.publishers = self._subscription.publishers
+        self.publishers = self.subscription.publishers
         self.contested = frozenset(name for name, steps in self._steps_back.items() if steps >= _CONTESTED)
         if self.publishers < 2:
             self._last_number.clear()
@@ -145,7 +145,7 @@ class JointStateTopic:
 
     def close(self) -> None:
         """Listen no more."""
-        self._subscription.close()
+        self.subscription.close()
 
 
 def joined(parts: list[dict[str, FloatArray]]) -> dict[str, FloatArray]:

@@ -30,7 +30,7 @@ class ControllerStateTopic:
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
         self._topic, self._refuse = topic, refuse
-        self._subscription = DrainedSubscription(node, message_type, topic, qos)
+        self.subscription = DrainedSubscription(node, message_type, topic, qos)
         self._arrivals = ArrivalTimes(node)
         self.messages = 0
         self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
@@ -42,7 +42,7 @@ class ControllerStateTopic:
 
     def keep(self) -> None:
         """Take what has arrived from the middleware, and let it wait."""
-        taken = self._subscription.take_all()
+        taken = self.subscription.take_all()
         self.messages += len(taken)
         arrivals = self._arrivals.of([info for _, info in taken])
         rows: dict[str, list[tuple[float, float, float]]] = {}
@@ -67,7 +67,7 @@ class ControllerStateTopic:
 
     def close(self) -> None:
         """Listen no more."""
-        self._subscription.close()
+        self.subscription.close()
 
 
 def reference_topic(
