@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable
 
@@ -25,6 +26,7 @@ from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session
 
 _TICK, _IDLE_TICK = 0.02, 0.5  # [s]; the latter while nothing comes: what comes then is seen at once all the same
+_SIGNALLED = 0.1  # [s]
 RCLError = rclpy_implementation.RCLError
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -156,6 +158,8 @@ class Monitor(LifecycleNode):
             self._session.tick()
             self._set_pace(_IDLE_TICK if self._session.sleeps() else _TICK)
         except Exception:
+            # A signal makes what it interrupts fail, and ends the context a moment later: that is no error.
+            time.sleep(_SIGNALLED)
             if not self.context.ok():
                 raise
             # Whatever it was, the next tick may well succeed, and a monitor that is gone helps nobody.

@@ -127,7 +127,7 @@ class SimulatedJoint(Node):
         self._count = 0
         self._start_stamp = 1.0 if self._clock_publisher else time.time()
         self._start = time.monotonic()
-        every = _TIMER_PERIOD if self._has_controllers else max(_TIMER_PERIOD_OF_A_DRIVE, 0.5 * self._period)
+        every = _TIMER_PERIOD if self._has_controllers else max(_TIMER_PERIOD_OF_A_DRIVE, self._period)
         self.create_timer(every, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _declare(self, name: str, default: object, text: str, *, read_only: bool = False) -> None:

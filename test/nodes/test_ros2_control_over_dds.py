@@ -93,15 +93,15 @@ def test_its_hardware_takes_efforts(ros_domain: int) -> None:
 
 
 @contextmanager
-def demo() -> Iterator[tuple[subprocess.Popen[str], Probe]]:
-    """The launch file, started as its user starts it."""
+def demo(folder: Path) -> Iterator[Probe]:
+    """The launch file, started as its user starts it; the folder has its log."""
     command = ["ros2", "launch", "stickslip_ros", "ros2_control_demo.launch.py"]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
-    )
+    # A pipe that nobody reads is full soon, and whoever writes to it stands still then: the robot, for one.
+    with open(folder / "launch.log", "w") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
     try:
         with probe() as one:
-            yield process, one
+            yield one
     finally:
         os.killpg(process.pid, signal.SIGINT)
         try:
@@ -114,14 +114,21 @@ def move(one: Probe, way: float, seconds: int) -> None:
     """Let the shoulder go this way [rad], as a planner does."""
     publisher = one.node.create_publisher(JointTrajectory, f"{CONTROLLER}/joint_trajectory", 10)
     one.wait(lambda: publisher.get_subscription_count() > 0, 60.0, "the trajectory controller")
-    point = JointTrajectoryPoint(positions=[way], velocities=[way / seconds], time_from_start=Duration(sec=seconds))
-    publisher.publish(JointTrajectory(joint_names=["shoulder"], points=[point]))
+    point = JointTrajectoryPoint(positions=[way], time_from_start=Duration(sec=seconds))
+
+    def moves() -> bool:
+        # A controller that listens already may not be active yet, and forgets what it is told.
+        publisher.publish(JointTrajectory(joint_names=["shoulder"], points=[point]))
+        one.spin(3.0)
+        return one.status("shoulder") != "at_rest"
+
+    one.wait(moves, 60.0, "the joint to be told to move")
 
 
 @with_ros2_control
-def test_it_sticks_and_is_cured(ros_domain: int) -> None:
+def test_it_sticks_and_is_cured(ros_domain: int, tmp_path: Path) -> None:
     """Gains and references are taken, stick slip is found, narrow limits are refused, the advice is applied."""
-    with demo() as (_, one):
+    with demo(tmp_path) as one:
         one.wait_for_monitor()
         one.wait(lambda: one.margins.get("shoulder", {}).get("stiffness") == 630.0, 60.0, "the controller's gains")
         move(one, 1.5, 300)
@@ -136,19 +143,22 @@ def test_it_sticks_and_is_cured(ros_domain: int) -> None:
         wide = {"limits.shoulder.p_max": 4000.0, "limits.shoulder.d_max": 200.0}
         assert one.set_parameters("/stickslip_monitor", wide) == ["", ""]
         one.wait(lambda: "recommended damping [N*m*s/rad]" in one.diagnostics["shoulder"][2], 60.0, "advice")
+        one.wait(lambda: one.status("shoulder") == "stick_slip", 30.0, "stick slip again")
         answer = one.answer("apply_recommendation", 120.0)
         assert answer.success, answer.message
         assert one.get_parameters(CONTROLLER, ["gains.shoulder.d"])[0] > 0.0
 
 
 @with_ros2_control
-def test_identify_moves_it(ros_domain: int) -> None:
+def test_identify_moves_it(ros_domain: int, tmp_path: Path) -> None:
     """The experiment is accepted by the controller, and finds the joint's friction."""
-    with demo() as (_, one):
+    with demo(tmp_path) as one:
         one.wait_for_monitor()
         one.wait(lambda: "shoulder" in one.margins, 60.0, "the joint")
         command = [sys.executable, "-m", "stickslip_ros.cli.main", "identify", "--controller", CONTROLLER]
         command += ["--on", "shoulder", "--speeds", "0.005,0.02", "--json"]
+        # At rest it may lag 0.016 rad, and two cores that run all this hold it up now and then.
+        command += ["--largest-lag", "0.05"]
         found = subprocess.run(command, capture_output=True, text=True, timeout=400.0, check=False)
         assert found.returncode == 0, found.stdout + found.stderr
         coulomb = json.loads(found.stdout)["friction"]["coulomb"]
