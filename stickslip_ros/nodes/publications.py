@@ -8,6 +8,7 @@ from array import array as array_of
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
@@ -18,7 +19,8 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.nodes.conversion import diagnostic_status, friction_message, table
+from stickslip_ros.nodes.conversion import friction_message, table
+from stickslip_ros.nodes.diagnostic_bytes import diagnostic_array_bytes
 from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
@@ -72,18 +74,13 @@ class Publications:
     def publish_cycles(self, found: Sequence[tuple[str, Cycle]]) -> None:
         """One status for every completed cycle, with the name of its joint."""
         if found:
-            array = DiagnosticArray(
-                status=[diagnostic_status(cycle_diagnostic(name, cycle), self.robot) for name, cycle in found]
-            )
-            array.header.stamp = self._clock.now().to_msg()
-            self._cycles.publish(array)
+            diagnoses = [cycle_diagnostic(name, cycle) for name, cycle in found]
+            self._cycles.publish(diagnostic_array_bytes(self._now(), diagnoses, self.robot))
 
     def publish_waiting(self, own: Diagnosis, joints: Iterable[str], reason: str) -> None:
         """The status of the node, and of its joints why there is none yet."""
-        statuses = [own, *(waiting_diagnostic(name, reason) for name in joints)]
-        array = DiagnosticArray(status=[diagnostic_status(one, self.robot) for one in statuses])
-        array.header.stamp = self._clock.now().to_msg()
-        self._diagnostics.publish(array)
+        diagnoses = [own, *(waiting_diagnostic(name, reason) for name in joints)]
+        self._diagnostics.publish(diagnostic_array_bytes(self._now(), diagnoses, self.robot))
 
     def publish(
         self, own: Diagnosis, joints: Mapping[str, Findings], told: Sequence[str], *, warn_margin: float
@@ -96,8 +93,7 @@ class Publications:
         told : names of those that are told of now.
         """
         now = [(name, joints[name]) for name in told if name in joints]
-        array = DiagnosticArray(status=[diagnostic_status(own, self.robot)])
-        array.header.stamp = self._clock.now().to_msg()
+        stamp, diagnoses = self._now(), [own]
         for name, one in now:
             diagnosis = joint_diagnostic(
                 name,
@@ -111,18 +107,21 @@ class Publications:
                 applied=one.applied,
                 here=one.here,
             )
-            array.status.append(diagnostic_status(diagnosis, self.robot))
+            diagnoses.append(diagnosis)
             self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
-        self._diagnostics.publish(array)
+        self._diagnostics.publish(diagnostic_array_bytes(stamp, diagnoses, self.robot))
         if not joints:
             return
         if now:
-            self._friction.publish(friction_message(array.header.stamp, {name: one.assessment for name, one in now}))
+            self._friction.publish(friction_message(stamp, {name: one.assessment for name, one in now}))
         rows = array_of("d")
         for name in joints:
             rows.extend(self._rows[name])
         self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
         self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
+
+    def _now(self) -> Time:
+        return self._clock.now().to_msg()
 
     def _publish_advice(self, advised: Mapping[str, Gains]) -> None:
         if advised:

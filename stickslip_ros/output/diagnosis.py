@@ -292,4 +292,6 @@ def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
 
 def value_text(value: object) -> str:
     """A number in full, or a text."""
+    if type(value) is str:
+        return value
     return repr(float(value)) if isinstance(value, float) else str(value)

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 from typing import Any
 
 from stickslip_ros.model.friction import Friction, Gains
@@ -63,7 +64,11 @@ class Published:
 
     def key(self, prefix: str = "") -> str:
         """The key in diagnostics, with the unit."""
-        return f"{prefix}{self.diagnostics}{f' [{self.unit}]' if self.unit else ''}"
+        return prefix + self._key
+
+    @cached_property
+    def _key(self) -> str:
+        return f"{self.diagnostics} [{self.unit}]" if self.unit else self.diagnostics
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING, WatchedJoin
 # [s] for which samples of a joint that rests or moves smoothly may wait: at least, for each joint, at most
 _LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
-_ALL_WITHIN = 1.0  # [s] every joint is told of at least so often
+_ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, is told of at least so often
 _FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
 
 
@@ -75,20 +75,25 @@ class Following:
 
 
 class Turns:
-    """Whom to tell of now: joints that have news, that stick or are at risk, and some of the others in turn."""
+    """Whom to tell of now: joints that have news, often those that stick or are at risk, the others in turn."""
 
     def __init__(self) -> None:
-        self._told: dict[str, tuple[object, ...]] = {}  # the news, that told longest ago first
+        # The news, and how long ago they were told [s], that told longest ago first.
+        self._told: dict[str, tuple[object, ...]] = {}
+        self._since: dict[str, float] = {}
 
     def due(self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float) -> list[str]:
         """The joints to tell of, of all that there are.
 
         Parameters
         ----------
-        news : of each joint objects that are others when there is something to tell at once. urgent : told each time.
-        period : until they are told of again [s].
+        news : of each joint objects that are others when there is something to tell at once.
+        urgent : told ten times a second.
+        period : until this is asked again [s].
         """
-        wanted = set(urgent)
+        self._since = {name: self._since.get(name, 0.0) + period for name in news}
+        # The next time would be too late.
+        wanted = {name for name in urgent if self._since[name] + 0.5 * period > _URGENT_WITHIN}
         wanted.update(name for name, new in news.items() if self._is_new(name, new))
         others = [name for name in self._told if name in news and name not in wanted]
         share = len(news) if len(news) <= _FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
@@ -97,6 +102,7 @@ class Turns:
         for name in chosen:
             self._told.pop(name, None)
             self._told[name] = news[name]
+            self._since[name] = 0.0
         return chosen
 
     def _is_new(self, name: str, new: tuple[object, ...]) -> bool:
