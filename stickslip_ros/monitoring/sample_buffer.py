@@ -10,7 +10,6 @@ samples alone, not on how they were batched.
 from __future__ import annotations
 
 from collections import deque
-from itertools import groupby
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 MOST_BYTES = 450_000  # of the samples of one joint
 _ROWS = 512
 _FIELDS = tuple(Batch.__dataclass_fields__)  # the first is the time, the second the position
-_JOINED = 2  # blocks that become one, with every second sample of theirs
+_HALF = _ROWS // 2
 _THINNEST = 16  # of motion at least every so-manieth sample is kept
 _AT_REST = 0.02  # of the longest way in a block: a shorter one is a joint's that stands
 
@@ -70,6 +69,7 @@ class SampleBuffer:
         self._longest, self._most_bytes = longest, most_bytes
         self._blocks: deque[_Block] = deque()
         self._spare: list[_Block] = []
+        self._size = 0
 
     def add(self, batch: Batch) -> None:
         """Keep samples that follow those kept."""
@@ -90,16 +90,17 @@ class SampleBuffer:
     @property
     def size(self) -> int:
         """Memory that the samples take, but those of the last block [bytes]."""
-        return sum(block.size for block in self._blocks)
+        return self._size
 
     def _begin_block(self) -> None:
         if self._blocks:
             self._blocks[-1].finish()
+            self._size += self._blocks[-1].size
             now = self._blocks[-1].last()
             while len(self._blocks) > 1 and self._blocks[1].first() < now - self._longest:
-                self._give_back(self._blocks.popleft())
+                self._forget_the_oldest()
             # The block to come will be like the last one.
-            while len(self._blocks) > 1 and self.size + self._blocks[-1].size > self._most_bytes:
+            while len(self._blocks) > 1 and self._size + self._blocks[-1].size > self._most_bytes:
                 self._make_room()
         self._blocks.append(self._new())
 
@@ -109,38 +110,44 @@ class SampleBuffer:
     def _make_room(self) -> None:
         begin = self._to_join()
         if begin is None:
-            self._give_back(self._blocks.popleft())
+            self._forget_the_oldest()
             return
-        blocks = list(self._blocks)
-        group = blocks[begin : begin + _JOINED]
+        first, second = self._blocks[begin], self._blocks[begin + 1]
         joined = self._new()
-        for number in range(len(_FIELDS)):
-            joined.known[number] = any(block.known[number] for block in group)
-            if joined.known[number]:
-                joined.columns[number] = _column(group, number)[::_JOINED]
-        joined.count, joined.every = _ROWS, _JOINED * group[0].every
+        # Every second sample of theirs.
+        joined.columns[:, :_HALF], joined.columns[:, _HALF:] = first.columns[:, ::2], second.columns[:, ::2]
+        if not np.array_equal(first.known, second.known):
+            joined.columns[~first.known, :_HALF], joined.columns[~second.known, _HALF:] = np.nan, np.nan
+        np.logical_or(first.known, second.known, out=joined.known)
+        joined.count, joined.every = _ROWS, 2 * first.every
         joined.finish()
-        for block in group:
-            self._give_back(block)
-        self._blocks = deque([*blocks[:begin], joined, *blocks[begin + _JOINED :]])
+        self._size += joined.size - first.size - second.size
+        self._give_back(first)
+        self._give_back(second)
+        self._blocks[begin] = joined
+        del self._blocks[begin + 1]
 
     def _to_join(self) -> int | None:
-        """Where blocks begin that are to become one: of rests if there are such, else old ones; None for none."""
+        """Where two blocks begin that are to become one: of rests if there are such, else old ones; None for none."""
         blocks = list(self._blocks)
-        ways = np.array([block.way for block in blocks])
-        stands = ways <= _AT_REST * ways.max()
+        least = _AT_REST * max(block.way for block in blocks)
+        stands = [block.way <= least for block in blocks]
         # A slip begins gently, in a block that seems one of the rest before.
-        inside = stands & np.append(True, stands[:-1]) & np.append(stands[1:], False)
+        inside = [
+            here and before and after
+            for here, before, after in zip(stands, [True, *stands[:-1]], [*stands[1:], False], strict=True)
+        ]
         older = [at < len(blocks) // 2 and block.every < _THINNEST for at, block in enumerate(blocks)]
-        for eligible in (inside.tolist(), older):
-            kinds = [block.every if wanted else 0 for block, wanted in zip(blocks, eligible, strict=True)]
-            at = 0
-            for kind, run in groupby(kinds):
-                length = len(list(run))
-                if kind and length >= _JOINED:
+        for eligible in (inside, older):
+            for at in range(len(blocks) - 1):
+                if eligible[at] and eligible[at + 1] and blocks[at].every == blocks[at + 1].every:
                     return at
-                at += length
         return None
+
+    def _forget_the_oldest(self) -> None:
+        oldest = self._blocks.popleft()
+        self._size -= oldest.size
+        self._give_back(oldest)
 
     def _give_back(self, block: _Block) -> None:
         block.clear()
