@@ -46,7 +46,7 @@ def run(minutes: float = _MINUTES, sticking: tuple[int, ...] = (1, _JOINTS)) -> 
     with tempfile.TemporaryDirectory() as folder:
         for count in sticking:
             path = Path(folder) / f"{count}.mcap"
-            _write(path, minutes, count)
+            write_arm(path, 60.0 * minutes, count)
             _measure(_ANALYZE, path)  # the first run may compile
             analysis, memory = _measure(_ANALYZE, path)
             decoding, _ = _measure(_DECODE, path)
@@ -57,8 +57,8 @@ def run(minutes: float = _MINUTES, sticking: tuple[int, ...] = (1, _JOINTS)) -> 
             )
 
 
-def _write(path: Path, minutes: float, sticking: int) -> None:
-    """The first joints stick; the others are stiffer, and move smoothly."""
+def write_arm(path: Path, seconds: float, sticking: int, rate: float = _RATE) -> None:
+    """A recording of an arm: the first joints stick; the others are stiffer, and move smoothly."""
     known = load_joint("puma560_joint1")
     loose = RecordedJoint(
         joint=known.joint, gains=known.gains, velocities=(0.005,),
@@ -69,7 +69,7 @@ def _write(path: Path, minutes: float, sticking: int) -> None:
         f"joint{number + 1}": replace(loose if number < sticking else stiff, velocities=(0.005 + 0.002 * number,))
         for number in range(_JOINTS)
     }
-    write_simulation(path, joints, duration=60.0 * minutes, rate=_RATE)
+    write_simulation(path, joints, duration=seconds, rate=rate)
 
 
 def _measure(work: str, path: Path) -> tuple[float, float]:
