@@ -143,13 +143,13 @@ def depends_on(joint: JointAnalysis) -> str:
     return dry_friction_text(estimate.dry) if estimate is not None and estimate.usable else ""
 
 
-def reversals(joint: JointAnalysis) -> str:
+def reversals(joint: JointAnalysis, subject: str = "It") -> str:
     """What its reversals did to the joint, in one sentence; "" if none was seen."""
     record = joint.assessment.reversals
     if record is None:
         return ""
     times = "once" if record.count == 1 else f"{record.count} times"
-    text = f"It turned round {times}: {reversals_text(record)}"
+    text = f"{subject} turned round {times}: {reversals_text(record)}"
     return f"{text}, as a rule; at most by {1e3 * record.largest_error:.3g} mrad." if record.count > 1 else f"{text}."
 
 

@@ -15,6 +15,7 @@ from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model._validation import require_not_negative, require_positive
+from stickslip_ros.model.compensation import Compensation, usual_compensation
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.samples import FloatArray
@@ -35,6 +36,7 @@ class RecordedJoint:
     velocities : commanded one after the other, for equal parts of the recording [rad/s].
     encoder_resolution : of the position, 0 for none [rad]. position_noise, velocity_noise : standard deviations
         [rad], [rad/s]. load : constant torque against the controller [N·m].
+    feedforward, feedback, push : shares of its friction that the controller compensates [1].
 
     Raises
     ------
@@ -49,12 +51,26 @@ class RecordedJoint:
     position_noise: float = 0.0
     velocity_noise: float = 0.0
     load: float = 0.0
+    feedforward: float = 0.0
+    feedback: float = 0.0
+    push: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.velocities or not np.isfinite(self.velocities).all():
             raise InvalidParameterError("velocities", "one or more finite numbers", self.velocities)
-        for name in ("encoder_resolution", "position_noise", "velocity_noise"):
+        for name in (
+            "encoder_resolution", "position_noise", "velocity_noise", "feedforward", "feedback", "push",
+        ):  # fmt: skip
             require_not_negative(name, getattr(self, name))
+
+    def compensation(self, period: float) -> Compensation | None:
+        """What its controller adds, which looks once a period [s]; None if nothing."""
+        if not (self.feedforward or self.feedback or self.push):
+            return None
+        return usual_compensation(
+            self.joint.friction, period=period, resolution=self.encoder_resolution,
+            feedforward=self.feedforward, feedback=self.feedback, push=self.push,
+        )  # fmt: skip
 
 
 def write_simulation(
@@ -149,7 +165,9 @@ class _Track:
 
     def __init__(self, what: RecordedJoint, duration: float, rate: float) -> None:
         self._what, self._period = what, 1.0 / rate
-        self._simulation = JointSimulation(what.joint, what.gains, load=what.load)
+        self._simulation = JointSimulation(
+            what.joint, what.gains, load=what.load, compensation=what.compensation(self._period)
+        )
         self._part = duration * rate / len(what.velocities)
         self._reference = 0.0
 

@@ -23,9 +23,10 @@ from stickslip_ros.cli.outputs import COMPENSATION
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
+from stickslip_ros.model.compensation import USUAL_FILTER
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.compensations import USUAL_FILTER, compensations
+from stickslip_ros.monitoring.advice.compensations import compensations
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities

@@ -18,6 +18,12 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
 
+_COMPENSATIONS = {
+    "feedforward": "share of the friction that the controller adds at the reference's speed",
+    "feedback": "share of the Coulomb friction that it adds by the measured speed",
+    "push": "share of the friction that it adds by the sign of the error",
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
@@ -31,6 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stiffness", type=float, metavar="KP", help="[N·m/rad] (default: the known joint's)")
     parser.add_argument("--damping", type=float, metavar="KV", help="[N·m·s/rad] (default: the known joint's)")
     parser.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m]")
+    for name, text in _COMPENSATIONS.items():
+        parser.add_argument(f"--{name}", type=float, metavar="C", default=0.0, help=f"{text} (default: 0)")
     parser.add_argument("--duration", type=float, metavar="S", default=60.0, help="[s] (default: %(default)s)")
     parser.add_argument("--rate", type=float, metavar="F", default=1000.0, help="[Hz] (default: %(default)s)")
     parser.add_argument(
@@ -67,6 +75,7 @@ def run(options: argparse.Namespace) -> int:
             position_noise=options.position_noise,
             velocity_noise=options.velocity_noise,
             load=options.load,
+            **{kind: getattr(options, kind) for kind in _COMPENSATIONS},
         )
         for number, name in enumerate(names)
     }

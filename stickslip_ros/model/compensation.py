@@ -15,6 +15,11 @@ from stickslip_ros.model import _joint_state as at
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.friction import Friction, Real, steady_friction
 
+USUAL_FILTER = 0.01  # [s] time constant of a controller's measured speed
+_WIDTHS = 2.0  # Stribeck velocities: where the tanh of the measured speed rises
+_COUNTS = 4.0  # encoder counts in the filter's time, likewise
+_FADE = 2.0  # Stribeck velocities, at which a push is gone
+
 
 @dataclass(frozen=True, kw_only=True)
 class Compensation:
@@ -87,3 +92,36 @@ class Compensation:
         if self.feedback or self.push or self.dither:
             numbers[at.FILTER] = -math.expm1(-self.period / self.speed_filter) if self.speed_filter else 1.0
         return numbers
+
+
+def usual_compensation(
+    friction: Friction,
+    *,
+    period: float,
+    resolution: float,
+    speed_filter: float = USUAL_FILTER,
+    feedforward: float = 0.0,
+    feedback: float = 0.0,
+    push: float = 0.0,
+) -> Compensation:
+    """Compensation as a controller has it that knows the friction, with a width and a fade that suit it.
+
+    Parameters
+    ----------
+    period : of the controller [s]. resolution : of its encoder [rad]. speed_filter : time constant [s].
+    feedforward, feedback, push : shares of the friction [1].
+
+    Raises
+    ------
+    InvalidParameterError
+        If a value is negative or not finite.
+    """
+    require_positive("period", period)
+    require_not_negative("speed_filter", speed_filter)
+    scale = float(friction.stribeck_velocity)
+    # Narrower than the noise of the measured speed it would only rattle.
+    width = max(_WIDTHS * scale, _COUNTS * resolution / (speed_filter + period))
+    return Compensation(
+        friction=friction, period=period, resolution=resolution, speed_filter=speed_filter, width=width,
+        fade=max(_FADE * scale, width), feedforward=feedforward, feedback=feedback, push=push,
+    )  # fmt: skip

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
-from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.compensation import Compensation, usual_compensation
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.nodes.compiled_parts import wait_until_compiled
@@ -33,7 +33,6 @@ _GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
 _PROFILES = ("hold", "move", "reverse")
 _COMMANDS = ("reference", "effort")
 _COMPENSATED = {"feedforward": "at the reference's speed", "feedback": "at the measured speed", "push": "by the error"}
-_SPEED_FILTER = 0.01  # [s] of the measured speed
 _EFFORT_HOLDS = 0.2  # [s] without a message, after which it is zero
 _TIMER_PERIOD = 0.005  # [s]
 _TIMER_PERIOD_OF_A_DRIVE = 0.001  # [s] a controller of somebody else waits for the states
@@ -192,14 +191,11 @@ class SimulatedJoint(Node):
         shares = {kind: float(self._value(f"{kind}.{name}")) for kind in _COMPENSATED}
         if not any(shares.values()):
             return None
-        return Compensation(
-            friction=joint.friction,
-            **shares,
-            width=2.0 * float(joint.friction.stribeck_velocity),
-            fade=2.0 * float(joint.friction.stribeck_velocity),
+        return usual_compensation(
+            joint.friction,
             period=self._period,
             resolution=float(self._value(f"encoder_resolution.{name}")),
-            speed_filter=_SPEED_FILTER,
+            **shares,
         )
 
     def _hear_efforts(self, message: JointState) -> None:

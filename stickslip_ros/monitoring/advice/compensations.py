@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.compensation import USUAL_FILTER, Compensation, usual_compensation
 from stickslip_ros.model.compensation_effect import (
     CompensationEffect,
     compensation_effect,
@@ -18,11 +18,7 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 
 FEEDFORWARD, FEEDBACK = "feed-forward", "feedback"
-USUAL_FILTER = 0.01  # [s] time constant of a controller's measured speed
 _PERIOD = 1e-3  # [s] of a controller that is not known to be sampled
-_WIDTHS = 2.0  # Stribeck velocities: where the tanh of the measured speed rises
-_COUNTS = 4.0  # encoder counts in the filter's time, likewise
-_FADE = 2.0  # Stribeck velocities, at which a push is gone
 _DITHER = 3.0  # natural frequencies: dither is to be quicker than the joint
 
 
@@ -45,14 +41,9 @@ def compensations(
     """
     friction = joint.friction
     period = conditions.controller_period or _PERIOD
-    scale = float(friction.stribeck_velocity)
-    width = max(_WIDTHS * scale, _COUNTS * resolution / (speed_filter + period))
     natural = math.sqrt(float(gains.stiffness) / float(joint.inertia)) / (2.0 * math.pi)
     frequency = min(max(_DITHER * natural, 10.0), 0.4 / period)
-    seen = Compensation(
-        friction=friction, period=period, resolution=resolution, speed_filter=speed_filter, width=width,
-        fade=max(_FADE * scale, width),
-    )  # fmt: skip
+    seen = usual_compensation(friction, period=period, resolution=resolution, speed_filter=speed_filter)
     return {
         FEEDFORWARD: lambda share: replace(seen, feedforward=share),
         FEEDBACK: lambda share: replace(seen, feedback=share),
