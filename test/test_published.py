@@ -18,6 +18,8 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
+from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output import published
@@ -52,7 +54,9 @@ def state() -> Assessment:
         settles_after=0.1,
     )  # fmt: skip
     reversals = ReversalRecord(count=1, last=last, standing=0.1, lost_motion=0.01, peak_error=0.02, largest_error=0.02)
-    return replace(monitor.assessment(), reversals=reversals)
+    stiffness = ParameterEstimate(value=1e4, std=100.0, identified=True)
+    presliding = PreslidingEstimate(stiffness=stiffness, at_least=9e3, contact="lugre", rests=10)
+    return replace(monitor.assessment(), reversals=reversals, presliding=presliding)
 
 
 def with_a_row_more(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:

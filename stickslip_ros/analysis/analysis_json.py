@@ -93,6 +93,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         ],
         "cycles": [cycle_json(cycle) for cycle in joint.cycles],
         "reversals": None if state.reversals is None else told.REVERSALS.for_json(state.reversals),
+        "presliding": None if state.presliding is None else told.PRESLIDING.for_json(state.presliding),
         "transient": None if joint.transient is None else asdict(joint.transient),
         "friction": _friction(state.estimate, state.position),
         "gains": None if gains is None else told.GAINS.for_json(gains) | told.INTEGRAL_GAIN.for_json(gains),

@@ -137,6 +137,7 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
         found = (friction or {}).get(key, {})
         row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
     row |= told.BELIEF.for_fleet(margin) | told.REVERSALS.for_fleet(joint.get("reversals"))
+    row |= told.PRESLIDING.for_fleet(joint.get("presliding"))
     for section in told.OF_ADVICE:
         row |= section.for_fleet(advice)
     return row

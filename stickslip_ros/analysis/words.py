@@ -13,7 +13,7 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.output.wording import dry_friction_text, reversals_text
+from stickslip_ros.output.wording import dry_friction_text, presliding_text, reversals_text
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
@@ -151,6 +151,13 @@ def reversals(joint: JointAnalysis, subject: str = "It") -> str:
     times = "once" if record.count == 1 else f"{record.count} times"
     text = f"{subject} turned round {times}: {reversals_text(record)}"
     return f"{text}, as a rule; at most by {1e3 * record.largest_error:.3g} mrad." if record.count > 1 else f"{text}."
+
+
+def presliding(joint: JointAnalysis, subject: str = "It") -> str:
+    """How the joint gives way at rest, in one sentence; "" if that was not seen."""
+    seen, gains = joint.assessment.presliding, joint.assessment.gains
+    text = "" if seen is None else presliding_text(seen, float(gains.stiffness) if gains is not None else math.nan)
+    return f"{subject} {text}." if text else ""
 
 
 def rests_on(joint: JointAnalysis) -> str:

@@ -57,9 +57,9 @@ def print_analysis(analysis: BagAnalysis) -> None:
             console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)
             if words.rests_on(joint):
                 console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
-        turned = words.reversals(joint, joint.name)
-        if turned:
-            console.print(turned, soft_wrap=True, markup=False)
+        for text in (words.reversals(joint, joint.name), words.presliding(joint, joint.name)):
+            if text:
+                console.print(text, soft_wrap=True, markup=False)
     for reason, names in words.not_judged(joints).items():
         console.print(f"not judged, {reason}: {', '.join(names)}", soft_wrap=True, markup=False)
     for warning in analysis.warnings:

@@ -34,8 +34,10 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
+from stickslip_ros.output import published as told
 from stickslip_ros.output.as_json import json_text, parameter_json
 from stickslip_ros.output.published import number
+from stickslip_ros.output.wording import presliding_text
 from stickslip_ros.settings.joint_file import joint_file_text, write_joint_file
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
@@ -250,6 +252,7 @@ def _as_json(found: Identification) -> dict[str, Any]:
         "mismatch": slips.mismatch or None if slips else None,
         "per_inertia": found.per_inertia,
         "natural_frequency": number(frequency.value) if frequency else None,
+        "presliding": None if found.presliding is None else told.PRESLIDING.for_json(found.presliding),
         "sliding_speeds": [found.sliding.slowest, found.sliding.fastest] if found.sliding else None,
     }
 
@@ -296,6 +299,10 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
             f"Sliding was seen from {found.sliding.slowest:.3g} to {found.sliding.fastest:.3g} rad/s; "
             "beyond these speeds the curve of friction is a guess."
         )
+    stiffness = float(found.gains.stiffness) if found.gains is not None else math.nan
+    gives_way = presliding_text(found.presliding, stiffness) if found.presliding is not None else ""
+    if gives_way:
+        console.print(f"The joint {gives_way}.")
     if slips is None or slips.normalised:
         return
     if math.isfinite(slips.load.value):

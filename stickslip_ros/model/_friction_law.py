@@ -21,7 +21,8 @@ LAWS = {"hess_soom": HESS_SOOM, "exponential": EXPONENTIAL}
 PAPERS_LAW = "hess_soom"
 ELASTO_PLASTIC = "elasto_plastic"
 RIGID, YIELDING, CREEPING = range(3)
-CONTACTS = {ELASTO_PLASTIC: YIELDING, "lugre": CREEPING}  # where they are not rigid
+LUGRE = "lugre"
+CONTACTS = {ELASTO_PLASTIC: YIELDING, LUGRE: CREEPING}  # where they are not rigid
 
 _NO_TIME = 1e-300  # [s] so short that it is lost in any sum but that of zeros
 

@@ -22,6 +22,7 @@ from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import Finding
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 _STEP = 0.02  # of the Stribeck friction
@@ -97,6 +98,7 @@ class Assessment:
     reference_follows : whether what is published as the reference only repeats what is measured, and does not count.
     restarts : how often stamps went back by so much, or for so long, that the motion was followed anew from there.
     reversals : what was seen of those in which the joint stood; None if there were none.
+    presliding : how it gives way at rest, None of too few rests.
     """
 
     finding: Finding
@@ -132,6 +134,7 @@ class Assessment:
     reference_follows: bool = False
     restarts: int = 0
     reversals: ReversalRecord | None = None
+    presliding: PreslidingEstimate | None = None
 
     @property
     def here(self) -> Joint | None:

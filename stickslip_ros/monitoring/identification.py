@@ -13,6 +13,7 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
+from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.friction.sliding import SlidingFriction, sliding_friction
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -31,6 +32,7 @@ class Identification:
         is unknown or the joint hardly slid.
     cycles : stick-slip cycles that were found. speed : usual speed of the motion [rad/s].
     resolution : of the position [rad]. gains : in force, None if unknown.
+    presliding : how it gives way at rest, None of too few rests.
     dropped, restarts : samples that were left out, as of an assessment.
     """
 
@@ -40,6 +42,7 @@ class Identification:
     speed: float
     resolution: float
     gains: Gains | None
+    presliding: PreslidingEstimate | None = None
     dropped: dict[str, int] = field(default_factory=dict)
     restarts: int = 0
 
@@ -125,6 +128,7 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
         speed=sorted(speeds)[len(speeds) // 2] if speeds else math.nan,
         resolution=state.resolution,
         gains=gains,
+        presliding=state.presliding,
         dropped=state.dropped,
         restarts=state.restarts,
     )

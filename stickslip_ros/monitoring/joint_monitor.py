@@ -19,7 +19,7 @@ from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
-from stickslip_ros.monitoring.detection.rests import RestDetector
+from stickslip_ros.monitoring.detection.rests import Rest, RestDetector
 from stickslip_ros.monitoring.detection.reversals import ReversalMeter
 from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
 from stickslip_ros.monitoring.detection.status import (
@@ -39,6 +39,7 @@ from stickslip_ros.monitoring.detection.status import (
     TooShort,
 )
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
+from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
@@ -112,6 +113,7 @@ class JointMonitor:
         self._slices = np.zeros(len(STATUS_OF), dtype=int)  # of each code, ever
         self._latest_status = Status.UNKNOWN
         self._reversals = ReversalMeter()
+        self._presliding = PreslidingMeter()
         self._begin()
 
     @property
@@ -146,6 +148,7 @@ class JointMonitor:
         self._cycles = CycleDetector()
         self._samples = SampleBuffer()
         self._reversals.break_off()
+        self._presliding.break_off()
         self._latest_status = Status.UNKNOWN
         self._noted_until = -math.inf  # breakaway of the last cycle counted
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
@@ -163,6 +166,7 @@ class JointMonitor:
         self._segments.all.clear()
         self._slices[:] = 0
         self._reversals.forget()
+        self._presliding.forget()
         self.learner.reset()
 
     def memory(self) -> JointMemory:
@@ -253,6 +257,7 @@ class JointMonitor:
         for rest in self._rests.feed(batch):
             if rest.complete:
                 self._reversals.take(rest, self._samples)
+                self._learn_presliding(rest)
                 cycles += self._settle(self._cycles.take(rest))
                 continue
             foreseen = self._cycles.foresee(rest)
@@ -286,6 +291,11 @@ class JointMonitor:
         self._motion.note(self._cycles.evidence(self._recent))
         self._motion.await_rest(awaited=self._cycles.may_foresee)
         self._note_needed_motion()
+
+    def _learn_presliding(self, rest: Rest) -> None:
+        """Let a rest say how the contact gives way, if the gains were what they are throughout."""
+        if self.options.learn and self._gains_since <= rest.arrest:
+            self._presliding.take(rest, self._samples, self._gains, self._motion.resolution)
 
     def _learn_from(self, cycle: Cycle) -> None:
         """Let the learner see one slip, if gains and reference were what they are throughout."""
@@ -456,6 +466,7 @@ class JointMonitor:
             reference_follows=self._motion.reference_follows,
             restarts=self._filter.restarts,
             reversals=self._reversals.record,
+            presliding=self._presliding.estimate,
         )
 
 

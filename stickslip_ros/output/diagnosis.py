@@ -187,6 +187,8 @@ def joint_diagnostic(
         values += told.CYCLE_SIZE.for_diagnostics(cycle, "last ")
     if assessment.reversals is not None:
         values += told.REVERSALS.for_diagnostics(assessment.reversals)
+    if assessment.presliding is not None:
+        values += told.PRESLIDING.for_diagnostics(assessment.presliding)
     values += told.POSITION.for_diagnostics(assessment)
     values += told.SAMPLING.for_diagnostics(assessment)
     left_out = "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())

@@ -345,6 +345,22 @@ REVERSALS = Section(
              json="largest_error"),
     ),
 )  # fmt: skip
+# Of a PreslidingEstimate.
+PRESLIDING = Section(
+    lambda known: known.assessment.presliding,
+    (
+        _row(value=lambda seen: seen.stiffness.value, unit=_STIFFNESS, diagnostics="presliding_stiffness",
+             json="value", fleet="presliding_stiffness"),
+        _row(value=lambda seen: seen.stiffness.std, unit=_STIFFNESS, diagnostics="presliding_stiffness std",
+             json="std", fleet="presliding_stiffness_std"),
+        _row(value=lambda seen: seen.stiffness.identified, diagnostics="presliding_stiffness identified",
+             json="identified", fleet="presliding_stiffness_identified"),
+        _row(value=lambda seen: seen.at_least, unit=_STIFFNESS, diagnostics="presliding_stiffness at least",
+             json="at_least", fleet="presliding_stiffness_at_least"),
+        _row(value=lambda seen: seen.contact, diagnostics="presliding contact", json="contact"),
+        _row(value=lambda seen: seen.rests, unit="1", diagnostics="rests learnt from", json="rests"),
+    ),
+)  # fmt: skip
 POSITION = Section(
     lambda known: known.assessment,
     (
@@ -362,5 +378,5 @@ SECTIONS = (
     STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
     EXACT_UNCERTAINTY, BELIEF,
     *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, REVERSALS,
-    POSITION, SAMPLING,
+    PRESLIDING, POSITION, SAMPLING,
 )  # fmt: skip

@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 from stickslip_ros.model.controlled import HUNTING
+from stickslip_ros.model.friction import Friction
 from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import (
     Finding,
@@ -22,8 +24,10 @@ from stickslip_ros.monitoring.detection.status import (
 )
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
+from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 
 _MINUTE = 60.0  # [s]
+_STIFFNESS = unit_of(Friction, "presliding_stiffness")
 
 
 OUTCOME_TEXTS = {Outcome.STEADY: "moves steadily", Outcome.SWINGS: "swings", Outcome.STICKS: "sticks"}
@@ -73,6 +77,24 @@ def reversals_text(record: ReversalRecord) -> str:
     return (
         f"it stands for {record.standing:.2g} s where it turns, and falls behind by {1e3 * record.peak_error:.3g} mrad"
     )
+
+
+def presliding_text(presliding: PreslidingEstimate, stiffness: float) -> str:
+    """How a joint at rest gives way, in one sentence; "" where that was not seen.
+
+    Parameters
+    ----------
+    stiffness : of the controller [N·m/rad], NaN if it is not known.
+    """
+    if not presliding.shown:
+        return ""
+    found = presliding.stiffness
+    text = f"gives way at rest: presliding stiffness {found.value:.4g} ± {found.std:.2g} {_STIFFNESS}"
+    if stiffness > 0:
+        text += f", {found.value / stiffness:.3g} times the controller's stiffness"
+    if not presliding.contact:
+        return f"{text} (not identified: reversals would tell how the contact yields)"
+    return f"{text} ({presliding.contact}{'' if found.identified else ', not identified'})"
 
 
 def reason_text(finding: Finding) -> str:

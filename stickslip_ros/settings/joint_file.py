@@ -18,6 +18,7 @@ from stickslip_ros.model.friction_parameters import (
     FrictionParameter,
 )
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.identification import Identification
 
 _WIDTH = 32  # of a key with its value
@@ -54,6 +55,8 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
         lines.append(f"  contact: {joint.friction.contact}")
         rows += PRESLIDING_PARAMETERS
     lines += [f"  {line(one, float(getattr(joint.friction, one.name)))}" for one in rows]
+    if found.presliding is not None and found.presliding.stiffness.identified and joint.friction.rigid:
+        lines += _seen(found.presliding)
     lines.append("gains:                          # of the controller then")
     gains = gains or Gains(stiffness=0.0)
     for gain in ("stiffness", "damping", "integral"):
@@ -62,6 +65,16 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     lines.append(f"encoder_resolution: {found.resolution:.6g}".ljust(_WIDTH) + "# rad")
     lines.append(f"assumed: [{', '.join(assumed)}]")
     return "\n".join(lines) + "\n"
+
+
+def _seen(presliding: PreslidingEstimate) -> list[str]:
+    """Comments that make the contact elastic where their marks are taken away."""
+    parameter, estimate = PRESLIDING_PARAMETERS[0], presliding.stiffness
+    rests = f"{parameter.unit}, ± {estimate.std:.2g}, from {presliding.rests} rests"
+    return [
+        f"  # {parameter.name}: {estimate.value:.6g}  # {rests}",
+        f"  # contact: {presliding.contact}  # with both, verdicts come from simulation; Eq. (43) has a rigid contact",
+    ]
 
 
 def write_joint_file(path: Path, text: str) -> None:

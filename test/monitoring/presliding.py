@@ -9,6 +9,7 @@ package's own law, which knows no creep, has no part in it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ class Creeping:
 
 
 @njit(cache=False)
-def _integrate(bristle, speed, static, kinetic, stribeck_velocity, steps, step):  # type: ignore[no-untyped-def]
+def _integrate(bristle, speed, static, kinetic, stribeck_velocity, steps, step, turn):  # type: ignore[no-untyped-def]
     positions = np.empty(steps)
     position, velocity, bristles, drawn = -kinetic, 0.0, 0.0, 0.0
     bristle_damping = 1.5 * np.sqrt(bristle)
@@ -53,25 +54,32 @@ def _integrate(bristle, speed, static, kinetic, stribeck_velocity, steps, step):
         velocity += step * (drawn - position - friction)
         bristles += step * rate
         position += step * velocity
-        drawn += step * speed
+        drawn += step * speed * (1.0 - 2.0 * (n // turn % 2))
         positions[n] = position
     return positions
 
 
 def creeping(
-    *, creep: float, speed: float = 0.3, interval: float = 0.002, period: float = 0.63, duration: float = 40.0
+    *,
+    creep: float,
+    speed: float = 0.3,
+    interval: float = 0.002,
+    period: float = 0.63,
+    duration: float = 40.0,
+    one_way: float = math.inf,
 ) -> Creeping:
     """Stick slip of a joint that creeps by about a share ``creep`` of its slip before it slips.
 
     Parameters
     ----------
     speed : of the reference, over natural frequency times what the spring stretches by the excess of static friction.
-    interval : between samples [s]; period : natural period [s]; duration : [s].
+    interval : between samples [s]; period : natural period [s]; duration : [s]. one_way : time before each turn [s].
     """
     step = 2 * np.pi / SUBSTEPS_PER_PERIOD
     second = 2 * np.pi / period
     steps = int(duration * second / step)
-    positions = _integrate(1.0 / creep, speed, 2.0, 1.0, 0.1, steps, step)
+    turn = int(min(one_way, 2.0 * duration) * second / step)
+    positions = _integrate(1.0 / creep, speed, 2.0, 1.0, 0.1, steps, step, turn)
     times = step * np.arange(1, steps + 1) / second
     velocities = np.gradient(positions, times)
     limit = LEAVES * float(velocities.max())
@@ -84,7 +92,7 @@ def creeping(
     return Creeping(
         time=samples,
         position=np.interp(samples, times, positions),
-        reference=speed * second * samples,
+        reference=speed * second * (samples if turn > steps else one_way - np.abs(samples % (2.0 * one_way) - one_way)),
         breakaways=breakaways,
         arrests=arrests,
         slip=float(np.median(at_arrest - at_breakaway)),

@@ -52,6 +52,7 @@ class _Section:
     compensation: tuple[CompensatedGains, ...]
     compensation_words: str
     reversals: str
+    presliding: str
     plots: list[Plot]
     parameters: list[_Row]
 
@@ -115,6 +116,7 @@ def _section(joint: JointAnalysis, *, with_compensation: bool) -> _Section:
         compensation=compensation,
         compensation_words=compensation_words(compensation) if compensation else "",
         reversals=words.reversals(joint),
+        presliding=words.presliding(joint),
         finding=words.finding(joint),
         advice=words.advice(joint),
         rests_on=words.rests_on(joint),
