@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""An arm's joint states on a topic, at any rate: python -m benchmarks.joint_stream JOINTS RATE SECONDS [STICKING].
+"""An arm's joint states on a topic: python -m benchmarks.joint_stream JOINTS RATE SECONDS [STICKING [RESTING]].
 
 The motion is worked out beforehand and the messages are serialized once, so that the publisher takes as little of the
 machine as it can. Where the last part of the motion ends, it goes on from there. Prints how many messages it sent.
@@ -40,12 +40,14 @@ def motion(rate: float, gains: Gains) -> tuple[np.ndarray, np.ndarray]:
     return _RESOLUTION * np.round(found.position[loop] / _RESOLUTION), found.velocity[loop]
 
 
-def main(joints: int, rate: float, seconds: float, sticking: int) -> int:
+def main(joints: int, rate: float, seconds: float, sticking: int, resting: int = 0) -> int:
     """Publish for so many seconds; returns the number of messages."""
     loose, stiff = motion(rate, Gains(stiffness=630.0)), motion(rate, Gains(stiffness=6300.0, damping=150.0))
     chosen = [loose if number < sticking else stiff for number in range(joints)]
     positions, velocities = (np.stack([one[part] for one in chosen], axis=1) for part in (0, 1))
+    positions[:, joints - resting :] = velocities[:, joints - resting :] = 0.0
     way = positions[-1] - positions[0] + _SPEED / rate
+    way[joints - resting :] = 0.0
     template = JointState(name=[f"joint{n + 1}" for n in range(joints)])
     template.header.frame_id = "base"
     template.position = template.velocity = [0.0] * joints
@@ -78,4 +80,5 @@ def main(joints: int, rate: float, seconds: float, sticking: int) -> int:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4]) if len(sys.argv) > 4 else 1)
+    counts = [int(argument) for argument in sys.argv[4:]] or [1]
+    main(int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]), *counts)

@@ -2,7 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """The running monitor against a bare rclpy node with an empty callback, on the same stream: processor, losses, delays.
 
-As a command: python -m benchmarks.node [SECONDS [JOINTS RATE [STICKING]]]
+As a command: python -m benchmarks.node [SECONDS [JOINTS RATE [STICKING]]]; with idle [SECONDS], the monitor without any
+messages; with rest [SECONDS], what a joint costs that rests, and one that sticks.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ _SECONDS = 20.0
 _CASES = ((7, 1000.0, 1), (7, 5000.0, 1), (60, 1000.0, 3))  # joints, rate [Hz], how many of the joints stick
 _WARM_UP = 45.0  # [s], in which the friction is learnt: studies grow rare
 _PLAYED_ON = 5.0
+_STARTS = 10.0  # [s] that a process takes to start, and to find that nothing comes
 _BARE = """
 import rclpy
 from rclpy.node import Node
@@ -98,9 +100,11 @@ def resident(pid: int) -> float:
 
 
 @contextmanager
-def stream(joints: int, rate: float, seconds: float, sticking: int) -> Iterator[subprocess.Popen[str]]:
+def stream(
+    joints: int, rate: float, seconds: float, sticking: int, resting: int = 0
+) -> Iterator[subprocess.Popen[str]]:
     """A publisher of joint states in a process of its own."""
-    numbers = map(str, (joints, rate, seconds, sticking))
+    numbers = map(str, (joints, rate, seconds, sticking, resting))
     command = [sys.executable, "-m", "benchmarks.joint_stream", *numbers]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
@@ -172,7 +176,46 @@ def _run_case(node: Node, seconds: float, joints: int, rate: float, sticking: in
     )
 
 
+def run_idle(seconds: float) -> None:
+    """The monitor and the bare node, where nothing is published."""
+    isolate()
+    with NodeProcess("monitor", {"joints": "['']", "state_file": "none"}) as monitor:
+        used = _used(monitor.pid, seconds)
+    with subprocess.Popen([sys.executable, "-c", _BARE]) as bare:
+        alternative = _used(bare.pid, seconds)
+        bare.kill()
+    print(f"idle: monitor {100 * used:.2f} % of a core, bare rclpy node {100 * alternative:.2f} %")
+
+
+def run_rest(seconds: float, joints: int = 20, rate: float = 1000.0) -> None:
+    """One joint at rest, many at rest, and many that stick: by how much each more costs."""
+    isolate()
+    shares = {}
+    for count, sticking in ((1, 0), (joints, 0), (joints, joints)):
+        with (
+            NodeProcess("monitor", {"joints": "['']", "state_file": "none"}) as monitor,
+            stream(count, rate, _STARTS + _WARM_UP + 2.0 * seconds, sticking, count - sticking),
+        ):
+            shares[count, sticking] = _used(monitor.pid, seconds, _STARTS + _WARM_UP)
+    one = shares[1, 0]
+    rests, sticks = ((shares[joints, sticking] - one) / (joints - 1) for sticking in (0, joints))
+    print(f"{joints} joints at {rate:g} Hz: one more that rests takes {100 * rests:.3f} % of a core, one that sticks "
+          f"{100 * sticks:.3f} %: a share of {rests / sticks:.2f}; a single one at rest {100 * one:.1f} %")  # fmt: skip
+
+
+def _used(pid: int, seconds: float, after: float = _STARTS) -> float:
+    """Share of a core that a process and its children take, after some time."""
+    time.sleep(after)
+    before, begin = processor_time(pid), time.monotonic()
+    time.sleep(seconds)
+    return (processor_time(pid) - before) / (time.monotonic() - begin)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] in (["idle"], ["rest"]):
+        length = float(sys.argv[2]) if len(sys.argv) > 2 else 2.0 * _SECONDS
+        run_idle(length) if sys.argv[1] == "idle" else run_rest(length)
+        sys.exit()
     given = [float(argument) for argument in sys.argv[1:]]
     case = (int(given[1]), given[2], int(given[3]) if len(given) > 3 else 1) if len(given) > 2 else None
     run(given[0] if given else _SECONDS, (case,) if case else _CASES)

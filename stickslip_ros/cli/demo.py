@@ -5,15 +5,14 @@
 Starts a simulated joint and the monitor as two processes, waits for stick slip, lets the monitor apply its
 advice to the moving joint, and waits for smooth motion. Exit status 0 only if stick slip was
 detected before and is gone after. With --recording, a recorded joint takes the simulated one's place
-and nothing is changed: then 0 means that the recording was watched to its end.
+and nothing is changed: then 0 means that the recording was watched to its end. With --compensation it
+takes a minute, and shows what compensating the friction does: for stick slip, at reversals, and if it is too much.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
-import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,6 +66,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="replay a recorded joint instead: a table (.csv, .parquet, .npz), or the beginning of a known one's name",
     )
     parser.add_argument(
+        "--compensation", action="store_true",
+        help="show what compensating the friction does and does not: stick slip, reversals, too much of it",
+    )  # fmt: skip
+    parser.add_argument(
         "--speed",
         type=float,
         default=None,
@@ -81,6 +84,8 @@ def run(options: argparse.Namespace) -> int:
         require_positive("speed", options.speed)
         if options.recording is None:
             raise InvalidParameterError("--speed", "given together with --recording", options.speed)
+    if options.compensation and options.recording is not None:
+        raise InvalidParameterError("--compensation", "given without --recording, which nothing controls", True)
     try:
         import rclpy  # noqa: F401
     except ImportError as error:
@@ -89,7 +94,13 @@ def run(options: argparse.Namespace) -> int:
     domain = isolate()
     console.print(f"[dim]ROS domain {domain}, this machine only[/]")
     _compile(console)
-    return _replay(console, options) if options.recording else _cure(console, options.out)
+    if options.recording:
+        return _replay(console, options)
+    if options.compensation:
+        from stickslip_ros.cli.demo_compensation import compensate
+
+        return compensate(console, options.out, {**_KNOWN, **_FORGETFUL})
+    return _cure(console, options.out)
 
 
 def _compile(console: Console) -> None:
@@ -106,6 +117,7 @@ def _compile(console: Console) -> None:
 def _cure(console: Console, out: Path) -> int:
     from stickslip_ros.cli.demo_log import DemoListener
     from stickslip_ros.cli.demo_picture import draw
+    from stickslip_ros.cli.demo_waiting import Ticker, wait
 
     with ExitStack() as stack:
         nodes = [
@@ -117,8 +129,8 @@ def _cure(console: Console, out: Path) -> int:
         console.print(
             "Two nodes started: [bold]simulated_joint[/] (PUMA 560 joint 1, the paper's friction) and [bold]monitor[/]."
         )
-        show = _Ticker(console, listener, "rad")
-        _wait(
+        show = Ticker(console, listener, "rad")
+        wait(
             listener,
             nodes,
             lambda: not math.isnan(listener.now) and listener.value("stiffness [N*m/rad]") != "",
@@ -132,7 +144,7 @@ def _cure(console: Console, out: Path) -> int:
             f"k_v = {listener.value('damping [N*m*s/rad]')} N·m·s/rad."
         )
         data = listener.data
-        _wait(
+        wait(
             listener,
             nodes,
             lambda: listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE and bool(data.margins),
@@ -140,7 +152,7 @@ def _cure(console: Console, out: Path) -> int:
             "stick slip",
             show,
         )
-        _wait(listener, nodes, lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice", show)
+        wait(listener, nodes, lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice", show)
         margin = data.margins[-1]["energy_margin"]
         console.print(
             f"[bold red]Stick slip[/]: {len(data.cycles)} cycles, the last slip "
@@ -154,7 +166,7 @@ def _cure(console: Console, out: Path) -> int:
             "joint moves, and watches it."
         )
         answer = listener.apply_recommendation("/stickslip_monitor")
-        _wait(listener, nodes, answer.done, _APPLY_LIMIT, "the gains to be applied", show)
+        wait(listener, nodes, answer.done, _APPLY_LIMIT, "the gains to be applied", show)
         if not answer.result().success:
             raise StickSlipError(f"not applied: {answer.result().message}")
         console.print(f"Applied: {answer.result().message}.")
@@ -168,7 +180,7 @@ def _cure(console: Console, out: Path) -> int:
                 smooth_since.append(listener.now)
             return bool(smooth_since) and listener.now - smooth_since[0] >= _SMOOTH_TO_SEE
 
-        _wait(listener, nodes, smooth_for_long, _SMOOTH_LIMIT, "smooth motion", show)
+        wait(listener, nodes, smooth_for_long, _SMOOTH_LIMIT, "smooth motion", show)
         after = data.margins[-1]["energy_margin"]
         late = [cycle for cycle in data.cycles if cycle["arrest"] > smooth_since[0]]
         if late or not after > 0 > margin:
@@ -188,7 +200,7 @@ def _cure(console: Console, out: Path) -> int:
             data,
             out,
             title="PUMA 560 joint 1 at 5.8 mrad/s: stick slip, and its cure",
-            gains_changed_at=changed_at,
+            marks=[(changed_at, "advised gains set, in steps")],
             unit="rad",
         )
     console.print(f"Picture: [bold]{out}[/]")
@@ -215,6 +227,7 @@ def _half(data: DemoData, begin: float, end: float, gains: dict[str, object]) ->
 def _replay(console: Console, options: argparse.Namespace) -> int:
     from stickslip_ros.cli.demo_log import DemoListener
     from stickslip_ros.cli.demo_picture import draw
+    from stickslip_ros.cli.demo_waiting import Ticker, last_line, wait
 
     path = find_recording(options.recording)
     recording = load_recording(path)
@@ -226,14 +239,14 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
         listener = DemoListener(_JOINT)
         stack.callback(listener.close)
         listener.listen(1.0)
-        _wait(
+        wait(
             listener, [monitor], lambda: listener.diagnostic is not None, _START_LIMIT, "the monitor to be heard", None
         )
         replay = stack.enter_context(NodeProcess("replay", {"recording": path, "joint": _JOINT, "time_factor": factor}))
         console.print(
             f"Replaying [bold]{recording.name}[/]: {len(batch)} samples, {length:.1f} s, {factor:.3g} times as fast."
         )
-        show = _Ticker(console, listener, recording.unit)
+        show = Ticker(console, listener, recording.unit)
         seen: dict[str, None] = {}
 
         def ended() -> bool:
@@ -241,73 +254,15 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
                 seen.setdefault(listener.status)
             return not replay.running
 
-        _wait(listener, [monitor], ended, length / factor + _START_LIMIT, "the end of the recording", show)
+        wait(listener, [monitor], ended, length / factor + _START_LIMIT, "the end of the recording", show)
         if replay.wait(1.0) != 0 or not listener.data.states:
-            raise StickSlipError(f"the recording was not published: {_last_line(replay.output())}")
+            raise StickSlipError(f"the recording was not published: {last_line(replay.output())}")
         cycles = listener.data.cycles
         console.print(
             f"Watched to its end: [bold]{len(cycles)} stick-slip cycles[/]; "
             f"statuses on the way: {', '.join(filter(None, seen))}."
         )
         title = f"{recording.name}: {len(cycles)} stick-slip cycles"
-        draw(listener.data, options.out, title=title, gains_changed_at=None, unit=recording.unit)
+        draw(listener.data, options.out, title=title, unit=recording.unit)
     console.print(f"Picture: [bold]{options.out}[/]")
     return 0
-
-
-class _Ticker:
-    """One line a second on where things stand."""
-
-    def __init__(self, console: Console, listener: DemoListener, unit: str) -> None:
-        self._unit = unit
-        self._console = console
-        self._listener = listener
-        self._next = time.monotonic() + 1.0
-        self._start = math.nan
-
-    def __call__(self) -> None:
-        listener = self._listener
-        if time.monotonic() < self._next or math.isnan(listener.now):
-            return
-        self._next = time.monotonic() + 1.0
-        self._start = listener.data.states[0][0]
-        colour = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}.get(listener.status, "dim")
-        margin = listener.data.margins[-1]["energy_margin"] if listener.data.margins else math.nan
-        text = f"margin {margin:+8.3g}" if math.isfinite(margin) else "no margin"
-        self._console.print(
-            f"  {listener.now - self._start:5.1f} s  position {1e3 * listener.data.states[-1][1]:9.2f} m{self._unit}  "
-            f"cycles {len(listener.data.cycles):3d}  {text}  [{colour}]{listener.status}[/]"
-        )
-
-
-def _wait(
-    listener: DemoListener,
-    nodes: list[NodeProcess],
-    reached: Callable[[], bool],
-    limit: float,
-    what: str,
-    show: Callable[[], None] | None,
-) -> None:
-    """Listen until the goal is reached.
-
-    Raises
-    ------
-    StickSlipError
-        If the time limit [s] has passed, or a node has ended.
-    """
-    until = time.monotonic() + limit
-    while not reached():
-        listener.listen(0.1)
-        if show is not None:
-            show()
-        for node in nodes:
-            if not node.running:
-                raise StickSlipError(f"the node {node.module} ended: {_last_line(node.output())}")
-        if time.monotonic() > until:
-            raise StickSlipError(
-                f"waited {limit:.0f} s in vain for {what}; the joint is {listener.status or 'not heard'}"
-            )
-
-
-def _last_line(text: str) -> str:
-    return text.strip().splitlines()[-1] if text.strip() else "it said nothing"

@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -116,3 +119,17 @@ class DemoListener:
         if not client.wait_for_service(5.0):
             raise DemoError(f"{monitor} offers no service to apply its advice")
         return client.call_async(Trigger.Request())
+
+    def reset(self, monitor: str) -> Future:
+        """Let the monitor forget the motion it has seen."""
+        client = self.node.create_client(Trigger, f"{monitor}/reset")
+        if not client.wait_for_service(5.0):
+            raise DemoError(f"{monitor} offers no service to reset it")
+        return client.call_async(Trigger.Request())
+
+    def set_parameters(self, node: str, values: Mapping[str, object]) -> Future:
+        """Set parameters of a node."""
+        client = AsyncParameterClient(self.node, node)
+        if not client.wait_for_services(5.0):
+            raise DemoError(f"{node} offers no service to set its parameters")
+        return client.set_parameters([Parameter(name, value=value) for name, value in values.items()])

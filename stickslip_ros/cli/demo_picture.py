@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,15 @@ from stickslip_ros.cli.demo_log import DemoData
 from stickslip_ros.output.plotting import BLUE, GREEN, GREY, RED
 
 _MOST_POINTS = 6000
+_LINE = 0.06  # of the panel's height
 
 
-def draw(data: DemoData, path: Path, *, title: str, gains_changed_at: float | None, unit: str) -> None:
+def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float, str]] = (), unit: str) -> None:
     """Write the picture as the file's ending says (.png, .svg, .pdf).
 
     Parameters
     ----------
-    gains_changed_at : stamp of the change [s], None if there was none; then the margin is left out too
-        unless there is one.
+    marks : stamps of changes [s], and what was changed.
     unit : of position, "rad" or "m".
     """
     import matplotlib
@@ -72,17 +73,16 @@ def draw(data: DemoData, path: Path, *, title: str, gains_changed_at: float | No
         panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=GREEN)
         panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=RED)
     for panel in axes[:, 0]:
-        if gains_changed_at is not None:
-            panel.axvline(gains_changed_at - start, color="black", linestyle="--", linewidth=1.0)
+        for changed, _ in marks:
+            panel.axvline(changed - start, color="black", linestyle="--", linewidth=1.0)
         panel.grid(alpha=0.25)
         panel.spines[["top", "right"]].set_visible(False)
-    if gains_changed_at is not None:
+    for number, (changed, text) in enumerate(marks):
+        # One below the other, as they may be close together.
         top.annotate(
-            " advised gains set, in steps",
-            (gains_changed_at - start, 0.03),
-            xycoords=("data", "axes fraction"),
+            f" {text}", (changed - start, 0.03 + _LINE * (len(marks) - 1 - number)), xycoords=("data", "axes fraction"),
             fontsize=9,
-        )
+        )  # fmt: skip
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 0].set_xlim(0.0, states[-1, 0] - start)
     figure.savefig(path, dpi=110)

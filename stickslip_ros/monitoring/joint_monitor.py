@@ -266,6 +266,8 @@ class JointMonitor:
                 self._note([foreseen])
                 cycles += [foreseen] if self._at_arrest else []
         self._take_slices()
+        for turned in self._motion.turns():
+            self._reversals.turn(turned, self._samples)
         self._reversals.look(self._motion.last_time, self._samples)
         return cycles
 

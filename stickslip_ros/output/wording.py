@@ -74,9 +74,8 @@ def dry_friction_text(dry: DryFriction | None) -> str:
 
 def reversals_text(record: ReversalRecord) -> str:
     """What reversals do to a joint."""
-    return (
-        f"it stands for {record.standing:.2g} s where it turns, and falls behind by {1e3 * record.peak_error:.3g} mrad"
-    )
+    stands = f"stands for {record.standing:.2g} s where it turns" if record.standing > 0.0 else "turns without standing"
+    return f"it {stands}, and falls behind by {1e3 * record.peak_error:.3g} mrad"
 
 
 def presliding_text(presliding: PreslidingEstimate, stiffness: float) -> str:

@@ -41,7 +41,11 @@ def test_feed_forward_shortens_what_a_reversal_costs(tmp_path: Path) -> None:
     assert most is not None
     assert most.standing < 0.2 * plain.standing
     assert most.peak_error < 0.4 * plain.peak_error
-    assert analysis_of(tmp_path, STIFF, TO_AND_FRO, 40.0, feedforward=1.0).assessment.reversals is None
+    all_of_it = analysis_of(tmp_path, STIFF, TO_AND_FRO, 40.0, feedforward=1.0).assessment.reversals
+    assert all_of_it is not None
+    assert all_of_it.count == plain.count == most.count
+    assert all_of_it.standing == 0.0
+    assert all_of_it.peak_error < 0.2 * plain.peak_error
 
 
 @pytest.mark.parametrize("feedforward", [0.0, 1.0])

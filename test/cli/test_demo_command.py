@@ -96,3 +96,26 @@ def test_bad_arguments_are_one_line(arguments: list[str], text: str) -> None:
     assert done.returncode == 2
     assert text in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_what_compensation_does(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 23: stick slip that feed-forward does not cure, reversals that it does, and what too much feedback does."""
+    picture = tmp_path / "compensation.png"
+    done = subprocess.run(
+        [*COMMAND, "--compensation", "--out", picture], capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    for text in ("it sticks as before: slips of", "it stands for", "Fed forward at 50 %", "it stops and slips by"):
+        assert text in done.stdout
+    assert imread(picture).shape[0] > 500
+    assert processes_on(ros_domain) == []
+
+
+def test_a_recording_cannot_be_compensated(tmp_path: Path) -> None:
+    """It is refused before anything begins."""
+    done = subprocess.run(
+        [*COMMAND, "--compensation", "--recording", "slider", "--out", tmp_path / "x.png"],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "--compensation must be given without --recording" in done.stderr

@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stickslip_ros.model.compensation import usual_compensation
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.reversal import ReferenceMotion, followed, reversals, sine, triangle
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
-from stickslip_ros.monitoring.detection.status import Reversing, Status
+from stickslip_ros.monitoring.detection.status import Finding, Reversing, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output.wording import reason_text
@@ -109,3 +111,56 @@ def test_forgotten_when_told(puma: Joint) -> None:
     assert monitor.assessment().reversals is not None
     monitor.reset()
     assert monitor.assessment().reversals is None
+
+
+@pytest.mark.parametrize("share", [0.9, 1.0])
+def test_turns_without_a_stop_are_measured(puma: Joint, share: float) -> None:
+    """Issue 23: friction fed forward, the joint passes its reversals; what error is left is seen all the same."""
+    reference = sine(0.2, 0.1, puma, GAINS)
+    compensation = usual_compensation(puma.friction, period=PERIOD, resolution=0.0, feedforward=share)
+    times = PERIOD * np.arange(round(45.0 / PERIOD) + 1)
+    length = reference.period * (len(reference.position) - 1)
+    position = np.interp(times % length, reference.period * np.arange(len(reference.position)), reference.position)
+    conditions = OperatingConditions(compensation=compensation)
+    motion = followed(puma, GAINS, ReferenceMotion(period=PERIOD, position=position), conditions)
+    batch = Batch(
+        time=motion.time, position=COUNTS * np.round(motion.position / COUNTS), reference_position=position[1:]
+    )
+    predicted = reversals(puma, GAINS, reference, conditions)[-1]
+    record = seen(batch)
+    assert record is not None
+    assert record.count == 8
+    assert record.standing <= 0.05
+    assert record.peak_error == pytest.approx(predicted.peak_error, rel=0.1, abs=2.0 * COUNTS)
+
+
+def test_a_frictionless_joint_turns_without_standing() -> None:
+    """Issue 23: the lag of its damping is all that is measured; in pieces as at once."""
+    times = np.arange(0.0, 30.0, 0.002)
+    reference, lag = 0.3 * np.sin(1.3 * times), 0.05
+    batch = Batch(
+        time=times, position=1e-5 * np.round(0.3 * np.sin(1.3 * (times - lag)) / 1e-5), reference_position=reference
+    )
+    record = seen(batch)
+    assert record is not None
+    assert record.count == 12
+    assert record.standing == 0.0
+    assert record.peak_error == pytest.approx(0.3 * 2.0 * np.sin(0.65 * lag), rel=0.02)
+    assert record.lost_motion == pytest.approx(0.3 * (1.0 - np.cos(1.3 * lag)), rel=0.05)
+    monitor = JointMonitor(options=MonitorOptions(learn=False))
+    for begin in range(0, len(batch), 61):
+        monitor.process(batch.where(slice(begin, begin + 61)))
+    monitor.finish()
+    assert monitor.assessment().reversals == record
+    assert reason_text(Finding(status=Status.NOT_JUDGED, reason=Reversing(record=record))).startswith(
+        "reversing: it turns without standing, and falls behind by "
+    )
+
+
+def test_what_shakes_under_a_resting_reference_does_not_turn_round() -> None:
+    """Issue 23: only a reference that turns makes a reversal."""
+    times = np.arange(0.0, 20.0, 0.002)
+    shaking = 1e-5 * np.round(0.01 * np.sin(20.0 * times) / 1e-5)
+    assert seen(Batch(time=times, position=shaking, reference_position=np.zeros(len(times)))) is None
+    rising = 0.02 * times
+    assert seen(Batch(time=times, position=rising + shaking, reference_position=rising)) is None

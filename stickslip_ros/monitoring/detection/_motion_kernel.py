@@ -18,6 +18,7 @@ from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 SLICE_LENGTH = 0.05  # [s] how finely findings are dated
 PAST = 4096
 STEPS = 256
+TURNS = 256  # kept; samples that are followed at once hold no more
 _INTERVAL_WEIGHT = 0.1
 _RECENT_CROSSINGS = 64
 _GAPS_AT_REST = 3.0
@@ -41,6 +42,8 @@ MOTION = np.dtype(
         ("followed", float),  # how often the reference had followed
         ("interval", float),  # between samples
         ("turned", float),  # when the motion turned
+        ("turns", float, TURNS),  # when it did so, the latest times
+        ("turn_count", np.int64),  # how often
         ("direction", float),
         ("rested_at", float),  # when it was last seen at rest
         ("rest_began", float),  # and since when it was
@@ -372,6 +375,8 @@ def close_slice(slices, motion, detector):
     if sign != 0.0 and sign != motion.direction:
         if motion.direction != 0.0:
             motion.turned = _last_crossing_time(detector)
+            motion.turns[motion.turn_count % TURNS] = motion.turned
+            motion.turn_count += 1
         motion.direction = sign
     rest = open_rest(detector)
     if np.isfinite(rest):

@@ -67,6 +67,7 @@ class MotionRecord:
             signal["noises"] = np.nan
         self._detector["velocity"]["block"] = np.nan
         self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
+        self._turns_taken = 0
 
     def follow(self, samples: Batch) -> Iterator[bool]:
         """Take samples; stops at every stretch of slow motion that is complete (True), and where a rest may have begun.
@@ -118,6 +119,13 @@ class MotionRecord:
     def did_not_rest(self) -> None:
         """Let the judgement know that the joint only slowed down where it seemed to rest."""
         self._motion["rested_at"] = -math.inf
+
+    def turns(self) -> list[float]:
+        """Take the times at which the joint was seen to move the other way, since the last time [s]."""
+        count = int(self._motion["turn_count"])
+        new = range(max(self._turns_taken, count - kernel.TURNS), count)
+        self._turns_taken = count
+        return [float(self._motion["turns"][number % kernel.TURNS]) for number in new]
 
     def require(self, *, motion: float, window: float) -> None:
         """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""

@@ -18,16 +18,20 @@ from stickslip_ros.monitoring.samples import Batch
 _KEPT = 200  # of the latest, of which the medians are taken
 _BEFORE = 1.0  # dwells, or seconds if that is more, before the arrest, in which the reference may have turned
 _LONGEST = 25.0  # after the breakaway, when the following error is looked at at last [s]
+_LEAD = 2.0  # before the joint, in which its reference may have turned, where it turns without a stop [s]
+_LEAST_TURN = 0.1  # of what its reference moves on after a turn: so far it came before
+_TURNS = 64  # latest
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReversalRecord:
-    """The reversals seen, in which the joint stopped and its reference turned.
+    """The reversals seen, in which joint and reference turned.
 
     Attributes
     ----------
     count : how many. last : the latest.
-    standing, lost_motion, peak_error : medians of the latest ones [s], [rad], [rad]; NaN before any.
+    standing, lost_motion, peak_error : medians of the latest ones [s], [rad], [rad]; NaN before any. It stands for no
+        time where it turns without a stop.
     largest_error : of these [rad].
     """
 
@@ -42,8 +46,8 @@ class ReversalRecord:
 class ReversalMeter:
     """Measures each reversal of a joint that follows a reference.
 
-    A reversal is measured when the joint has stood, left in the other direction, and stands to turn again, or half a
-    minute later. One that it passes without a stop has nothing to measure.
+    A reversal is measured when the joint has turned, and turns again, or half a minute later; whether it stood in
+    between or not.
     """
 
     def __init__(self) -> None:
@@ -52,6 +56,8 @@ class ReversalMeter:
         self._open: Rest | None = None
         self._stops = 0
         self._settled = math.nan
+        self._stood: deque[float] = deque(maxlen=_TURNS)
+        self._passing: tuple[float, float] | None = None
 
     @property
     def record(self) -> ReversalRecord | None:
@@ -73,7 +79,8 @@ class ReversalMeter:
 
     def break_off(self) -> None:
         """What follows has nothing to do with what was before."""
-        self._open = None
+        self._open = self._passing = None
+        self._stood.clear()
 
     def take(self, rest: Rest, samples: SampleBuffer) -> None:
         """Take a rest that is known in full."""
@@ -85,15 +92,38 @@ class ReversalMeter:
             return
         self._close(rest.arrest, samples)
         self._open, self._stops, self._settled = rest, 0, rest.breakaway
+        self._stood.append(rest.breakaway)
+
+    def turn(self, time: float, samples: SampleBuffer) -> None:
+        """The joint is seen to move the other way at a time [s]; whether it stood before is known by the next one."""
+        before = self._passing[1] if self._passing is not None else -math.inf
+        self._pass(time, samples)
+        self._passing = before, time
 
     def look(self, now: float, samples: SampleBuffer) -> None:
         """Measure a reversal that was so long ago that its samples would be forgotten."""
         if self._open is not None and now - self._open.breakaway > _LONGEST:
             self._close(now, samples)
+        if self._passing is not None and now - self._passing[1] > _LONGEST:
+            self._pass(now, samples)
 
     def finish(self, now: float, samples: SampleBuffer) -> None:
         """Measure what is open: no more samples come."""
         self._close(now, samples)
+        self._pass(now, samples)
+
+    def _pass(self, end: float, samples: SampleBuffer) -> None:
+        """Measure the last turn, if the joint made it without a stop."""
+        if self._passing is None:
+            return
+        (before, time), self._passing = self._passing, None
+        if any(before < stood <= time for stood in self._stood):
+            return
+        seen = samples.between(max(time - _LEAD, before), end)
+        found = None if seen is None else _passed(time, seen)
+        if found is not None:
+            self._count += 1
+            self._latest.append(found)
 
     def _close(self, end: float, samples: SampleBuffer) -> None:
         rest, self._open = self._open, None
@@ -134,4 +164,36 @@ def _measured(rest: Rest, samples: Batch, stops: int, settled: float) -> Reversa
         running_error=running,
         stops=stops,
         settles_after=max(settled - start, 0.0),
+    )
+
+
+def _passed(time: float, samples: Batch) -> Reversal | None:
+    """A reversal that the joint passed without a stop; None where the reference did not turn there."""
+    known = np.isfinite(samples.reference_position)
+    times, reference, position = (
+        values[known] for values in (samples.time, samples.reference_position, samples.position)
+    )
+    near = times <= time
+    if np.count_nonzero(near) < 2 or near.all():
+        return None
+    here = int(np.flatnonzero(near)[-1])
+    direction = 1 if position[-1] > position[here] else -1
+    # The last sample at the extreme: a reference that rests there turns where it leaves.
+    turn = int(here - np.argmin((direction * reference[near])[::-1]))
+    onward = int(np.argmax(direction * reference[turn + 1 :])) + turn + 2 if turn + 1 < len(reference) else turn
+    came, goes = (direction * (reference[other] - reference[turn]) for other in (0, onward - 1))
+    if turn == 0 or not came > _LEAST_TURN * goes > 0.0:
+        return None
+    peak, running = following_error(reference[turn + 1 : onward], position[turn + 1 : onward], direction)
+    behind = direction * position[: here + 1]
+    turns = int(np.median(np.flatnonzero(behind == behind.min())))  # the middle of a count
+    return Reversal(
+        time=float(times[turn]),
+        direction=direction,
+        standing=0.0,
+        lost_motion=max(float(direction * (reference[turns] - reference[turn])), 0.0),
+        peak_error=peak,
+        running_error=running,
+        stops=0,
+        settles_after=0.0,
     )

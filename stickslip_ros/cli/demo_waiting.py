@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""How the demo waits for what it shows: bounded, with a line a second."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from rich.console import Console
+
+from stickslip_ros.cli.demo_log import DemoListener
+from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.errors import StickSlipError
+
+
+class Ticker:
+    """One line a second on where things stand."""
+
+    def __init__(self, console: Console, listener: DemoListener, unit: str) -> None:
+        self._unit = unit
+        self._console = console
+        self._listener = listener
+        self._next = time.monotonic() + 1.0
+        self._start = math.nan
+
+    def __call__(self) -> None:
+        """Print it, if it is time."""
+        listener = self._listener
+        if time.monotonic() < self._next or math.isnan(listener.now):
+            return
+        self._next = time.monotonic() + 1.0
+        self._start = listener.data.states[0][0]
+        colour = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}.get(listener.status, "dim")
+        margin = listener.data.margins[-1]["energy_margin"] if listener.data.margins else math.nan
+        text = f"margin {margin:+8.3g}" if math.isfinite(margin) else "no margin"
+        self._console.print(
+            f"  {listener.now - self._start:5.1f} s  position {1e3 * listener.data.states[-1][1]:9.2f} m{self._unit}  "
+            f"cycles {len(listener.data.cycles):3d}  {text}  [{colour}]{listener.status}[/]"
+        )
+
+
+def wait(
+    listener: DemoListener,
+    nodes: list[NodeProcess],
+    reached: Callable[[], bool],
+    limit: float,
+    what: str,
+    show: Callable[[], None] | None,
+) -> None:
+    """Listen until the goal is reached.
+
+    Raises
+    ------
+    StickSlipError
+        If the time limit [s] has passed, or a node has ended.
+    """
+    until = time.monotonic() + limit
+    while not reached():
+        listener.listen(0.1)
+        if show is not None:
+            show()
+        for node in nodes:
+            if not node.running:
+                raise StickSlipError(f"the node {node.module} ended: {last_line(node.output())}")
+        if time.monotonic() > until:
+            raise StickSlipError(
+                f"waited {limit:.0f} s in vain for {what}; the joint is {listener.status or 'not heard'}"
+            )
+
+
+def last_line(text: str) -> str:
+    """Of what a node printed."""
+    return text.strip().splitlines()[-1] if text.strip() else "it said nothing"
