@@ -27,7 +27,7 @@ from stickslip_ros.monitoring.friction.estimate import IDENTIFIED, ParameterEsti
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
-_KEPT = 200  # rests
+_KEPT = 100  # rests
 _LEAST_RESTS = 6
 _SETTLED, _LEAVING = 0.15, 0.05  # of a dwell at its ends, in which the joint swings to rest or speeds up
 _BELOW_LIMIT = 0.65  # of the limit: nearer to it a contact that yields asks for a limit better known than it is
