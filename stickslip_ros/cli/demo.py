@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
         if options.recording is None:
             raise InvalidParameterError("--speed", "given together with --recording", options.speed)
     if options.compensation and options.recording is not None:
-        raise InvalidParameterError("--compensation", "given without --recording, which nothing controls", True)
+        raise StickSlipError("--compensation and --recording exclude each other: nothing controls a recorded joint")
     try:
         import rclpy  # noqa: F401
     except ImportError as error:

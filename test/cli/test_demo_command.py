@@ -118,4 +118,4 @@ def test_a_recording_cannot_be_compensated(tmp_path: Path) -> None:
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert done.returncode == 2
-    assert "--compensation must be given without --recording" in done.stderr
+    assert "--compensation and --recording exclude each other" in done.stderr

@@ -285,3 +285,14 @@ def test_a_drift_is_told_as_at_the_last_slip() -> None:
         assert estimate.dry is not None
         # A fifth more slips than at the last study would not have come in five seconds.
         assert estimate.dry.time.max() > end - 4.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=SEEDS, value=st.floats(-1e3, 1e3), both=st.booleans(), evenly=st.booleans())
+def test_values_that_are_all_the_same_have_no_ripple(seed: int, value: float, both: bool, evenly: bool) -> None:
+    """What rounding leaves of them is no noise to find one in, on whatever machine."""
+    direction, position, time = slips(np.random.default_rng(seed), 30, both=both, evenly=evenly)
+    dry = found(np.full(30, value), direction, position, time)
+    assert dry.ripple is None
+    assert dry.drift is None
+    assert dry.load is None or abs(dry.load.value) <= 1e-9 * abs(value) + 1e-300

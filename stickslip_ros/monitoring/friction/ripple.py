@@ -23,6 +23,8 @@ _MOST_TRIED = 20_000
 _SHORTER = 10.0  # so many times shorter periods are looked for among those that explain the same
 _ALIKE = 6.0  # difference of twice the logarithms of likelihoods, within which two periods explain the same
 _MOST_ALIASES = 4
+_DIGITS = 6  # of such a difference
+_ROUNDING = 1e-10  # of the largest value
 _LEAST_SEEN, _LEAST_ROUND = 0.2, 0.05  # of a sine and cosine: beside what is known otherwise, and beside each other
 _BLOCK = 2000  # frequencies at once
 _NARROWED = 4  # times, by a tenth each
@@ -78,6 +80,8 @@ def find_ripple(
     spacing = spacing_of(position)
     if count < size + 5 or not 0.0 < spacing < extent / 4.0:
         return None
+    # What rounding leaves of values that are all the same is nothing to explain.
+    standard_error = max(standard_error, _ROUNDING * float(np.abs(values).max()))
     about = float(position.mean())
     search = _Search(known, values, position - about)
     lowest, highest = _PERIODS_SEEN / extent, 0.5 / spacing
@@ -147,7 +151,8 @@ def _power_of_news(
         left = left - basis @ (basis.T @ left)
         squares.append(float(left @ left))
     # The sine is worth no more than it is beside the errors that the values have anyway.
-    explained, rest = squares[0] - squares[1], max(squares[1], len(values) * standard_error**2)
+    explained = max(squares[0] - squares[1], 0.0)
+    rest = max(squares[1], len(values) * standard_error**2)
     return explained / max(explained + rest, 1e-300)
 
 
@@ -186,7 +191,7 @@ class _Search:
         return frequency, power
 
     def aliases(self, frequency: float, highest: float, step: float, observations: float) -> tuple[float, ...]:
-        """Periods of other peaks that explain as much, the best first."""
+        """Periods of other peaks that explain as much, the best first, and of equal ones the longest."""
         number = min(int(_SHORTER * highest / step), _MOST_TRIED)
         tried: FloatArray = np.asarray(step * np.arange(1, number), dtype=np.float64)
         powers = self.power(tried)
@@ -199,7 +204,9 @@ class _Search:
             worse = observations * math.log(max(1.0 - power, 1e-12) / max(1.0 - best, 1e-12))
             if worse < _ALIKE and abs(other - frequency) > _PER_PEAK * step:
                 found.append((worse, 1.0 / other))
-        return tuple(period for _, period in sorted(found)[:_MOST_ALIASES])
+        # Those that explain just as much, but for rounding, in the order of their length.
+        found.sort(key=lambda one: (round(one[0], _DIGITS), -one[1]))
+        return tuple(period for _, period in found[:_MOST_ALIASES])
 
 
 def _fitted(
