@@ -15,12 +15,15 @@ _SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 _OF_SIGNALS = 128  # exit statuses of those that a signal ended
 
 
-class Ended(BaseException):
-    """A signal asks the process to end; ``status`` is its exit status then."""
+class Ended(SystemExit):
+    """A signal asks the process to end; ``status`` is its exit status then.
+
+    An event loop lets a SystemExit out of a callback, and swallows other exceptions.
+    """
 
     def __init__(self, number: int) -> None:
-        super().__init__(signal.Signals(number).name)
         self.status = _OF_SIGNALS + number
+        super().__init__(self.status)
 
 
 @contextmanager

@@ -36,6 +36,25 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_comes_within_a_callback_is_not_lost(number: signal.Signals) -> None:
+    """An event loop, as of `watch --browser`, lets it out: once swallowed, it would be ignored for ever."""
+    code = f"""
+import asyncio, os, sys
+from stickslip_ros.cli.ending import Ended, ended_by_exception
+loop = asyncio.new_event_loop()
+loop.call_soon(os.kill, os.getpid(), {int(number)})
+loop.call_later(10.0, loop.stop)
+try:
+    with ended_by_exception():
+        loop.run_forever()
+except Ended as ended:
+    sys.exit(ended.status)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 128 + number, done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [

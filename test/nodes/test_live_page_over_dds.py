@@ -57,7 +57,11 @@ def served(port: int) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.terminate()
-            process.wait(20.0)
+            try:
+                process.wait(20.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
 
 
 def opened(page: Page, port: int) -> None:
