@@ -8,6 +8,7 @@ joint hunt. Exit status 0 only if all three were seen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -27,7 +28,7 @@ _ONE_WAY = 4.0  # [s] between reversals
 _FAST = 0.02  # [rad/s] smooth by itself, with hardly any damping
 _SHARE, _TOO_MUCH = 0.5, 1.2  # of the friction
 _CYCLES, _TURNS = 4, 2
-_LIMIT = 45.0  # [s] for each of the things shown
+_LIMIT = 60.0  # [s] for each of the things shown
 _LEFT = 0.7  # of the error at a reversal: less is a help
 
 
@@ -38,6 +39,11 @@ class _Scene:
         self.listener, self._nodes = listener, nodes
         self._ticker = Ticker(console, listener, "rad")
         self._cycles = 0
+
+        def both_heard() -> bool:
+            return listener.status != "" and not math.isnan(listener.now)
+
+        wait(listener, nodes, both_heard, _LIMIT, "the nodes to be heard", self._ticker)
         self.marks: list[tuple[float, str]] = []
 
     def begin(self, values: Mapping[str, object], called: str = "") -> None:
@@ -51,7 +57,10 @@ class _Scene:
         named = {".".join([kind, joint, *rest]): value for name, value in values.items()
                  for kind, *rest in [name.split(".")]}  # fmt: skip
         self._done(self.listener.set_parameters(_CONTROLLER, named), "the joint's parameters to be set")
-        self._done(self.listener.reset(_MONITOR), "the monitor to forget what was before")
+        self._done(self.listener.reset(_MONITOR), "the monitor to answer")
+        # What was told before the monitor forgot is not to be taken for news.
+        forgotten = "the monitor to forget what was before"
+        wait(self.listener, self._nodes, lambda: not self._reversals(), _LIMIT, forgotten, self._ticker)
         self.listener.listen(0.2)
         if called:
             self.marks.append((self.listener.now, called))
@@ -59,6 +68,10 @@ class _Scene:
 
     def _done(self, answer: Future, what: str) -> None:
         wait(self.listener, self._nodes, answer.done, _LIMIT, what, self._ticker)
+
+    def _reversals(self) -> float:
+        """As told last."""
+        return float(self.listener.value("reversals [1]") or 0.0)
 
     def slips(self) -> float:
         """Wait for some; returns the last one's way [rad]."""
@@ -69,11 +82,7 @@ class _Scene:
 
     def reversal(self) -> tuple[float, float]:
         """Wait for some; returns how long the joint stands [s], and its peak error [rad]."""
-
-        def seen() -> bool:
-            return float(self.listener.value("reversals [1]") or 0.0) >= _TURNS
-
-        wait(self.listener, self._nodes, seen, _LIMIT, "reversals", self._ticker)
+        wait(self.listener, self._nodes, lambda: self._reversals() >= _TURNS, _LIMIT, "reversals", self._ticker)
         values = [self.listener.value(f"reversal {what}") for what in ("standing [s]", "peak_error [rad]")]
         return float(values[0]), float(values[1])
 
