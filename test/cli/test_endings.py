@@ -40,8 +40,9 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
 def test_a_signal_that_comes_within_a_callback_is_not_lost(number: signal.Signals) -> None:
     """An event loop, as of `watch --browser`, lets it out: once swallowed, it would be ignored for ever."""
     code = f"""
-import asyncio, os, sys
+import asyncio, os, signal, sys
 from stickslip_ros.cli.ending import Ended, ended_by_exception
+signal.signal({int(number)}, signal.SIG_DFL)  # nohup ignores it
 loop = asyncio.new_event_loop()
 loop.call_soon(os.kill, os.getpid(), {int(number)})
 loop.call_later(10.0, loop.stop)
