@@ -149,7 +149,8 @@ class Session:
         )
         self._states = JointStateTopic(self._node, "joint_states", self._qos(), self._refuse)
         self._self = SelfDiagnosis(self._states, self._work, self.joints)
-        self._first = FirstMessage(self._node, (self._states.subscription, self._references.subscription), heard)
+        topics = (self._states.subscription, self._references.subscription, self._gains.topic)
+        self._first = FirstMessage(self._node, topics, heard)
 
     def deactivate(self) -> None:
         """Listen no more, and write no more gains; what was learnt is kept and saved."""
@@ -180,6 +181,7 @@ class Session:
         """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
         now = monotonic()
         self._compiled.look(now)
+        self._gains.hear()
         due = now >= self._publish_at - _NEARLY
         # A drain costs about as much whether few or many messages have come: many joints' come less often.
         if due or self._ramps.busy or now >= self._intake_at - _NEARLY:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -34,6 +35,7 @@ from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.output.margin_table import MARGIN_FIELDS
 from stickslip_ros.settings.known_joints import load_joint
 
+NO_DATA = "no data"  # how the status of a joint begins whose data have ended
 ROOM = 50_000  # messages, that nothing is dropped however long the node waits for a processor
 _ANSWERED, _ASK_AGAIN = 15.0, 3.0  # [s]
 _SETTLED = 0.2  # [s]
@@ -49,6 +51,7 @@ class Probe:
         self.margin_times: list[tuple[float, float]] = []
         self.recommended: Float64MultiArray | None = None
         self.cycles: list[dict[str, str]] = []
+        self.silences: Counter[str] = Counter()  # of each joint, how often its data ended
         self._clients: dict[str, AsyncParameterClient] = {}
         self._lifecycle: dict[str, Client] = {}
         self._settled: list[Client] = []
@@ -64,6 +67,8 @@ class Probe:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
+            if status.message.startswith(NO_DATA) and not self.is_silent(status.hardware_id):
+                self.silences[status.hardware_id] += 1
             self.diagnostics[status.hardware_id] = (status.level, status.message, values)
 
     def _on_cycles(self, message: DiagnosticArray) -> None:
@@ -84,6 +89,10 @@ class Probe:
     def status(self, joint: str) -> str:
         """The joint's status word, "" before the first."""
         return self.diagnostics[joint][2].get("status", "") if joint in self.diagnostics else ""
+
+    def is_silent(self, joint: str) -> bool:
+        """Whether the monitor said last that the joint's data have ended."""
+        return joint in self.diagnostics and self.diagnostics[joint][1].startswith(NO_DATA)
 
     def wait(self, reached: Callable[[], bool], limit: float, what: str) -> None:
         """Spin until the goal is reached; fails after the limit [s]."""

@@ -7,28 +7,15 @@ from __future__ import annotations
 import os
 import signal
 import time
-from pathlib import Path
 
 import pytest
 from lifecycle_msgs.msg import Transition
+from support_processes import children, command_line, memory, runs
 from support_ros import play, probe, staircase
 
 from stickslip_ros.cli.processes import NodeProcess
 
 NODE = "stickslip_monitor"
-
-
-def memory(pid: int) -> float:
-    """Resident [MB]."""
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def runs(pid: int) -> bool:
-    """Whether a process is there, and not only its exit status."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 def test_every_transition_again_and_again(ros_domain: int) -> None:
@@ -95,15 +82,15 @@ def test_a_signal_ends_it_within_a_second(ros_domain: int, number: signal.Signal
             one.wait(
                 lambda: float(one.diagnostics[NODE][2].get("memory of the worker [MB]", 0)) > 10, 20.0, "the worker"
             )
-        children = [int(pid) for pid in Path(f"/proc/{monitor.pid}/task/{monitor.pid}/children").read_text().split()]
-        assert bool(children) == (how == "learning")
+        left = children(monitor.pid)
+        assert bool(left) == (how == "learning")
         begin = time.monotonic()
         os.kill(monitor.pid, number)
         assert monitor.wait(10.0) == 0
         # A second, where no other test keeps the processors busy.
         assert time.monotonic() - begin < 3.0
         assert "Traceback" not in monitor.output()
-        one.wait(lambda: not any(map(runs, children)), 5.0, "the end of the worker")
+        one.wait(lambda: not any(map(runs, left)), 5.0, "the end of the worker")
 
 
 def test_a_worker_ends_with_a_node_that_is_killed(ros_domain: int) -> None:
@@ -113,9 +100,7 @@ def test_a_worker_ends_with_a_node_that_is_killed(ros_domain: int) -> None:
         play(one, "joint1", *staircase(2000), begin=100.0)
 
         def worker() -> list[int]:
-            children = Path(f"/proc/{monitor.pid}/task/{monitor.pid}/children").read_text().split()
-            found = [int(pid) for pid in children]
-            return [pid for pid in found if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+            return [pid for pid in children(monitor.pid) if "spawn_main" in command_line(pid)]
 
         one.wait(lambda: bool(worker()), 20.0, "the worker")
         first = worker()

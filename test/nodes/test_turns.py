@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import math
-import os
 import time
-from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
+from support_processes import processor_time
 from support_ros import probe
 
 from stickslip_ros.cli.processes import NodeProcess
@@ -19,12 +18,6 @@ from stickslip_ros.nodes.joints.following import Turns
 
 JOINTS = [f"joint{number + 1}" for number in range(40)]
 PERIOD = 0.04  # [s] from one publication to the next
-
-
-def processor_time(pid: int) -> float:
-    """Of a process [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @given(

@@ -16,13 +16,15 @@ from stickslip_ros.messages.content import MessageError, gains_from_message
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gains.gain_source import ControllerGains
 from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
+from stickslip_ros.nodes.intake.drain import DrainedSubscription
 
 PD_GAINS = "pd_gains"
+_QUEUE = 1000  # messages, for each joint may have a publisher of its own
 _MOST_EARLY = 256  # joints whose gains are kept; names come from the graph
 
 
 class GainIntake:
-    """Hears gains and passes them on, in the controller's units.
+    """Hears gains and passes them on, in the controller's units; those on the topic when :meth:`hear` is called.
 
     Parameters
     ----------
@@ -45,10 +47,8 @@ class GainIntake:
         self._early: dict[str, Gains] = {}
         self._controllers: list[ControllerGains] = []
         qos = QoSProfile(depth=1000, reliability=qos_profile_parameter_events.reliability)
-        self._subscriptions = [
-            node.create_subscription(Float64MultiArray, PD_GAINS, self._on_message, 10),
-            node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos),
-        ]
+        self.topic = DrainedSubscription(node, Float64MultiArray, PD_GAINS, QoSProfile(depth=_QUEUE))
+        self._events = node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos)
 
     def follow(self, names: Sequence[str]) -> None:
         """Follow these controllers from now on; the earlier in the list, the more it has to say."""
@@ -67,8 +67,13 @@ class GainIntake:
         for controller in self._controllers:
             controller.close()
         self._controllers = []
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
+        self.topic.close()
+        self._node.destroy_subscription(self._events)
+
+    def hear(self) -> None:
+        """Take what has come on the topic; before the samples that have come with it, which are of these gains."""
+        for message, _ in self.topic.take_all():
+            self._on_message(message)
 
     def poll(self, now: float) -> None:
         """Ask for what is not known yet; call now and then with a steady time [s]."""
