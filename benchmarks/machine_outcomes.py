@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
-from machines import LUGRE, sticks
+from machines import ARREST_TIME, LUGRE, sticks
 from random_machines import CONDITIONS, DURATION, MachineRecording, random_recording
 
 ALL_NAMES = (*NAMES, "load")
@@ -128,9 +128,13 @@ def learnt(recording: MachineRecording, share: float = 1.0) -> FrictionEstimate 
 
 
 def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float], tuple[str, ...]]:
-    """The parameters at the end of a recording [s], and the names of those that it cannot show."""
-    machine = recording.machine.after(end)
+    """The parameters at the last slip that ended by a time [s], and the names of those that it cannot show."""
+    ended = recording.slips[recording.slips[:, ARREST_TIME] <= end, ARREST_TIME]
+    machine = recording.machine.after(float(ended.max(initial=0.0)))
     truth = {name: float(getattr(machine, name)) for name in NAMES}
+    if machine.drag != 0.0:
+        # Within a slip it is told with viscous friction.
+        del truth["viscous"]
     if machine.law == LUGRE:
         del truth["lag"], truth["rise_time"]
     untrue: tuple[str, ...] = ()

@@ -37,6 +37,7 @@ class Learnt:
     parameters : logarithms, by the law of the estimate. drifts : whether friction changes steadily; all is then as it
         is at the last slip.
     surroundings : what is to be taken off the forces of further slips, None if nothing.
+    hopeless : laws that these slips have excluded for good.
     spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
     """
 
@@ -55,6 +56,7 @@ class Learnt:
     spread: FloatArray
     drifts: bool = False
     surroundings: Surroundings | None = None
+    hopeless: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,11 +66,13 @@ class StudyQuestion:
     Attributes
     ----------
     windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
+    hopeless : laws that earlier slips have excluded.
     """
 
     windows: list[SlipWindow]
     configured: Joint | None = None
     start: FloatArray | None = None
+    hopeless: tuple[str, ...] = ()
 
 
 def study(question: StudyQuestion) -> Learnt | None:
@@ -97,7 +101,7 @@ def study(question: StudyQuestion) -> Learnt | None:
 
 def _study(question: StudyQuestion) -> Learnt | None:
     windows, configured = question.windows, question.configured
-    fits = fitted_laws(windows, configured, question.start)
+    fits = fitted_laws(windows, configured, question.start, question.hopeless)
     if not fits:
         return None
     problem, solution = fits[0].problem, fits[0].solution
@@ -126,6 +130,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         spread=spread,
         drifts=problem.trend,
         surroundings=fits[0].surroundings,
+        hopeless=fits[0].hopeless,
     )
 
 

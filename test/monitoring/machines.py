@@ -20,6 +20,7 @@ PAPER, EXPONENTIAL, LUGRE = range(3)
 
 TIME, POSITION, LEVEL, ARREST_TIME, ARREST_POSITION = range(5)  # columns of Motion.slips
 
+_SCATTER = 18  # seed
 _CREEP = 0.1  # of the largest commanded speed: a joint on bristles rests below it
 _MOVES = 5.0  # times that speed, from which on it slips
 # Longest step, of the shortest time in which something happens.
@@ -45,6 +46,8 @@ class Machine:
         by as many radians in a radian of the joint's.
     load_share : Coulomb friction grows by this share of the load's size, and Stribeck friction with it in proportion.
     drift : share by which all friction grows in a second, from the beginning on [1/s].
+    static_scatter : share by which static friction varies from rest to rest, its standard deviation.
+    drag : of the square of the velocity, beside viscous friction [N·m·s²/rad²].
     sampled : the controller sees the joint once in a period and holds its effort.
     control_delay : so much later the effort takes effect [s], at most a period.
     """
@@ -68,6 +71,8 @@ class Machine:
     bend: float = 1.0
     load_share: float = 0.0
     drift: float = 0.0
+    static_scatter: float = 0.0
+    drag: float = 0.0
     sampled: bool = False
     control_delay: float = 0.0
 
@@ -135,16 +140,17 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
         machine.inertia, machine.coulomb, machine.viscous, machine.stribeck, machine.stribeck_velocity, machine.lag,
         machine.rise_time, machine.bristle_stiffness, machine.bristle_damping, machine.load, machine.asymmetry,
         machine.ripple, 2.0 * math.pi * machine.ripples, machine.drift, machine.stribeck_ripple, machine.gravity,
-        machine.load_share, machine.bend,
+        machine.load_share, machine.bend, machine.drag,
     ])  # fmt: skip
     control = np.array([float(gains.stiffness), float(gains.damping), machine.control_delay])
     samples = np.empty((len(references), 3))
     # A joint cannot slip more often than every few samples, but for hops that matter to nobody.
     slips = np.empty((len(references), 5))
+    strengths = np.exp(machine.static_scatter * np.random.default_rng(_SCATTER).standard_normal(len(references)))
     count, last_rest = _integrate(
         machine.law, plant, control, machine.sampled, np.ascontiguousarray(references, dtype=float),
         np.ascontiguousarray(velocities, dtype=float), period, steps, _CREEP * float(np.abs(velocities).max()),
-        samples, slips,
+        strengths, samples, slips,
     )  # fmt: skip
     return Motion(
         position=samples[:, 0],
@@ -217,10 +223,11 @@ def _place(x, coulomb, load, gravity, bend, load_share, ripple, stribeck_ripple,
 
 
 @njit(cache=True)
-def _integrate(law, plant, control, sampled, references, velocities, period, steps, creep, samples, slips):
+def _integrate(law, plant, control, sampled, references, velocities, period, steps, creep, strengths,
+               samples, slips):  # fmt: skip
     inertia, coulomb, viscous, stribeck, stribeck_velocity, lag, rise_time = plant[:7]
     bristle_stiffness, bristle_damping, constant_load, asymmetry, ripple, wave_number, drift = plant[7:14]
-    stribeck_ripple, gravity, load_share, bend = plant[14:]
+    stribeck_ripple, gravity, load_share, bend, drag = plant[14:]
     stiffness, damping, delay = control
     h = period / steps
     reach = lag / h
@@ -294,7 +301,7 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     dwell = max(now - arrest, 0.0)
                     risen = dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0
                     now_level = level + (stribeck - level) * risen
-                    held_by = (1.0 + sign * asymmetry) * dry + rough * now_level
+                    held_by = (1.0 + sign * asymmetry) * dry + rough * now_level * strengths[count]
                     after = abs(force) - (1.0 + drift * now) * held_by
                     if end == 0 and after > 0.0:
                         found = 0.0
@@ -308,7 +315,7 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                 dwell = max(breakaway - arrest, 0.0)
                 level += (stribeck - level) * (dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0)
                 direction = sign
-                begin_time, begin_position, begin_level = breakaway, x, level
+                begin_time, begin_position, begin_level = breakaway, x, level * strengths[count]
                 remaining = (1.0 - found) * h
             # The midpoint rule over what remains of the step.
             start = h - remaining
@@ -330,7 +337,8 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     share = _share_left(law, _at(past, number + s / h - reach) / stribeck_velocity)
                 load, dry, rough = _place(x, coulomb, constant_load, gravity, bend, load_share, ripple,
                                           stribeck_ripple, wave_number)  # fmt: skip
-                friction = direction * ((1.0 + direction * asymmetry) * dry + rough * level * share) + viscous * v
+                friction = direction * ((1.0 + direction * asymmetry) * dry + rough * begin_level * share)
+                friction += (viscous + drag * abs(v)) * v
                 dx, dv = v, (force - load - (1.0 + drift * now) * friction) / inertia
             x, v = x0 + remaining * dx, v0 + remaining * dv
             if v * direction < 0.0:

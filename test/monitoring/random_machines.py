@@ -135,6 +135,11 @@ def _on_bristles(rng: np.random.Generator, machine: Machine, gains: Gains) -> Ma
     )  # fmt: skip
 
 
+def _dragged(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machine:
+    # At the Stribeck velocity a tenth to a half as much as viscous friction; in a slip several times that.
+    return replace(machine, drag=float(rng.uniform(0.1, 0.5)) * machine.viscous / machine.stribeck_velocity)
+
+
 def _with(**changes: float) -> Change:
     return lambda rng, machine, gains: replace(machine, **changes)
 
@@ -155,6 +160,8 @@ CONDITIONS = {
         Condition(name="ripple_200", velocities=one_way, change=_with(ripple=0.1, ripples=200.0)),
         Condition(name="exponential", velocities=one_way, change=_with(law=EXPONENTIAL)),
         Condition(name="lugre", velocities=one_way, change=_on_bristles),
+        Condition(name="scatter", velocities=one_way, change=_with(static_scatter=0.03)),
+        Condition(name="drag", velocities=one_way, change=_dragged),
         Condition(name="sampled", velocities=one_way, change=_as_it_is, sampled=True),
     )
 }

@@ -57,7 +57,8 @@ def test_the_delay_goes_into_viscous_friction_and_into_nothing_else(puma: Joint,
     delay = (0.5 + late) / 500.0
     viscous = estimate["viscous"]
     assert viscous.value == pytest.approx(machine.viscous - 630.0 * delay, abs=3.0 * viscous.std)
-    assert viscous.std < 0.5
+    # That the controller acts in steps repeats from slip to slip, which widens the errors.
+    assert viscous.std < 1.0
     for name in set(NAMES) - {"viscous", "coulomb"}:
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
     assert estimate["inertia"].std > damping * delay / 3.0

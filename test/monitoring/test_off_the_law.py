@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from random_machines import CONDITIONS, MachineRecording, random_recording
 
+from stickslip_ros.model._friction_law import LAWS, stribeck_friction
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
@@ -20,10 +21,11 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
 from stickslip_ros.monitoring.advice.requirement import Requirement
 from stickslip_ros.monitoring.belief import believed
-from stickslip_ros.monitoring.friction._window_kernel import STRIBECK
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate, LawAlternative
 from stickslip_ros.monitoring.friction.estimation import fitted_laws
-from stickslip_ros.monitoring.friction.laws import misfit_of
+from stickslip_ros.monitoring.friction.fitted_law import misfit_of
+from stickslip_ros.monitoring.friction.law_look import same_curve
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
@@ -66,6 +68,45 @@ def test_an_exponential_curve_is_told_from_the_papers(seed: int) -> None:
     _, papers = learnt("base", seed)
     assert papers.law == "hess_soom"
     assert not papers.alternatives
+
+
+def test_a_law_is_found_far_from_the_other_laws_parameters() -> None:
+    """Issue 18: a look at the exponential law gave up in a wrong valley, and Stribeck friction was 32 % off, sure."""
+    recording, estimate = learnt("exponential", 107)
+    assert estimate.law == "exponential"
+    assert not estimate.mismatch
+    assert estimate["stribeck"].value == pytest.approx(recording.machine.stribeck, rel=0.05)
+    assert not outside(recording, estimate)
+
+
+def test_a_look_begins_with_the_same_curve() -> None:
+    """Friction over speed as one law has it, in the parameters of another: equal to a few per cent, and back again."""
+    recording = random_recording(3, CONDITIONS["base"])
+    monitor = JointMonitor(None, recording.gains)
+    windows = []
+    monitor.learner.take = windows.append  # type: ignore[method-assign]
+    monitor.process(recording.batch)
+    (first, *_) = fitted_laws(windows[:12], None)
+    other = same_curve("exponential", first)
+    speeds = np.linspace(0.0, float(np.abs(first.solution.fit.velocities).max()), 50)
+
+    def curve(law: str, parameters: np.ndarray) -> np.ndarray:
+        viscous, velocity, stribeck = np.exp(parameters[[VISCOUS, STRIBECK_VELOCITY, STRIBECK]])
+        found = stribeck * np.asarray(stribeck_friction(LAWS[law], 1.0, speeds / velocity)) + viscous * speeds
+        return found - found.mean()
+
+    mine, theirs = curve(first.law, first.solution.fit.parameters), curve("exponential", other)
+    assert np.abs(mine - theirs).mean() < 0.1 * float(np.ptp(mine))
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_static_friction_that_scatters_bends_nothing(seed: int) -> None:
+    """Issue 18: 3 % from rest to rest made Coulomb friction 14 standard errors off, under the wrong law."""
+    recording, estimate = learnt("scatter", seed)
+    assert estimate.law == "hess_soom"
+    assert not estimate.mismatch
+    assert {"inertia", "stribeck_velocity"} <= {name for name in NAMES if estimate[name].identified}
+    assert not outside(recording, estimate)
 
 
 def test_what_the_slips_do_not_show_does_not_weigh_between_laws() -> None:

@@ -9,6 +9,7 @@ the paper's law: the values of another would mean something else.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -36,9 +37,10 @@ from stickslip_ros.monitoring.friction.estimate import (
     ParameterEstimate,
 )
 from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
+from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.late_controller import with_delay
-from stickslip_ros.monitoring.friction.laws import HALF_SPEED, FittedLaw, weighed_laws
+from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
@@ -76,13 +78,16 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
 
 
 def fitted_laws(
-    windows: list[SlipWindow], configured: Joint | None, start: FloatArray | None = None
+    windows: list[SlipWindow],
+    configured: Joint | None,
+    start: FloatArray | None = None,
+    hopeless: Collection[str] = (),
 ) -> list[FittedLaw]:
     """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
 
     Parameters
     ----------
-    start : logarithms that fitted earlier slips under the paper's law, or None.
+    start : logarithms that fitted earlier slips under the paper's law, or None. hopeless : laws that these excluded.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     problem = SlipProblem(windows)
@@ -101,7 +106,7 @@ def fitted_laws(
     why = _unexplained(first)
     if why and not first.problem.trend and not first.problem.normalised:
         first = with_surroundings(first, known, why)
-    fits = weighed_laws(first, known)
+    fits = weighed_laws(first, known, hopeless)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 
@@ -195,6 +200,8 @@ def _unexplained(fitted: FittedLaw) -> str:
     reasons = []
     if left_over > _STRAYS:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
+    elif not fitted.fits and solution.tolerance == 0.0:
+        reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
     if aside > _ASIDE * problem.count:
@@ -223,15 +230,27 @@ def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
     first = fits[0]
     covariance = honest_covariance(first.problem, first.solution.fit, first.solution.prior)
     for other in fits[1:]:
-        off = np.concatenate([_comparable(other), other.solution.fit.kinetic])
-        off -= np.concatenate([_comparable(first), first.solution.fit.kinetic])
+        off = _off(first, other)
         covariance = covariance + other.weight * np.outer(off, off)
     return covariance
 
 
+def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
+    """How far another law's parameters and kinetic friction are off the first one's, shape (p + k,) of the first.
+
+    Of what only one of them has, a trend or a delay, nothing can be said.
+    """
+    size = len(first.solution.fit.parameters)
+    off = np.zeros(size + len(first.solution.fit.kinetic))
+    off[:PARAMETERS] = _comparable(other) - _comparable(first)
+    both = min(len(one.problem.lasting[1]) for one in (first, other))
+    off[size : size + both] = other.solution.fit.kinetic[:both] - first.solution.fit.kinetic[:both]
+    return off
+
+
 def _comparable(fit: FittedLaw) -> FloatArray:
     """Parameters, with the speed at half the Stribeck friction for the Stribeck velocity, which is each law's own."""
-    parameters = fit.solution.fit.parameters.copy()
+    parameters = fit.solution.fit.parameters[:PARAMETERS].copy()
     parameters[STRIBECK_VELOCITY] += math.log(HALF_SPEED[fit.law])
     return np.asarray(parameters)
 

@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping
 
 from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
-from stickslip_ros.monitoring.friction.laws import FittedLaw, fitted_with_more
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more
 
 _NEXT_TO_NONE = math.log(3.0)  # above the least viscous friction that can be fitted: there may be less than none
 
@@ -28,8 +28,12 @@ def with_delay(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Fi
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
     """
-    problem, solution = first.problem, first.solution
+    return fitted_with_more(first, first.problem.with_delay(), 1, known) if may_hide_a_delay(first) else first
+
+
+def may_hide_a_delay(fitted: FittedLaw) -> bool:
+    """Whether viscous friction next to none may be more, less a delay that is not fitted."""
+    problem, solution = fitted.problem, fitted.solution
     viscous = float(solution.fit.parameters[VISCOUS])
-    if not problem.may_be_late or problem.delay_shows or viscous > solution.prior.lower[VISCOUS] + _NEXT_TO_NONE:
-        return first
-    return fitted_with_more(first, problem.with_delay(), 1, known)
+    next_to_none = viscous <= solution.prior.lower[VISCOUS] + _NEXT_TO_NONE
+    return problem.may_be_late and not problem.delay_shows and next_to_none

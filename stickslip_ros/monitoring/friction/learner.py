@@ -26,8 +26,8 @@ from stickslip_ros.monitoring.friction.change import FrictionChange, friction_ch
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import best_known, estimate_from
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
+from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.laws import HALF_SPEED
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
@@ -164,7 +164,9 @@ class FrictionLearner:
             return
         chosen = best_known(self._kept.windows)
         if len(chosen) >= _FIRST_STUDY:
-            self._due = StudyQuestion(windows=chosen, configured=self.configured, start=self._start(chosen))
+            start = self._start(chosen)
+            hopeless = () if start is None or self._state is None else self._state.hopeless
+            self._due = StudyQuestion(windows=chosen, configured=self.configured, start=start, hopeless=hopeless)
             self._studied = self._seen
 
     def _start(self, windows: list[SlipWindow]) -> FloatArray | None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.monitoring.friction.dry_friction import dry_friction_of
-from stickslip_ros.monitoring.friction.laws import FittedLaw, misfit_of
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
 from stickslip_ros.monitoring.friction.surroundings import Surroundings

@@ -234,9 +234,20 @@ class SlipProblem(ObservedSlips):
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        return SlipProblem(
-            [window.thinned(most) for window in self.windows], law=self.law, delay_shows=self.delay_shows
-        )
+        some = [window.thinned(most) for window in self.windows]
+        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend)
+
+    def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
+        """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
+        usable = np.flatnonzero(self.usable)
+        chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(slips, len(usable)))).astype(int))
+        return self.only(usable[chosen].tolist()).thinned(observations)
+
+    def plain(self, law: int) -> SlipProblem:
+        """The problem of the same slips under a law, without what a fit has added; what was found of stamps is kept."""
+        other = SlipProblem(self.windows, self.before, law=law)
+        other.take_up(stray=self.stray, tolerance=0.0)
+        return other
 
     def with_law(self, law: int) -> SlipProblem:
         """The problem of the same slips under another friction law; what was found of the stamps is kept."""
@@ -294,7 +305,7 @@ class SlipProblem(ObservedSlips):
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
         some = [self.windows[number] for number in which]
-        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows)
+        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend)
 
     def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.

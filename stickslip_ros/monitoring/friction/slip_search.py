@@ -43,7 +43,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 _ALIKE = 4
 _OBSERVATIONS_OF_A_SHAPE = 60  # of each slip, while nothing is known but roughly
 _STARTS = 6
-_SPREAD, _GENERALISED = 12, 4  # slips from everywhere; shapes tried on them
+_GENERALISED = 4  # shapes tried on slips from everywhere
 _APART = 0.8  # of a logarithm: guesses closer than this are one
 _SHAPE_TOLERANCES = (0.01, 0.002)  # of the slip distance
 _SHAPES_TRIED = 2
@@ -180,11 +180,9 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
 
 def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
     """The shapes, made to fit slips from everywhere, each with its own level; the best first."""
-    usable = np.flatnonzero(problem.usable)
-    spread = usable[np.unique(np.round(np.linspace(0, len(usable) - 1, min(_SPREAD, len(usable)))).astype(int))]
     fits = []
     for shape in sorted(shapes, key=lambda fit: fit.cost):
-        some = problem.only(spread.tolist())
+        some = problem.spread()
         level = usual_level(shape)
         parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(some.more_errors))])
         parameters[STRIBECK] = math.log(level)

@@ -31,6 +31,7 @@ from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerance
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
+FITS = 1.08  # mean square of residuals, up to which a fit leaves nothing over
 GOOD = 1.3  # mean square of residuals, with which the search ends
 _NEARLY_GOOD = 2.0  # likewise, from which a fit may come to be good
 _OUTLIER, _OUTLIER_SHARE = 9.0, 25.0  # mean square of a slip's residuals; over the median of the slips
@@ -45,6 +46,7 @@ _FINAL = 3
 _LOOSE_ROUNDS = 5
 _LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3
 _ITERATIONS = 20
+_ROUND = 40  # of a stage of a fit that may come to be good
 _LAST_ITERATIONS = 100  # where all ties are tight, valleys are long, flat and bent
 ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
 HELD = 1e-6  # standard deviation of a logarithm that is not to change
@@ -111,10 +113,30 @@ def fit_near(
     numpy.linalg.LinAlgError
         If nothing near the start can be simulated.
     """
-    known = with_usual_rise_time(known)
-    solution = fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
+    solution = fit_from(problem, start, known)
     if solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
+    solution.hand_to(problem)
+    return solution
+
+
+def fit_from(
+    problem: SlipProblem,
+    start: FloatArray,
+    known: Mapping[int, tuple[float, float]],
+    patience: int = _LAST_ITERATIONS,
+) -> Solution:
+    """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
+    level, known = math.exp(start[STRIBECK]), with_usual_rise_time(known)
+    return fit_all(problem, start, level, known, _TIGHTENING[_FIRST_OF_AGAIN:], patience)
+
+
+def glance(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+    """A fit of a few slips from a start, with little patience; None if nothing near it can be simulated."""
+    try:
+        solution = fit_from(problem, start, known, patience=_ROUND)
+    except LinAlgError:
+        return None
     solution.hand_to(problem)
     return solution
 
@@ -122,7 +144,7 @@ def fit_near(
 def fit_again(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
     """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
     try:
-        solution = fit_all(problem, start, math.exp(start[STRIBECK]), known, _TIGHTENING[_FIRST_OF_AGAIN:])
+        solution = fit_from(problem, start, known)
     except LinAlgError:
         return None
     good = solution.mean_square < GOOD and solution.usable.mean() > _MOST_USABLE
@@ -135,8 +157,14 @@ def fit_all(
     level: float,
     known: Mapping[int, tuple[float, float]],
     tightening: tuple[tuple[float, float, float], ...] = _TIGHTENING,
+    patience: int = _LAST_ITERATIONS,
 ) -> Solution:
-    """Fit everything, from the logarithms of a shape and the level [N·m] that goes with it."""
+    """Fit everything, from the logarithms of a shape and the level [N·m] that goes with it.
+
+    Parameters
+    ----------
+    patience : iterations of each of the last stages, where the fit is nearly good.
+    """
     distance = float(np.median(problem.distances))
     lower, upper = bounds(problem, math.exp(shape[INERTIA]))
     fit, parameters = _breakaways(problem, shape, level)
@@ -165,8 +193,7 @@ def fit_all(
         problem.measure_stray(fit.residuals, fit.velocities)
         problem.weigh(fit.velocities)
         balance = balance_error(problem, fit)
-        # Friction that varies from slip to slip does so at rest as well.
-        link = max(TIGHT_LEVEL, min(balance / math.exp(fit.parameters[STRIBECK]), _LARGEST_LINK))
+        link = link_error(problem, fit, balance)
         tolerances = Tolerances(balance=balance, level=link)
         fit = fit_slips(
             problem,
@@ -174,14 +201,21 @@ def fit_all(
             tolerances,
             parameters=fit.parameters,
             unknowns=fit.unknowns,
-            iterations=_LAST_ITERATIONS if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS,
-            enough=_NEARLY,
+            iterations=min(patience, _patience(fit)),
+            enough=_NEARLY if _mean_square(fit) < FITS else ROUGHLY,
             scored=final == _FINAL,
         )
         _set_outliers_aside(problem, fit)
     return Solution(
         fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=link, stray=problem.stray
     )
+
+
+def _patience(fit: SlipFit) -> int:
+    """Iterations that the next of the last stages is worth."""
+    if _mean_square(fit) < FITS:
+        return _LAST_ITERATIONS
+    return _ROUND if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS
 
 
 def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
@@ -267,6 +301,15 @@ def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
     if freedom < 1:
         return 100.0 * least
     return max(_scatter(used) * math.sqrt(len(used) / freedom), least)
+
+
+def link_error(problem: SlipProblem, fit: SlipFit, balance: float) -> float:
+    """Scatter of the levels' logarithms about Eq. (6), at least that of the kinetic friction [N·m].
+
+    Friction that varies from slip to slip does so at rest as well; static friction may vary alone.
+    """
+    least = max(balance / math.exp(fit.parameters[STRIBECK]), TIGHT_LEVEL)
+    return min(max(_scatter(fit.link_misfits[problem.linked & problem.usable]), least), _LARGEST_LINK)
 
 
 def _set_outliers_aside(problem: SlipProblem, fit: SlipFit) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction.laws import FittedLaw, fitted_with_more
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more
 from stickslip_ros.monitoring.friction.slip_fit import Prior
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray

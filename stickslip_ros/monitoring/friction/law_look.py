@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""A look at another friction law: whether it may explain slips as well as a law that was fitted, and from where.
+
+The fit of a law ends in the valley in which it begins, and the parameters that one law needs can be far from those of
+another: where the Stribeck friction falls to nothing at once, a law with a long tail takes more of it, less Coulomb
+friction and more viscous friction for the same curve. So a look begins with the curve, not with the parameters; and it
+fits both laws anew to the same few slips, with the ties between them drawn tight step by step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from stickslip_ros.model._friction_law import LAWS, stribeck_friction
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
+from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw, misfit_of, repeated
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
+from stickslip_ros.monitoring.friction.slip_solution import glance, usual_level
+from stickslip_ros.monitoring.samples import FloatArray
+
+_WORSE = 60.0  # twice the logarithm of a likelihood ratio, from which on more slips do not change the order of laws
+_BETTER = 10.0  # likewise, from which on a law is clearly better
+_SPEEDS = 64  # at which curves are compared
+_SCALES = np.geomspace(0.4, 2.5, 15)  # of the Stribeck velocity, that are tried
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """What a look at a law found.
+
+    Attributes
+    ----------
+    start : logarithms from which to fit it to all slips, shape (6,).
+    worse : by how much it explains the slips looked at worse than the law fitted first: twice the logarithm of the
+        ratio of their likelihoods.
+    """
+
+    start: FloatArray
+    worse: float
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether no fit to more slips would make it as good."""
+        return self.worse > _WORSE
+
+    @property
+    def better(self) -> bool:
+        """Whether it explains them clearly better: where no law fits, nothing less is worth a full fit."""
+        return self.worse < -_BETTER
+
+
+def look_at(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Look | None:
+    """Look at a law beside the one fitted first; None if none of the slips can be simulated with it.
+
+    Parameters
+    ----------
+    known : mean and standard deviation of parameters' logarithms, by index.
+    """
+    some = first.problem.spread()
+    theirs = glance(some, first.solution.fit.parameters, known)
+    if theirs is None:
+        return None
+    other = some.with_law(LAWS[law])
+    found = glance(other, same_curve(law, first), known)
+    if found is None:
+        return None
+    worse = (misfit_of(other, found) - misfit_of(some, theirs)) / repeated(some, theirs)
+    return Look(start=found.fit.parameters[:PARAMETERS], worse=worse)
+
+
+def same_curve(law: str, first: FittedLaw) -> FloatArray:
+    """Logarithms of the parameters of a law with which friction over speed is most nearly what the first fit has."""
+    fit, problem = first.solution.fit, first.problem
+    start = same_parameters(law, first)
+    level, unit = usual_level(fit), math.exp(fit.parameters[STRIBECK_VELOCITY])
+    speeds = np.abs(fit.velocities)
+    speeds = np.quantile(speeds[speeds > 0.0], np.linspace(0.0, 1.0, _SPEEDS))
+    curve = np.asarray(stribeck_friction(LAWS[first.law], level, speeds / unit))
+    curve += math.exp(fit.parameters[VISCOUS]) * speeds
+    usual = problem.usual_speed
+    best = math.inf
+    for scale in _SCALES * math.exp(start[STRIBECK_VELOCITY]):
+        falling = np.asarray(stribeck_friction(LAWS[law], 1.0, speeds / scale))
+        # The Coulomb friction has either sign here: it is what is left.
+        ones = np.ones_like(speeds)
+        columns = np.stack([ones, -ones, speeds / usual, falling], axis=1)
+        (_, _, viscous, stribeck), missed = nnls(columns, curve)
+        if missed < best and viscous > 0.0 and stribeck > 0.0:
+            best = missed
+            start[[VISCOUS, STRIBECK_VELOCITY]] = math.log(viscous / usual), math.log(scale)
+            start[STRIBECK] = fit.parameters[STRIBECK] + math.log(stribeck / level)
+    return start
+
+
+def same_parameters(law: str, first: FittedLaw) -> FloatArray:
+    """Logarithms of the first fit's parameters, with the Stribeck velocity at which the law has fallen to half too."""
+    start = first.solution.fit.parameters[:PARAMETERS].copy()
+    start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[first.law] / HALF_SPEED[law])
+    return np.asarray(start)
