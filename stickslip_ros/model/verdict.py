@@ -18,6 +18,7 @@ from stickslip_ros.model.controlled import (
     controlled_outcome,
 )
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
+from stickslip_ros.model.divergence import UNSTABLE
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
     exact_critical_damping_ratio,
@@ -151,6 +152,8 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
     found = hunting(joint, gains, conditions)
     if found.hunts is None:
         return _no_answer("the controller is too fast beside the joint to be followed")
+    if found.unstable and not (found.hunts and min(found.unstable) > 1.0):
+        return _no_answer(UNSTABLE)
     return ExactVerdict(
         smooth=not found.hunts,
         outcome=Outcome.STICKS if found.hunts else Outcome.STEADY,
