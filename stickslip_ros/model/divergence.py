@@ -14,14 +14,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 
 UNSTABLE = "the loop is unstable: its motion grows without end"
 
-_FAR = 30.0
+_FAR = 30.0  # times what the joint has to do with, and what friction holds
 _ON_THE_CIRCLE = 1e-9
 _SMALL = 1e-4  # a decay below which the series is exact to rounding, in a period
+
+
+class UnstableLoopError(StickSlipError):
+    """The motion grows without end, and nothing is read off it."""
+
+    def __init__(self) -> None:
+        super().__init__(UNSTABLE)
 
 
 def loop_is_unstable(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:

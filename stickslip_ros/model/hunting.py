@@ -16,7 +16,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.controlled import OperatingConditions, natural_period, step_period
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.controlled import natural_period, step_period
 from stickslip_ros.model.divergence import loop_is_unstable, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
