@@ -82,7 +82,8 @@ def _course(
     if math.isnan(period):
         return ControlledCourse(persists=math.nan)
     friction = joint.friction
-    coulomb = _COULOMB * float(friction.stribeck)
+    # A contact that gives way does so by all that it holds, Coulomb friction too: that does not cancel.
+    coulomb = _COULOMB * float(friction.stribeck) if friction.rigid else float(friction.coulomb)
     # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
     # carried by the integral, if there is one.
     force = float(friction.stribeck) - float(gains.damping) * speed
