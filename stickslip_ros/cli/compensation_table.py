@@ -98,9 +98,9 @@ def print_table(found: CompensationTable, velocity: float) -> None:
                 continue
             table.add_row(
                 "[dim]none" if share == 0 else kind, f"{share:g}",
-                "-" if one.outcome is None else OUTCOME_WORDS[one.outcome.value],
+                _outcome(one),
                 "-" if math.isnan(one.critical_damping_ratio) else f"{one.critical_damping_ratio:.2f}",
-                *(f"{1e3 * value:.2f}" for value in (one.steady_error, one.swing, one.standing_swing, one.peak_error)),
+                *map(_milli, (one.steady_error, one.swing, one.standing_swing, one.peak_error)),
             )  # fmt: skip
     console.print(table)
     console.print(
@@ -110,6 +110,16 @@ def print_table(found: CompensationTable, velocity: float) -> None:
     for kind, share in found.harmless.items():
         limit = "does harm at any share" if share < 0.1 else f"does no harm up to {share:.1f} times the friction"
         console.print(f"{kind.capitalize()} {limit}.")
+
+
+def _milli(value: float) -> str:
+    return "-" if math.isnan(value) else f"{1e3 * value:.2f}"
+
+
+def _outcome(effect: CompensationEffect) -> str:
+    if effect.unstable:
+        return "is unstable"
+    return "-" if effect.outcome is None else OUTCOME_WORDS[effect.outcome.value]
 
 
 def write_feedforward(path: Path, friction: Friction) -> None:
@@ -141,6 +151,7 @@ def _effect_json(share: float, effect: CompensationEffect) -> dict[str, Any]:
     return {
         "share": share,
         "outcome": None if effect.outcome is None else effect.outcome.value,
+        "unstable": effect.unstable,
         "critical_damping_ratio": number(effect.critical_damping_ratio),
         "steady_error": number(effect.steady_error),
         "swing": number(effect.swing),

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from typing import Any
 
 from rich.table import Table
@@ -18,6 +19,7 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS
 from stickslip_ros.model.hunting import hunting, largest_quiet_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import change_factors
+from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import json_text, margin_json
 from stickslip_ros.output.published import number
@@ -94,6 +96,13 @@ def run(options: argparse.Namespace) -> int:
         result = margin_json(joint, gains, velocity, conditions)
         if result["exact"]["reason"] == HUNTING:
             result["hunting"] = _hunting(joint, gains, conditions)
+        if (
+            velocity == 0
+            and gains.integral != 0
+            and not joint.friction.rigid
+            and result["exact"]["outcome"] is not None
+        ):
+            result["rigid_contact"] = _on_a_rigid_contact(joint, gains, conditions)
     if options.json:
         print(json_text(result))
     else:
@@ -157,9 +166,35 @@ def _hunting(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dic
         "period": number(found.period),
         "amplitude": number(found.amplitude),
         "starts": list(found.starts),
+        "unstable": list(found.unstable),
         "largest_quiet_integral": number(largest_quiet_integral(joint, gains, conditions)) or None,
         "least_quiet_stiffness": number(least_quiet_stiffness(joint, gains, conditions)),
     }
+
+
+def _on_a_rigid_contact(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dict[str, Any]:
+    """What the same joint would do if a contact did not give way, which is the paper's law."""
+    rigid = replace(joint, friction=replace(joint.friction, presliding_stiffness=math.inf, presliding_damping=0.0))
+    found = hunting(rigid, gains, conditions)
+    return {
+        "hunts": found.hunts,
+        "unstable": bool(found.unstable),
+        "period": number(found.period),
+        "amplitude": number(found.amplitude),
+        "starts": list(found.starts),
+    }
+
+
+def _rigid_in_words(found: dict[str, Any], *, hunts: bool) -> str:
+    """What presliding does to it, beside a rigid contact."""
+    if found["unstable"]:
+        return "With a rigid contact its motion would grow without end."
+    if found["hunts"] is None:
+        return "What it would do with a rigid contact cannot be followed."
+    if not found["hunts"]:
+        return f"With a rigid contact it would {'settle: presliding makes it hunt' if hunts else 'settle too'}."
+    text = f"With a rigid contact it would hunt{' too' if hunts else ''}, by ±{1e3 * found['amplitude']:.3g} mrad"
+    return f"{text}." if hunts else f"{text}: presliding lets it settle."
 
 
 def _hunts_in_words(found: dict[str, Any]) -> str:
@@ -169,9 +204,14 @@ def _hunts_in_words(found: dict[str, Any]) -> str:
     integral, stiffness = found["largest_quiet_integral"], found["least_quiet_stiffness"]
     less = "no k_i down to a thousandth of it ends that" if integral is None else f"a k_i up to {integral:.3g} does not"
     more = (
-        "no k_p up to a thousand times as much does" if stiffness is None else f"a k_p from {stiffness:.4g} on does not"
+        "no k_p up to a thousand times as much does" if stiffness is None else f"a k_p from {stiffness:.3g} on does not"
     )
-    return f"{text}; {less}, {more}."
+    text = f"{text}; {less}, {more}."
+    if found["unstable"]:
+        text += (
+            f" From {min(found['unstable']):g} times as far off as static friction holds, its motion grows without end."
+        )
+    return text
 
 
 def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
@@ -181,7 +221,10 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
     if exact["outcome"] is None:
         console.print(f"[yellow]Integrated, there is {exact['reason']}.[/]")
     else:
-        text = f"At {velocity:g} rad/s the joint {OUTCOME_WORDS[exact['outcome']]}, by integration of Eqs (4)-(6)"
+        does = OUTCOME_WORDS[exact["outcome"]]
+        if velocity == 0 and exact["outcome"] == Outcome.STEADY.value:
+            does = "comes to rest"
+        text = f"At {velocity:g} rad/s the joint {does}, by integration of Eqs (4)-(6)"
         if exact["reason"]:
             text += f" ({exact['reason']})"
         console.print(f"{text}.")
@@ -189,6 +232,8 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
             console.print("[yellow]It depends on how it starts: this is the worst.[/]")
     if "hunting" in result:
         console.print(_hunts_in_words(result["hunting"]))
+    if "rigid_contact" in result:
+        console.print(_rigid_in_words(result["rigid_contact"], hunts="hunting" in result))
     if not result["applicable"]:
         console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
     if result["applicable"] or exact["critical_damping_ratio"] is not None:

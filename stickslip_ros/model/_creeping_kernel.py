@@ -5,9 +5,10 @@
     M x¨ = u(t) − σ₀ z − σ₁ z˙ − F_v x˙,    z˙ = x˙ − σ₀ |x˙| z / S,    S = F_k + F_s Ψ
 
 after Canudas de Wit, Olsson, Åström and Lischinsky, IEEE TAC 40(3), 1995. Without lag and rise S is theirs, a function
-of the velocity alone. With them the contact needs a beginning of the slip, which the model does not have: it is where
-the plastic part of the motion, x˙ − z˙, becomes fast enough to tell from rest, a twentieth of the Stribeck velocity;
-the slip ends where the velocity changes sign.
+of the velocity alone. With them the contact needs a beginning of the slip, which the model does not have: as with a
+rigid contact, it is where the applied force exceeds F_k + F_s(t₂). (A speed as the beginning would be late by as much
+for the stiffest contact, while static friction rises on, and σ₀ → ∞ would not be the paper's law.) The slip ends where
+the velocity changes sign.
 
 The equation of z is stiff while the joint slides, and its oscillation while the joint rests is quick: the steps are
 those of RODAS3 (Sandu and others, Atmospheric Environment 31(20), 1997), of order three with an embedded two, L-stable.
@@ -55,7 +56,6 @@ from stickslip_ros.model._joint_state import (
 
 ROOM = (10, 4)
 _TOLERANCE = 1e-6
-_SLIDES = 0.05  # of the Stribeck velocity
 _GROWS, _SHRINKS, _CAUTION = 5.0, 0.1, 0.9
 _GAMMA = 0.5
 _SHORTEST = 1e-13  # of a period
@@ -169,10 +169,15 @@ def _try(step, state, history, parameters, delayed, course, room):
     return max(abs(room[_K4, 0]), abs(room[_K4, 2])) / (_TOLERANCE * length) + abs(room[_K4, 1]) / (_TOLERANCE * speed)
 
 
-@inlined()
-def _plastic(velocity, deflection, yields, parameters):
-    """The part of the velocity that does not deflect the contact."""
-    return parameters[CONTACT_STIFFNESS] * abs(velocity) * deflection / yields
+@helper()
+def _excess(time, position, velocity, integral, state, history, parameters, delayed, course):
+    """Applied force in the direction of the motion, less what the contact holds for long."""
+    start, reference, reference_velocity = course
+    now = reference + reference_velocity * (time - start)
+    force = control(position, velocity, integral, now, reference_velocity, parameters) - parameters[LOAD]
+    force -= parameters[VISCOUS] * velocity
+    held = _yield_force(time, velocity, state, history, parameters, delayed)
+    return (force if velocity > 0.0 else -force) - held
 
 
 @helper()
@@ -200,8 +205,11 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
         if size == step or factor < 1.0:
             step = size * factor
         velocity = room[_TRIAL, 1]
-        yields = _yield_force(time, state[VELOCITY], state, history, parameters, delayed)
-        before = _plastic(state[VELOCITY], state[DEFLECTION], yields, parameters)
+        before = 0.0
+        if state[DIRECTION] == 0.0:
+            before = _excess(
+                time, state[POSITION], state[VELOCITY], state[INTEGRAL], state, history, parameters, delayed, course
+            )
         direction = state[DIRECTION]
         if direction != 0.0 and velocity * direction < 0.0:
             share = state[VELOCITY] / (state[VELOCITY] - velocity)
@@ -213,11 +221,11 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
         state[POSITION], state[VELOCITY] = room[_TRIAL, 0], velocity
         state[DEFLECTION], state[INTEGRAL] = room[_TRIAL, 2], room[_TRIAL, 3]
         if direction == 0.0:
-            yields = _yield_force(state[TIME], velocity, state, history, parameters, delayed)
-            after = _plastic(velocity, state[DEFLECTION], yields, parameters)
-            slides = _SLIDES * parameters[STRIBECK_VELOCITY]
-            if abs(after) > slides and after * velocity > 0.0:
-                share = (slides - abs(before)) / (abs(after) - abs(before)) if abs(before) < slides else 0.0
+            after = _excess(
+                state[TIME], state[POSITION], velocity, state[INTEGRAL], state, history, parameters, delayed, course
+            )
+            if after > 0.0:
+                share = -before / (after - before) if before < 0.0 else 0.0
                 breaks_away(time + share * size, 1.0 if velocity > 0.0 else -1.0, state, parameters)
         if (
             delayed

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.compensation import Compensation
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.divergence import UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import Outcome
@@ -42,6 +43,7 @@ class CompensationEffect:
     steady_error : mean following error at the speed [rad]. swing : of the following error there, peak to peak [rad].
     standing_swing : of the joint while the reference stands, peak to peak [rad].
     reversal : the worse of the two of a triangle of that speed; None if it does not turn round.
+    unstable : the motion grows without end; then there are none of the others.
     """
 
     outcome: Outcome | None
@@ -50,6 +52,7 @@ class CompensationEffect:
     swing: float = field(metadata={"unit": "rad"})
     standing_swing: float = field(metadata={"unit": "rad"})
     reversal: Reversal | None
+    unstable: bool = False
 
     @property
     def peak_error(self) -> float:
@@ -71,6 +74,19 @@ def compensation_effect(
     InvalidParameterError
         As :func:`stickslip_ros.model.reversal.reversals`.
     """
+    try:
+        return _effect(joint, gains, velocity, conditions, limits=limits)
+    except UnstableLoopError:
+        none = math.nan
+        return CompensationEffect(
+            outcome=None, critical_damping_ratio=none, steady_error=none, swing=none, standing_swing=none,
+            reversal=None, unstable=True,
+        )  # fmt: skip
+
+
+def _effect(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, limits: bool
+) -> CompensationEffect:
     speed = abs(float(velocity))
     dithered = conditions.compensation is not None and conditions.compensation.dither > 0
     verdict = ExactVerdict(smooth=None) if dithered else exact_verdict(joint, gains, speed, conditions, limits=False)
@@ -105,6 +121,8 @@ def largest_harmless_share(
 
     def helps(share: float) -> bool:
         found = compensation_effect(joint, gains, velocity, replace(conditions, compensation=at(share)), limits=False)
+        if found.unstable and not without.unstable:
+            return False
         little = _LITTLE * abs(without.peak_error)
         if found.outcome is None:
             as_smooth = found.swing <= _WORSE * without.swing + little
@@ -146,7 +164,10 @@ def _late_errors(
     )
     positions = reference(period * np.arange(count + 1.0))
     motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
-    return (positions[1:] - motion.position)[-count // 3 :]
+    errors = positions[1:] - motion.position
+    if runs_away(joint, gains, conditions, errors, float(np.abs(positions).max())):
+        raise UnstableLoopError
+    return errors[-count // 3 :]
 
 
 def _turning(joint: Joint, gains: Gains, speed: float, held: float) -> ReferenceMotion:

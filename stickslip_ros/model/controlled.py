@@ -8,13 +8,12 @@ No condition in closed form covers these; the joint is simulated, in SI units, u
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model._validation import require_finite, require_not_negative
-from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.conditions import OperatingConditions as OperatingConditions
+from stickslip_ros.model.divergence import runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
 from stickslip_ros.model.outcome import STEADY_SWING, Outcome
@@ -35,41 +34,18 @@ _FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above whic
 
 
 @dataclass(frozen=True, kw_only=True)
-class OperatingConditions:
-    """What the paper leaves open, each off by default.
+class ControlledCourse:
+    """What becomes of a joint that breaks away with full static friction.
 
     Attributes
     ----------
-    load : constant torque against the controller [N·m]. It shifts the position, or with integral action the
-        integral, and changes no verdict.
-    controller_period : the controller samples so often and holds its effort [s]; 0: continuous control.
-    control_delay : the effort takes effect one controller period late.
-    compensation : torques that the controller adds, looking at the joint once in its own period, or in that of a
-        sampled controller.
-
-    Raises
-    ------
-    InvalidParameterError
-        If a value is not finite, the period is negative, or a delay is asked of continuous control.
+    persists : whether stick slip goes on for ever: 1.0 or 0.0; NaN if it cannot be followed.
+    outcome : None where there is none to tell. unstable : its motion grows without end.
     """
 
-    load: float = field(default=0.0, metadata={"unit": "N·m"})
-    controller_period: float = field(default=0.0, metadata={"unit": "s"})
-    control_delay: bool = False
-    compensation: Compensation | None = None
-
-    def __post_init__(self) -> None:
-        require_finite("load", self.load)
-        require_not_negative("controller_period", self.controller_period)
-        if self.control_delay and self.controller_period == 0:
-            raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
-
-    @property
-    def period(self) -> float:
-        """Of what the controller does once in a while [s]; 0 where it does all continuously."""
-        if self.controller_period > 0 or self.compensation is None:
-            return self.controller_period
-        return self.compensation.period
+    persists: float
+    outcome: Outcome | None = None
+    unstable: bool = False
 
 
 def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> float:
@@ -80,43 +56,43 @@ def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, condi
 
     Returns
     -------
-    1.0 if it does, 0.0 if it dies out; NaN if the controller is too fast beside the joint to be followed.
+    1.0 if it does, or the motion grows without end; 0.0 if it dies out; NaN if the controller is too fast beside the
+    joint to be followed.
     """
-    return _course(joint, gains, velocity, conditions, to_the_end=False)[0]
+    return _course(joint, gains, velocity, conditions, to_the_end=False).persists
 
 
-def controlled_outcome(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> Outcome | None:
+def controlled_course(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ControlledCourse:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
     As :func:`controlled_cycle_persists`; a joint that slides on is followed until its largest departure from the speed
-    within eight natural periods is a tenth of that at most and does not grow, or stays the same.
-
-    Returns
-    -------
-    None if it cannot be followed, or does neither in a thousand natural periods.
+    within eight natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in
+    a thousand natural periods, there is no outcome.
     """
-    return _course(joint, gains, velocity, conditions, to_the_end=True)[1]
+    return _course(joint, gains, velocity, conditions, to_the_end=True)
 
 
 def _course(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool
-) -> tuple[float, Outcome | None]:
+) -> ControlledCourse:
     """Whether the cycle persists, and what becomes of the joint if it is followed to the end."""
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
     natural = natural_period(joint, gains)
     period = step_period(conditions, natural)
     if math.isnan(period):
-        return math.nan, None
+        return ControlledCourse(persists=math.nan)
     friction = joint.friction
-    coulomb = _COULOMB * float(friction.stribeck)
+    # A contact that gives way does so by all that it holds, Coulomb friction too: that does not cancel.
+    coulomb = _COULOMB * float(friction.stribeck) if friction.rigid else float(friction.coulomb)
     # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
     # carried by the integral, if there is one.
     force = float(friction.stribeck) - float(gains.damping) * speed
     constant = coulomb + conditions.load
     if gains.integral == 0:
         force += constant
+    joint = replace(joint, friction=replace(friction, coulomb=coulomb))
     simulation = JointSimulation(
-        replace(joint, friction=replace(friction, coulomb=coulomb)),
+        joint,
         gains,
         error_integral=constant / float(gains.integral) if gains.integral else 0.0,
         load=conditions.load,
@@ -125,19 +101,23 @@ def _course(
         compensation=conditions.compensation,
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural / period))
+    # How far behind its reference a joint may be that has only begun to slide.
+    reach = abs(force) / stiffness + speed * natural
+    sticks = ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
     levels: list[float] = []
     slowest_before, last_event, swing_before, alike = -math.inf, 0.0, math.inf, 0
     while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
-        motion = simulation.advance(period, force / stiffness + speed * times, np.full(count, speed))
+        references = force / stiffness + speed * times
+        motion = simulation.advance(period, references, np.full(count, speed))
         for event in motion.events:
             last_event = event.time
             if event.kind is EventKind.BREAKAWAY:
                 levels.append(event.stribeck_level)
-        if not np.isfinite(motion.position).all():
-            return 1.0, Outcome.STICKS
+        if runs_away(joint, gains, conditions, references - motion.position, reach):
+            return ControlledCourse(persists=1.0, unstable=True)
         if _settled(levels):
-            return 1.0, Outcome.STICKS
+            return sticks
         if simulation.stuck:
             continue
         slowest = float(motion.velocity.min()) if not motion.events else -math.inf
@@ -145,15 +125,15 @@ def _course(
             swing = float(np.abs(motion.velocity - speed).max()) / speed
             alike = alike + 1 if abs(swing - swing_before) <= _ALIKE * swing else 0
             if not to_the_end:
-                return 0.0, None
+                return ControlledCourse(persists=0.0)
             if swing <= STEADY_SWING and swing <= swing_before:
-                return 0.0, Outcome.STEADY
+                return ControlledCourse(persists=0.0, outcome=Outcome.STEADY)
             if alike >= _ALIKE_IN_A_ROW:
-                return 0.0, Outcome.SWINGS
+                return ControlledCourse(persists=0.0, outcome=Outcome.SWINGS)
             swing_before = swing
         slowest_before = slowest
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
-    return (0.0, None) if died and to_the_end else (1.0, Outcome.STICKS)
+    return ControlledCourse(persists=0.0) if died and to_the_end else sticks
 
 
 def natural_period(joint: Joint, gains: Gains) -> float:

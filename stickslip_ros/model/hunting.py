@@ -1,27 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Standing still with integral action: does the joint hunt, from which starts, how far, and with which gains not?"""
+"""Standing still with integral action: does the joint hunt, from which starts, how far, and with which gains not?
+
+A joint hunts if its slips alternate in direction and do not decay. Slips one way, which bring it ever closer to its
+reference, are not hunting, nor is a slide that becomes ever slower.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stickslip_ros.model.controlled import OperatingConditions, natural_period, step_period
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.controlled import natural_period, step_period
+from stickslip_ros.model.divergence import loop_is_unstable, runs_away
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
+from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
 
 # How far off the reference a joint begins, at rest, in stretches of the spring that static friction just holds.
 STARTS = (1.0, 0.5, 3.0, 10.0)
+# Likewise in stretches that Stribeck friction alone holds: a joint that hunts just so does it no farther than that.
+NEAR_STARTS = (0.5, 0.7, 1.0, 1.4)
 _PERIODS_AT_ONCE = 8
-_HUNTS = 40  # slips
+_SAMPLES_A_PERIOD = 8
 _LONGEST = 1e5  # natural periods
-_KEEPS = 0.9  # share of the slips' length that is left twenty slips later
-_VANISHED = 1e-3
 _LONGEST_STRETCH = 64
+_COARSER = 16  # times as seldom it is looked at a joint that stands
+_VANISHED = 1e-3  # of the stretch that Stribeck friction alone holds
+_AGAIN = 4  # swings that are compared with as many before
+_ALIKE, _CLOSE = 1e-3, 0.05
+_MANY, _MOST_SWINGS, _BLOCK = 80, 400, 20
+_ONE_WAY = 30  # slips
+_FULL = 0.95  # of the Stribeck friction after long contact: it does not rise any more
+_SLOW = 0.5  # of the Stribeck velocity, below which a slower slide is a more stable one
+_STEADIER = 3  # stretches in a row
 _DECADES, _A_DECADE = 3, 4  # of gains that are tried, and how many of them
 _TOLERANCE = 0.02
 
@@ -32,120 +49,317 @@ class Hunting:
 
     Attributes
     ----------
-    hunts : whether it slips to and fro without end, from any of the STARTS; None if that cannot be followed.
-    starts : from which of them it does. period : from one slip to the next in the same direction [s], of the worst
+    hunts : whether it slips to and fro without end, from any of :func:`starts_of`; None if that cannot be followed.
+    starts : from which of them it does. period : from one swing to the next in the same direction [s], of the worst
         start; amplitude : half of what it goes to and fro [rad]; NaN without hunting.
+    unstable : from which of them its motion grows without end.
     """
 
     hunts: bool | None
     starts: tuple[float, ...] = ()
     period: float = field(default=math.nan, metadata={"unit": "s"})
     amplitude: float = field(default=math.nan, metadata={"unit": "rad"})
+    unstable: tuple[float, ...] = ()
+
+    @property
+    def settles(self) -> bool:
+        """Whether it comes to rest from every start."""
+        return self.hunts is False and not self.unstable
+
+
+def starts_of(joint: Joint) -> tuple[float, ...]:
+    """How far off the reference the joint begins, at rest, in stretches that static friction holds (STARTS)."""
+    stribeck = float(joint.friction.stribeck)
+    near = [round(share * stribeck / _held(joint), 6) for share in NEAR_STARTS]
+    return tuple(dict.fromkeys(start for start in (*STARTS, *near) if start > 0))
 
 
 def hunting(joint: Joint, gains: Gains, conditions: OperatingConditions | None = None) -> Hunting:
-    """Whether a joint (scalars) hunts about a reference that stands still, by integration from each of the STARTS."""
+    """Whether a joint (scalars) hunts about a reference that stands still, by integration from several starts."""
     conditions = conditions or OperatingConditions()
-    found = [(start, _course(joint, gains, conditions, start)) for start in STARTS]
-    if any(course is None for _, course in found):
-        return Hunting(hunts=None)
-    hunted = [(start, course) for start, course in found if course is not None and course[0]]
-    if not hunted:
-        return Hunting(hunts=False)
-    _, (_, period, amplitude) = max(hunted, key=lambda one: one[1][2])
-    return Hunting(hunts=True, starts=tuple(start for start, _ in hunted), period=period, amplitude=amplitude)
+    found = []
+    for start in starts_of(joint):
+        course = _course(joint, gains, conditions, _at_rest(joint, start))
+        if course is None:
+            return Hunting(hunts=None)
+        found.append((start, course))
+    hunted = [(start, course) for start, course in found if course.end is _End.HUNTS]
+    worst = max((course for _, course in hunted), key=lambda course: course.amplitude, default=_SETTLED)
+    return Hunting(
+        hunts=bool(hunted),
+        starts=tuple(start for start, _ in hunted),
+        period=worst.period,
+        amplitude=worst.amplitude,
+        unstable=tuple(start for start, course in found if course.end is _End.GROWS),
+    )
 
 
 def largest_quiet_integral(joint: Joint, gains: Gains, conditions: OperatingConditions | None = None) -> float:
-    """Largest k_i [N·m/(rad·s)] up to the present one below which none hunts; 0 if all that are tried do.
+    """Largest k_i [N·m/(rad·s)] up to the present one below which it settles; 0 if it does with none that is tried.
 
-    Tried are twelve of three decades, then what lies between.
+    Tried are twelve of three decades, then what lies between: from each of the starts, and from the motion with which
+    it hunts at the gain that was tried before.
     """
     highest = float(gains.integral)
-    tried = highest * 10.0 ** (-np.arange(_DECADES * _A_DECADE, -1, -1) / _A_DECADE)
-    return _last_quiet(tried.tolist(), lambda value: _quiet(joint, replace(gains, integral=value), conditions))
+    tried = highest * 10.0 ** (-np.arange(_DECADES * _A_DECADE + 1.0) / _A_DECADE)
+    return _last_quiet(tried.tolist(), joint, lambda value: replace(gains, integral=value), conditions)
 
 
 def least_quiet_stiffness(joint: Joint, gains: Gains, conditions: OperatingConditions | None = None) -> float:
-    """Least k_p [N·m/rad] from the present one up beyond which none hunts with this k_i; infinite if all tried do."""
+    """Least k_p [N·m/rad] from the present one up beyond which it settles; infinite if it does with none that is tried.
+
+    Tried as by :func:`largest_quiet_integral`.
+    """
     least = float(gains.stiffness)
-    tried = least * 10.0 ** (np.arange(_DECADES * _A_DECADE, -1, -1) / _A_DECADE)
-    found = _last_quiet(tried.tolist(), lambda value: _quiet(joint, replace(gains, stiffness=value), conditions))
+    tried = least * 10.0 ** (np.arange(_DECADES * _A_DECADE + 1.0) / _A_DECADE)
+    found = _last_quiet(tried.tolist(), joint, lambda value: replace(gains, stiffness=value), conditions)
     return found if found > 0 else math.inf
 
 
-def _quiet(joint: Joint, gains: Gains, conditions: OperatingConditions | None) -> bool:
-    return hunting(joint, gains, conditions).hunts is False
+class _End(Enum):
+    SETTLES = "settles"
+    HUNTS = "hunts"
+    GROWS = "grows"
 
 
-def _last_quiet(tried: list[float], quiet: Callable[[float], bool]) -> float:
-    """The last of the values, in their order, up to which all are quiet; 0 if the first is not."""
-    last = 0.0
-    for value in tried:
-        if quiet(value):
-            last = value
-            continue
-        if last == 0.0:
-            return 0.0
-        inside, outside = math.log(last), math.log(value)
-        while abs(outside - inside) > _TOLERANCE:
-            middle = 0.5 * (inside + outside)
-            inside, outside = (middle, outside) if quiet(math.exp(middle)) else (inside, middle)
-        return math.exp(inside)
-    return last
+@dataclass(frozen=True, kw_only=True)
+class _Start:
+    """A joint at rest: the force of the spring [N·m], and of the integral beyond the load."""
+
+    spring: float
+    integral: float = 0.0
 
 
-def _course(
-    joint: Joint, gains: Gains, conditions: OperatingConditions, start: float
-) -> tuple[bool, float, float] | None:
-    """Whether it hunts from one start, its period and amplitude; None if it cannot be followed."""
+@dataclass(frozen=True, kw_only=True)
+class _Course:
+    """What becomes of a joint from one start; how it hunts, and where its last swing but one ended."""
+
+    end: _End
+    period: float = math.nan
+    amplitude: float = math.nan
+    rest: _Start | None = None
+
+
+_SETTLED, _GROWN = _Course(end=_End.SETTLES), _Course(end=_End.GROWS)
+
+
+def _held(joint: Joint) -> float:
+    return max(float(joint.friction.coulomb) + float(joint.friction.stribeck), 1e-12)
+
+
+def _at_rest(joint: Joint, start: float) -> _Start:
+    return _Start(spring=start * _held(joint))
+
+
+def _last_quiet(
+    tried: Sequence[float], joint: Joint, gains: Callable[[float], Gains], conditions: OperatingConditions | None
+) -> float:
+    """The value beyond which, to the end of what is tried, a joint settles; 0 if it does not at the last."""
+    conditions = conditions or OperatingConditions()
+    rest: _Start | None = None
+
+    def unquiet(value: float) -> bool:
+        nonlocal rest
+        starts = [*([rest] if rest else []), *(_at_rest(joint, start) for start in starts_of(joint))]
+        for start in starts:
+            course = _course(joint, gains(value), conditions, start)
+            if course is None or course.end is not _End.SETTLES:
+                rest = course.rest if course is not None and course.rest is not None else rest
+                return True
+        return False
+
+    last, hunted_at_last = -1, None
+    for number, value in enumerate(tried):
+        if unquiet(value):
+            last, hunted_at_last = number, rest
+    if last == len(tried) - 1:
+        return 0.0
+    if last < 0:
+        return tried[0]
+    rest = hunted_at_last
+    outside, inside = math.log(tried[last]), math.log(tried[last + 1])
+    while abs(outside - inside) > _TOLERANCE:
+        middle = 0.5 * (inside + outside)
+        inside, outside = (inside, middle) if unquiet(math.exp(middle)) else (middle, outside)
+    return math.exp(inside)
+
+
+def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: _Start) -> _Course | None:
+    """What becomes of it from one start; None if it cannot be followed."""
     if gains.integral == 0:
-        return False, math.nan, math.nan
-    natural, friction = natural_period(joint, gains), joint.friction
+        return _SETTLED
+    natural, stiffness = natural_period(joint, gains), float(gains.stiffness)
     # Events are exact however seldom one looks.
-    period = step_period(conditions, natural) if conditions.period > 0 else natural
+    period = step_period(conditions, natural) if conditions.period > 0 else natural / _SAMPLES_A_PERIOD
     if math.isnan(period):
         return None
-    offset = start * max(float(friction.coulomb) + float(friction.stribeck), 1e-12) / float(gains.stiffness)
+    offset = start.spring / stiffness
     simulation = JointSimulation(
         joint,
         gains,
         load=conditions.load,
-        error_integral=conditions.load / float(gains.integral),
+        error_integral=(conditions.load + start.integral) / float(gains.integral),
         sampled=conditions.controller_period > 0,
         control_delay=conditions.control_delay,
         compensation=conditions.compensation,
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural / period))
-    slips: list[float] = []
-    times: list[tuple[float, int]] = []
-    slipped_from, stretch = 0.0, 1
-    ends: tuple[float, float] = (0.0, 0.0)
-    while len(slips) < _HUNTS and simulation.time < _LONGEST * natural:
-        # A joint that stays stuck is followed in ever longer stretches.
-        size = count * stretch
-        motion = simulation.advance(period, np.full(size, offset), np.zeros(size))
-        if not np.isfinite(motion.position).all():
-            return True, math.nan, math.inf
+    unstable = loop_is_unstable(joint, gains, conditions)
+    slips = _Slips(offset)
+    slide = _Slide(joint)
+    reach = STARTS[-1] * _held(joint) / stiffness
+    small = _VANISHED * (float(joint.friction.stribeck) or 1e-3 * _held(joint)) / stiffness
+    stretch = 1
+    while simulation.time < _LONGEST * natural:
+        # A joint that neither slips nor stops is followed in ever longer stretches.
+        coarser = min(stretch, _COARSER) if simulation.stuck and conditions.period == 0 else 1
+        size = count * stretch // coarser
+        motion = simulation.advance(coarser * period, np.full(size, offset), np.zeros(size))
+        errors = offset - motion.position
+        if runs_away(joint, gains, conditions, errors, reach):
+            return _GROWN
         for event in motion.events:
-            if event.kind is EventKind.BREAKAWAY:
-                slipped_from = event.position
-                times.append((event.time, event.direction))
-            else:
-                slips.append(abs(event.position - slipped_from))
-                ends = (ends[1], event.position)
-        stretch = min(2 * stretch, _LONGEST_STRETCH) if not motion.events else 1
-        error = float(np.abs(motion.position - offset).max())
-        if error < _VANISHED * offset or (slips and slips[-1] < _VANISHED * slips[0]):
-            return False, math.nan, math.nan
-    if len(slips) < _HUNTS:
-        # Long slips: an oscillation without a stop, or a slow creep to the reference.
-        hunts = len(slips) > 2
-    else:
-        recent, earlier = max(slips[-4:]), max(slips[-_HUNTS // 2 - 4 : -_HUNTS // 2])
-        hunts = recent > _KEEPS * earlier
-    if not hunts:
-        return False, math.nan, math.nan
-    alike = [time for time, direction in times if direction == times[-1][1]]
-    lasted = alike[-1] - alike[-2] if len(alike) > 1 else math.nan
-    return True, lasted, 0.5 * abs(ends[1] - ends[0])
+            slips.take(event)
+        if slips.hunts(unstable=unstable):
+            return slips.hunting(joint, gains)
+        if unstable and slips.grow():
+            return _GROWN
+        quiet = not motion.events
+        stretch = min(2 * stretch, _LONGEST_STRETCH) if quiet else 1
+        if (
+            slips.decayed(small)
+            or slips.creep(float(joint.friction.stribeck))
+            or (quiet and float(np.abs(errors).max()) < small)
+            or (quiet and simulation.stuck and _holds(joint, gains, conditions, simulation, float(errors[-1])))
+            or slide.calms(motion.velocity, sliding=quiet and not simulation.stuck and not unstable)
+        ):
+            return _SETTLED
+    return _SETTLED
+
+
+def _holds(
+    joint: Joint, gains: Gains, conditions: OperatingConditions, simulation: JointSimulation, error: float
+) -> bool:
+    """Whether a contact that gives way carries all that there is until the joint is at its reference."""
+    friction = joint.friction
+    if friction.rigid or conditions.period > 0:
+        return False
+    leaning = replace(
+        gains,
+        stiffness=float(gains.stiffness) + float(friction.presliding_stiffness),
+        damping=float(gains.damping) + float(friction.presliding_damping),
+    )
+    if loop_is_unstable(joint, leaning, conditions):
+        return False
+    most = _FULL * (float(friction.coulomb) + simulation.stribeck_level) / float(friction.presliding_stiffness)
+    return max(abs(simulation.deflection), abs(simulation.deflection + error)) < most
+
+
+class _Slips:
+    """Slips of one course, and the swings that they make: slips in the same direction, one after the other."""
+
+    def __init__(self, offset: float) -> None:
+        self._offset = offset
+        self._from: Event | None = None
+        self._lengths: list[float] = []  # of slips, with their directions
+        self._levels: list[float] = []
+        self._swings: list[float] = []
+        self._ends: list[float] = []
+        self._begun: list[float] = []
+        self._one_way = 0
+
+    def take(self, event: Event) -> None:
+        if event.kind is EventKind.BREAKAWAY:
+            self._from = event
+            return
+        if self._from is None:
+            return
+        length = event.position - self._from.position
+        if self._lengths and length * self._lengths[-1] > 0:
+            self._one_way += 1
+            self._swings[-1] += abs(length)
+            self._ends[-1] = event.position
+        else:
+            self._one_way = 1
+            self._swings.append(abs(length))
+            self._ends.append(event.position)
+            self._begun.append(self._from.time)
+        self._lengths.append(length)
+        self._levels.append(self._from.stribeck_level)
+
+    @property
+    def _whole(self) -> NDArray[np.float64]:
+        """Lengths of swings that have ended."""
+        return np.array(self._swings[:-1])
+
+    def hunts(self, *, unstable: bool) -> bool:
+        """Whether the swings come to repeat themselves; or where they never quite do, do not decay."""
+        swings = self._whole
+        if len(swings) < 3 * _AGAIN:
+            return False
+        latest, before, first = (
+            float(swings[len(swings) - (k + 1) * _AGAIN : len(swings) - k * _AGAIN].max()) for k in range(3)
+        )
+        change, change_before = abs(latest - before), abs(before - first)
+        if change <= _ALIKE * before and change <= max(change_before, _ALIKE * _ALIKE * before):
+            return True
+        if len(swings) < _MANY:
+            return False
+        ratio = float(swings[-_BLOCK:].max() / swings[-2 * _BLOCK : -_BLOCK].max())
+        return (not unstable and abs(ratio - 1.0) < _CLOSE) or (len(swings) >= _MOST_SWINGS and ratio > 1.0 - _CLOSE)
+
+    def grow(self) -> bool:
+        """Whether the swings have grown all the time, long enough to come to an end of that."""
+        swings = self._whole
+        if len(swings) < _MOST_SWINGS // 2:
+            return False
+        blocks = swings[-(_MOST_SWINGS // 2) :].reshape(-1, _BLOCK).max(axis=1)
+        return bool((np.diff(blocks) > _ALIKE * blocks[:-1]).all())
+
+    def decayed(self, small: float) -> bool:
+        """Whether the slips have become next to nothing."""
+        return len(self._lengths) >= _AGAIN and max(map(abs, self._lengths[-_AGAIN:])) < small
+
+    def creep(self, stribeck: float) -> bool:
+        """Whether slips in one direction become shorter, with static friction that has risen as far as it can.
+
+        The closer to the reference, the slower the integral pulls, and the more gently the joint slips.
+        """
+        if self._one_way < _ONE_WAY or self._levels[-1] < _FULL * stribeck:
+            return False
+        lengths = np.abs(self._lengths[-_ONE_WAY:])
+        third = _ONE_WAY // 3
+        return bool(lengths[-third:].max() < lengths[:third].max())
+
+    def hunting(self, joint: Joint, gains: Gains) -> _Course:
+        """How it hunts; the last swing that ended is the one that counts."""
+        at = len(self._swings) - 2
+        error = self._offset - self._ends[at]
+        spring = float(gains.stiffness) * error
+        # The slip that follows begins where the controller's force is what static friction holds.
+        direction = math.copysign(1.0, self._ends[at + 1] - self._ends[at])
+        return _Course(
+            end=_End.HUNTS,
+            period=self._begun[at] - self._begun[at - 2],
+            amplitude=0.5 * abs(self._ends[at] - self._ends[at - 1]),  # what a contact gives way is in it
+            rest=_Start(spring=spring, integral=direction * _held(joint) - spring),
+        )
+
+
+class _Slide:
+    """A slide without a stop that becomes slower and calmer all the time."""
+
+    def __init__(self, joint: Joint) -> None:
+        self._slow = _SLOW * float(joint.friction.stribeck_velocity)
+        self._swing = math.inf
+        self._calmer = 0
+
+    def calms(self, velocity: NDArray[np.float64], *, sliding: bool) -> bool:
+        """Whether it has done so for three stretches: the slower, the less friction falls with speed."""
+        if not sliding or float(np.abs(velocity).max()) > self._slow:
+            self._swing, self._calmer = math.inf, 0
+            return False
+        swing = float(np.abs(np.diff(velocity)).max(initial=0.0))
+        self._calmer = self._calmer + 1 if swing <= self._swing else 0
+        self._swing = swing
+        return self._calmer >= _STEADIER

@@ -159,6 +159,16 @@ class JointSimulation:
         """Whether static friction holds the joint now."""
         return bool(self._state[at.DIRECTION] == 0.0)
 
+    @property
+    def deflection(self) -> float:
+        """Of a contact that gives way [rad]."""
+        return float(self._state[at.DEFLECTION])
+
+    @property
+    def stribeck_level(self) -> float:
+        """F_s of the slip, or at the beginning of the present rest [N·m]."""
+        return float(self._state[at.LEVEL])
+
     def advance(
         self,
         period: float,

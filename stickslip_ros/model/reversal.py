@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_positive
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.divergence import UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation, Trajectory
 
@@ -184,6 +185,8 @@ def followed(
     ------
     InvalidParameterError
         If the stiffness is not > 0 or a gain is not finite.
+    UnstableLoopError
+        If the motion grows without end.
     """
     require_positive("stiffness", gains.stiffness)
     conditions = conditions or OperatingConditions()
@@ -197,7 +200,11 @@ def followed(
         control_delay=conditions.control_delay,
         compensation=conditions.compensation,
     )
-    return simulation.advance(reference.period, reference.position[:-1], reference.velocity[:-1])
+    motion = simulation.advance(reference.period, reference.position[:-1], reference.velocity[:-1])
+    errors = reference.position[1:] - motion.position
+    if runs_away(joint, gains, conditions, errors, float(np.ptp(reference.position))):
+        raise UnstableLoopError
+    return motion
 
 
 def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequence[Event]) -> tuple[Reversal, ...]:
@@ -262,6 +269,16 @@ def reversal_map(
     *,
     workers: int = 1,
 ) -> list[tuple[Reversal, ...]]:
-    """:func:`reversals` of many references, by several threads: the integration holds no lock of Python's."""
+    """:func:`reversals` of many references, by several threads: the integration holds no lock of Python's.
+
+    None of those where the motion grows without end.
+    """
+
+    def of(reference: ReferenceMotion) -> tuple[Reversal, ...]:
+        try:
+            return reversals(joint, gains, reference, conditions)
+        except UnstableLoopError:
+            return ()
+
     with ThreadPoolExecutor(max_workers=max(1, workers)) as pool:
-        return list(pool.map(lambda reference: reversals(joint, gains, reference, conditions), references))
+        return list(pool.map(of, references))

@@ -14,10 +14,11 @@ from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.controlled import (
     HUNTING,
     OperatingConditions,
+    controlled_course,
     controlled_cycle_persists,
-    controlled_outcome,
 )
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
+from stickslip_ros.model.divergence import UNSTABLE
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
     exact_critical_damping_ratio,
@@ -105,12 +106,16 @@ def exact_verdict(
 def exactly_smooth(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions | None = None
 ) -> bool | None:
-    """Whether stick slip dies out, as in :func:`exact_verdict`, and nothing else; None where there is no answer."""
+    """Whether stick slip dies out, as in :func:`exact_verdict`, and nothing else; None where there is no answer.
+
+    False too where the loop is unstable, of which the verdict says that.
+    """
     conditions = conditions or OperatingConditions()
     if _obstacle(joint, gains, velocity):
         return None
     if velocity == 0:
-        return _standstill(joint, gains, conditions).smooth
+        found = hunting(joint, gains, conditions)
+        return None if found.hunts is None else found.settles
     if beyond_the_paper(joint, gains, conditions):
         persists = controlled_cycle_persists(joint, gains, velocity, conditions)
         return None if math.isnan(persists) else persists == 0.0
@@ -151,6 +156,8 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
     found = hunting(joint, gains, conditions)
     if found.hunts is None:
         return _no_answer("the controller is too fast beside the joint to be followed")
+    if found.unstable and not (found.hunts and min(found.unstable) > 1.0):
+        return _no_answer(UNSTABLE)
     return ExactVerdict(
         smooth=not found.hunts,
         outcome=Outcome.STICKS if found.hunts else Outcome.STEADY,
@@ -159,10 +166,12 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
 
 
 def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
-    persists = controlled_cycle_persists(joint, gains, velocity, conditions)
-    if math.isnan(persists):
+    course = controlled_course(joint, gains, velocity, conditions)
+    if math.isnan(course.persists):
         return _no_answer("the controller is too fast beside the joint to be followed")
-    outcome = Outcome.STICKS if persists else controlled_outcome(joint, gains, velocity, conditions)
+    if course.unstable:
+        return _no_answer(UNSTABLE)
+    outcome = course.outcome
     if outcome is None:
         return _no_answer("the motion does not show in a thousand periods what it leads to")
 

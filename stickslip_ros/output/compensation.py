@@ -48,6 +48,9 @@ def compensation_words(found: tuple[CompensatedGains, ...]) -> str:
         if one.share < _LEAST_SHARE:
             said.append(f"{name} of the friction does harm at any share.")
             continue
+        if one.effect.unstable:
+            said.append(f"With {one.kind} the loop is unstable.")
+            continue
         then = [f"the error where the joint turns round is {1e3 * one.effect.peak_error:.3g} mrad"]
         if math.isfinite(alone.peak_error):
             then[0] += f", not {1e3 * alone.peak_error:.3g}"

@@ -40,8 +40,8 @@ class Dependence:
         return cls(
             amplitude=amplitude,
             speeds=np.array(speeds),
-            peak_errors=np.array([max(turn.peak_error for turn in found) for found in turns]),
-            standing=np.array([max(turn.standing for turn in found) for found in turns]),
+            peak_errors=np.array([max((turn.peak_error for turn in found), default=math.nan) for found in turns]),
+            standing=np.array([max((turn.standing for turn in found), default=math.nan) for found in turns]),
         )
 
 

@@ -135,5 +135,41 @@ def test_how_a_joint_hunts(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["margin", *lugre.split()]) == 0
     text = capsys.readouterr().out
     assert (
-        "It hunts by ±63.9 mrad, once in 24.4 s; no k_i down to a thousandth of it ends that, a k_p from 122 on" in text
+        "It hunts by ±63.9 mrad, once in 24.4 s; no k_i down to a thousandth of it ends that, a k_p from 157 on" in text
     )
+
+
+def test_a_hunt_that_presliding_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: with presliding it may settle where the rigid law hunts: text and JSON say which."""
+    given = ["margin", "--joint", "puma560_joint1", "--stiffness", "630", "--velocity", "0", "--integral", "1000"]
+    soft, stiff = ["--presliding-stiffness", "1e4"], ["--presliding-stiffness", "1e5"]
+    main([*given, *soft])
+    text = capsys.readouterr().out
+    assert "the joint comes to rest" in text
+    assert "With a rigid contact it would hunt, by ±2.78 mrad: presliding lets it settle." in text
+    main([*given, *soft, "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["exact"]["smooth"] is True
+    assert found["rigid_contact"]["hunts"] is True
+    assert found["rigid_contact"]["amplitude"] == pytest.approx(0.00278, rel=0.01)
+    main([*given, *stiff])
+    assert "With a rigid contact it would hunt too, by ±2.78 mrad." in capsys.readouterr().out
+    main([*given, "--json"])
+    assert "rigid_contact" not in json.loads(capsys.readouterr().out)
+
+
+def test_slips_one_way_are_no_hunting(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: limits and verdict are of one piece; a loop that is unstable does not hunt by eight thousand mrad."""
+    given = ["margin", "--joint", "puma560_joint1", "--stiffness", "630", "--velocity", "0", "--integral"]
+    main([*given, "3.2"])
+    assert "At 0 rad/s the joint comes to rest" in capsys.readouterr().out
+    main([*given, "1000"])
+    assert "a k_i up to 322 does not, a k_p from 903 on does not." in capsys.readouterr().out
+    main([*given, "1000", "--coulomb", "0"])
+    text = capsys.readouterr().out
+    assert "the loop is unstable: its motion grows without end" in text
+    assert "hunts" not in text
+    main([*given, "1000", "--coulomb", "0", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["exact"]["smooth"] is None
+    assert "unstable" in found["exact"]["reason"]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from brute_presliding import critical_ratio
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -71,16 +72,43 @@ def test_a_stiff_contact_is_the_papers_law(seed: int) -> None:
     assert soft[-1][1] == pytest.approx(rigid[-1][1], rel=0.01)
 
 
-def test_the_boundary_tends_to_that_of_a_rigid_contact(puma: Joint) -> None:
-    """Issue 23: ρ_c of the paper's joint tends to that of the rigid law; at 1000 k_p it is within 0.005 of it."""
-    gains, speed = Gains(stiffness=320 * 6.3), 0.85 * 0.0058
+# k_p and speed of joint 1, and how far ρ_c may be from that of a rigid contact: with σ₀ of 10³, 10⁴ and 10⁵ k_p.
+BOUNDARIES = [(2016.0, 0.005), (630.0, 0.01), (630.0, 0.005), (630.0, 0.003)]
+NEAR = {"elasto_plastic": (0.10, 0.035, 0.02), "lugre": (0.21, 0.08, 0.025)}
+
+
+@pytest.mark.parametrize("contact", list(NEAR))
+@pytest.mark.parametrize("damped", [0.0, 0.5])
+@pytest.mark.parametrize(("stiffness", "speed"), BOUNDARIES)
+def test_the_boundary_tends_to_that_of_a_rigid_contact(
+    puma: Joint, contact: str, damped: float, stiffness: float, speed: float
+) -> None:
+    """Issue 23: ρ_c tends to the paper's; 1 % (and the search's own) holds from 1e5 k_p on, not from 1000 k_p."""
+    gains = Gains(stiffness=stiffness)
     rigid = exact_verdict(puma, gains, speed, limits=False).critical_damping_ratio
-    found = [
-        exact_verdict(on_contact(puma, ratio * 320 * 6.3), gains, speed).critical_damping_ratio
-        for ratio in (10.0, 100.0, 1000.0)
-    ]
-    assert found[0] > found[1] > found[2]
-    assert found[2] == pytest.approx(rigid, abs=0.005)
+    for exponent, near in enumerate(NEAR[contact], start=3):
+        joint = _damped(puma, 10.0**exponent * stiffness, damped, contact)
+        found = exact_verdict(joint, gains, speed, limits=False).critical_damping_ratio
+        assert found == pytest.approx(rigid, rel=near)
+
+
+@pytest.mark.parametrize("contact", list(NEAR))
+@pytest.mark.parametrize("damped", [0.0, 0.5])
+@pytest.mark.parametrize(("stiffness", "speed"), BOUNDARIES[:3])
+def test_the_boundary_is_that_of_brute_force(
+    puma: Joint, contact: str, damped: float, stiffness: float, speed: float
+) -> None:
+    """Issue 23: at 1000 and 10,000 k_p ρ_c is that of small steps: how far it is from the rigid one is physics."""
+    for ratio in (1e3, 1e4):
+        joint = _damped(puma, ratio * stiffness, damped, contact)
+        found = exact_verdict(joint, Gains(stiffness=stiffness), speed).critical_damping_ratio
+        expected = critical_ratio(joint.friction, float(puma.inertia), stiffness, speed, 20.0)
+        assert found == pytest.approx(expected, rel=0.02)
+
+
+def _damped(joint: Joint, stiffness: float, damped: float, contact: str) -> Joint:
+    """On a contact with so much of its critical damping."""
+    return on_contact(joint, stiffness, 2.0 * damped * math.sqrt(stiffness * float(joint.inertia)), contact)
 
 
 @dataclass(kw_only=True)

@@ -371,3 +371,9 @@ def swing(joint: Joint, gains: Gains, velocity: float) -> float:
     references = 10.2 * stribeck / stiffness + velocity * period * np.arange(64.0 * 200.0)
     motion = simulate(sliding, gains, references, np.full(len(references), velocity), period=period)
     return float(np.ptp(motion.velocity[-64 * 20 :]) / (2.0 * velocity))
+
+
+def test_advice_is_no_loop_that_runs_away(puma: Joint) -> None:
+    """Issue 23: gains that leave the loop unstable are not advised, not even where there is no exact answer."""
+    answer = recommend(puma, Gains(stiffness=630.0, damping=200.0, integral=1e9), 0.005)
+    assert not any(variant.found for variant in answer.variants)

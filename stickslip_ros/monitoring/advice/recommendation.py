@@ -17,6 +17,7 @@ from itertools import islice
 import numpy as np
 
 from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import (
     cycle_persists,
     exact_critical_damping_ratio,
@@ -351,6 +352,9 @@ class _Case:
         less = (float(gains.damping) + viscous) / (1.0 + self._limits.wanted_margin) - viscous
         for one in (gains, replace(gains, damping=less)):
             trial = replace(one, integral=self._gains.integral)
+            # Friction may hold it at this speed; a larger error would run away.
+            if loop_is_unstable(self._joint, trial, self._loop.conditions):
+                return False
             if exactly_smooth(self._joint, trial, self._slowest, self._loop.conditions) is False:
                 return False
         return self._steady is None or self._outcome(gains) in (Outcome.STEADY, None)

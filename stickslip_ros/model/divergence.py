@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Loops whose motion grows without end: no motion of a joint is read off those.
+
+All friction but the viscous part is bounded, and so is what a compensation adds. What a joint does far away is
+therefore what the linear loop without them does: a loop that is stable keeps the motion bounded, one that is not may be
+held by friction near rest, and runs away from farther.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.friction import Gains, Joint
+
+UNSTABLE = "the loop is unstable: its motion grows without end"
+
+_FAR = 30.0  # times what the joint has to do with, and what friction holds
+_ON_THE_CIRCLE = 1e-9
+_SMALL = 1e-4  # a decay below which the series is exact to rounding, in a period
+
+
+class UnstableLoopError(StickSlipError):
+    """The motion grows without end, and nothing is read off it."""
+
+    def __init__(self) -> None:
+        super().__init__(UNSTABLE)
+
+
+def loop_is_unstable(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
+    """Whether the linear loop, viscous friction in it and no other, has a mode that grows; scalars only.
+
+    With continuous control the roots of M s³ + (k_v + F_v) s² + k_p s + k_i, by Routh; with sampled control the
+    eigenvalues of what a controller period does to position, velocity, integral and the effort that waits.
+    """
+    inertia, stiffness, integral = float(joint.inertia), float(gains.stiffness), float(gains.integral)
+    damping = float(gains.damping) + float(joint.friction.viscous)
+    if conditions.controller_period > 0:
+        period = _period_of_the_loop(joint, gains, conditions)
+        if not np.isfinite(period).all():
+            return True
+        return bool(np.abs(np.linalg.eigvals(period)).max() > 1.0 + _ON_THE_CIRCLE)
+    return damping < 0 or stiffness < 0 or integral < 0 or damping * stiffness < inertia * integral
+
+
+def runs_away(
+    joint: Joint, gains: Gains, conditions: OperatingConditions, errors: NDArray[np.float64], reach: float
+) -> bool:
+    """Whether errors of position [rad] are those of a loop that is unstable, and far beyond what friction can hold.
+
+    Parameters
+    ----------
+    reach : what a joint has to do with anyway: its reference's travel, how far off it starts [rad].
+    """
+    furthest = float(np.abs(errors).max(initial=0.0))
+    if not math.isfinite(furthest):
+        return True
+    held = float(joint.friction.coulomb) + float(joint.friction.stribeck) + abs(conditions.load)
+    return furthest > _FAR * (reach + held / abs(float(gains.stiffness))) and loop_is_unstable(joint, gains, conditions)
+
+
+def _period_of_the_loop(joint: Joint, gains: Gains, conditions: OperatingConditions) -> NDArray[np.float64]:
+    """What one period of a sampled controller does to position, velocity, integral and the effort held back."""
+    inertia, period = float(joint.inertia), float(conditions.controller_period)
+    decay = float(joint.friction.viscous) / inertia
+    fallen = -math.expm1(-decay * period)
+    # What is left of a velocity, how far it leads, and the same of an effort that is held.
+    if decay * period < _SMALL:
+        led, gone = period, 0.5 * period**2
+    else:
+        led = fallen / decay
+        gone = (period - led) / decay
+    effort = np.array(
+        [
+            -float(gains.stiffness) - float(gains.integral) * period,
+            -float(gains.damping),
+            float(gains.integral),
+            0.0,
+        ]
+    )
+    applied = np.array([0.0, 0.0, 0.0, 1.0]) if conditions.control_delay else effort
+    free = np.array([[1.0, led, 0.0, 0.0], [0.0, 1.0 - fallen, 0.0, 0.0], [-period, 0.0, 1.0, 0.0], np.zeros(4)])
+    found = free + np.outer([gone / inertia, led / inertia, 0.0, 0.0], applied)
+    found[3] = effort if conditions.control_delay else 0.0
+    return found
