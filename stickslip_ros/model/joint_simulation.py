@@ -31,6 +31,8 @@ from stickslip_ros.model.friction import Gains, Joint
 # Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
 # then below a millionth.
 _STEPS_PER_RADIAN = 40.0
+# Times k_p: so stiff a contact is rigid, as its deflection is lost in the rounding of positions.
+_RIGID = 1e9
 _REMEMBERED = 600  # velocities of a slip at least; a creeping contact has its own steps
 
 
@@ -179,7 +181,7 @@ class JointSimulation:
         if references.shape != reference_velocities.shape or references.ndim != 1:
             raise ValueError(f"{references.shape=} but {reference_velocities.shape=}; both must be (n,)")
         parameters = self._parameters()
-        if self.time == 0.0 and not self.joint.friction.rigid:
+        if self.time == 0.0 and not self._rigid:
             self._lean_on_contact(references[0], reference_velocities[0])
         step = self._step(parameters)
         self._make_room(step, period)
@@ -212,14 +214,19 @@ class JointSimulation:
         parameters[at.LAG] = friction.lag
         parameters[at.RISE_TIME] = friction.rise_time
         parameters[at.LAW] = LAWS[friction.law]
-        parameters[at.CONTACT] = RIGID if friction.rigid else CONTACTS[friction.contact]
-        parameters[at.CONTACT_STIFFNESS] = 0.0 if friction.rigid else friction.presliding_stiffness
+        parameters[at.CONTACT] = RIGID if self._rigid else CONTACTS[friction.contact]
+        parameters[at.CONTACT_STIFFNESS] = 0.0 if self._rigid else friction.presliding_stiffness
         parameters[at.CONTACT_DAMPING] = friction.presliding_damping
         parameters[at.STIFFNESS] = gains.stiffness
         parameters[at.DAMPING] = gains.damping
         parameters[at.INTEGRAL_GAIN] = gains.integral
         parameters[at.LOAD] = self.load
         return parameters
+
+    @property
+    def _rigid(self) -> bool:
+        friction, stiffness = self.joint.friction, abs(float(self._gains.stiffness))
+        return friction.rigid or 0.0 < _RIGID * stiffness < float(friction.presliding_stiffness)
 
     def _lean_on_contact(self, reference: float, reference_velocity: float) -> None:
         """Let an elastic contact carry what the controller begins with, as far as it can; nothing rings then."""
