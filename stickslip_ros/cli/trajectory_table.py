@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.bags.table import ONLY, Table, Use, load_table
+from stickslip_ros.bags.table import Table, Use, load_table
 from stickslip_ros.bags.table_columns import POSITION, TIME, UNITS, USUAL_UNIT
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import StickSlipError
@@ -36,8 +36,12 @@ class GivenTrajectory:
     velocity: FloatArray | None = field(metadata={"unit": "rad/s"})
 
 
-def read_trajectory(path: Path) -> GivenTrajectory:
+def read_trajectory(path: Path, name: str | None = None) -> GivenTrajectory:
     """The points of a table of one joint; which units were taken where no column says them is told on stderr.
+
+    Parameters
+    ----------
+    name : of the joint; None: as the table has it.
 
     Raises
     ------
@@ -48,16 +52,16 @@ def read_trajectory(path: Path) -> GivenTrajectory:
     table = load_table(path)
     if len(table.batches) != 1:
         raise StickSlipError(f"trajectory {path}: has the joints {', '.join(table.batches)}; leave the columns of one")
-    ((name, batch),) = table.batches.items()
+    ((own, batch),) = table.batches.items()
     usable = np.isfinite(batch.time) & np.isfinite(batch.position)
     times, positions = batch.time[usable], batch.position[usable]
     _refuse_guessed_time(path, table.time, times)
     if len(times) < _LEAST_POINTS or not (np.diff(times) > 0).all():
         raise StickSlipError(f"trajectory {path}: needs three times or more, each later than the one before")
-    velocity = batch.velocity if "velocity" in table.joints[name] else None
-    _tell_units(path, table, name)
+    velocity = batch.velocity if "velocity" in table.joints[own] else None
+    _tell_units(path, table, own)
     return GivenTrajectory(
-        name=name or ONLY,
+        name=name or own,
         time=times,
         position=positions,
         velocity=None if velocity is None else np.asarray(velocity, dtype=float)[usable],

@@ -8,6 +8,7 @@ No condition in closed form covers these; the joint is simulated, in SI units, u
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
+from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import STEADY_SWING, Outcome
 
 HUNTING = "hunting"
@@ -31,6 +32,10 @@ _MOST_PERIODS = 1000
 _PERIODS_AT_ONCE = 8
 _SAMPLES_A_PERIOD = 64
 _SLIDING_PERIODS = 16
+_BLOCKS, _GOES_ON = 6, 0.98  # of eight natural periods, as many of which are compared, where a joint is compensated
+_MOST_BLOCKS, _ALIKE_DITHERED = 25, 0.02  # likewise under dither
+_AT_REST = 0.01  # of the commanded speed, between like phases of a dither
+_MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1  # the latter of a sample
 _FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above which sampling is not followed
 
 
@@ -65,6 +70,13 @@ class OperatingConditions:
             raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
 
     @property
+    def at_constant_speed(self) -> OperatingConditions:
+        """The same without a feed-forward that is a constant torque at a constant speed, and changes no verdict."""
+        if self.compensation is None or self.compensation.by_motion:
+            return self
+        return replace(self, compensation=None)
+
+    @property
     def period(self) -> float:
         """Of what the controller does once in a while [s]; 0 where it does all continuously."""
         if self.controller_period > 0 or self.compensation is None:
@@ -95,7 +107,14 @@ def controlled_outcome(joint: Joint, gains: Gains, velocity: float, conditions: 
     -------
     None if it cannot be followed, or does neither in a thousand natural periods.
     """
-    return _course(joint, gains, velocity, conditions, to_the_end=True)[1]
+    return controlled_course(joint, gains, velocity, conditions)[1]
+
+
+def controlled_course(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions
+) -> tuple[float, Outcome | None]:
+    """:func:`controlled_cycle_persists` and :func:`controlled_outcome` in one."""
+    return _course(joint, gains, velocity, conditions, to_the_end=True)
 
 
 def _course(
@@ -107,12 +126,20 @@ def _course(
     period = step_period(conditions, natural)
     if math.isnan(period):
         return math.nan, None
-    friction = joint.friction
-    coulomb = _COULOMB * float(friction.stribeck)
+    friction, compensation = joint.friction, conditions.compensation
+    if compensation is not None and compensation.dither > 0:
+        outcome = _dithered_outcome(joint, gains, speed, conditions, period, natural)
+        return (math.nan if outcome is None else float(outcome is Outcome.STICKS)), outcome
+    compensated = compensation is not None and compensation.by_motion
+    # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes.
+    coulomb = float(friction.coulomb) if compensated else _COULOMB * float(friction.stribeck)
     # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
     # carried by the integral, if there is one.
     force = float(friction.stribeck) - float(gains.damping) * speed
     constant = coulomb + conditions.load
+    if compensation is not None:
+        constant -= float(compensation.feedforward_torque(speed))
+        force -= min(force, compensation.push * float(friction.coulomb + friction.stribeck))
     if gains.integral == 0:
         force += constant
     simulation = JointSimulation(
@@ -122,27 +149,33 @@ def _course(
         load=conditions.load,
         sampled=conditions.controller_period > 0,
         control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
+        compensation=compensation,
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural / period))
     levels: list[float] = []
     slowest_before, last_event, swing_before, alike = -math.inf, 0.0, math.inf, 0
+    swings: list[float] = []
     while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
         motion = simulation.advance(period, force / stiffness + speed * times, np.full(count, speed))
-        for event in motion.events:
-            last_event = event.time
-            if event.kind is EventKind.BREAKAWAY:
-                levels.append(event.stribeck_level)
+        if len(motion.event_rows):
+            last_event = motion.last_event
+            levels += motion.breakaway_levels.tolist()
+            swings.clear()
         if not np.isfinite(motion.position).all():
             return 1.0, Outcome.STICKS
         if _settled(levels):
             return 1.0, Outcome.STICKS
         if simulation.stuck:
             continue
-        slowest = float(motion.velocity.min()) if not motion.events else -math.inf
-        if simulation.time - last_event > _SLIDING_PERIODS * natural and slowest >= slowest_before:
-            swing = float(np.abs(motion.velocity - speed).max()) / speed
+        slowest = float(motion.velocity.min()) if not len(motion.event_rows) else -math.inf
+        slides = simulation.time - last_event > _SLIDING_PERIODS * natural
+        swing = float(np.abs(motion.velocity - speed).max()) / speed
+        swings.append(swing)
+        if slides and to_the_end and compensated and _goes_on(swings):
+            # Counts and samples make a swing that is never twice the same.
+            return 0.0, Outcome.STEADY if max(swings[-_BLOCKS:]) <= STEADY_SWING else Outcome.SWINGS
+        if slides and slowest >= slowest_before:
             alike = alike + 1 if abs(swing - swing_before) <= _ALIKE * swing else 0
             if not to_the_end:
                 return 0.0, None
@@ -154,6 +187,65 @@ def _course(
         slowest_before = slowest
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
     return (0.0, None) if died and to_the_end else (1.0, Outcome.STICKS)
+
+
+def _goes_on(swings: Sequence[float]) -> bool:
+    """Whether the largest departures of as many blocks do not fall from the half of them before to the later half."""
+    if len(swings) < 2 * _BLOCKS:
+        return False
+    before, after = np.mean(swings[-2 * _BLOCKS : -_BLOCKS]), np.mean(swings[-_BLOCKS:])
+    return bool(after >= _GOES_ON * before)
+
+
+def _dithered_outcome(
+    joint: Joint, gains: Gains, speed: float, conditions: OperatingConditions, period: float, natural: float
+) -> Outcome | None:
+    """What becomes of a joint under dither, which stops and starts it all the time: of the motion between like phases.
+
+    It sticks if that motion comes to rest again and again, is steady if its speed keeps within a tenth of the commanded
+    one, and swings if it does neither.
+
+    Returns
+    -------
+    None if the motion is not finite.
+    """
+    assert conditions.compensation is not None
+    phases = _samples_between_phases(period, conditions.compensation.dither_frequency)
+    held = conditions.load + float(joint.friction.coulomb) + float(joint.friction.stribeck)
+    simulation = JointSimulation(
+        joint,
+        gains,
+        error_integral=held / float(gains.integral) if gains.integral else 0.0,
+        load=conditions.load,
+        sampled=conditions.controller_period > 0,
+        control_delay=conditions.control_delay,
+        compensation=conditions.compensation,
+    )
+    start = 0.0 if gains.integral else held / float(gains.stiffness)
+    count = max(phases + 1, round(_PERIODS_AT_ONCE * natural / period))
+    last, seen = np.zeros(0), []
+    for _ in range(_MOST_BLOCKS):
+        times = simulation.time + period * np.arange(float(count))
+        position = simulation.advance(period, start + speed * times, np.full(count, speed)).position
+        if not np.isfinite(position).all():
+            return None
+        position = np.concatenate([last, position])
+        last = position[-phases:]
+        mean_speed = (position[phases:] - position[:-phases]) / (phases * period * speed)
+        seen.append((float(mean_speed.min()), float(np.abs(mean_speed - 1.0).max())))
+        if len(seen) > _ALIKE_IN_A_ROW and np.ptp(seen[-_ALIKE_IN_A_ROW:], axis=0).max() <= _ALIKE_DITHERED:
+            break
+    slowest, swing = np.array(seen[-_ALIKE_IN_A_ROW:]).T
+    if slowest.min() <= _AT_REST:
+        return Outcome.STICKS
+    return Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS
+
+
+def _samples_between_phases(period: float, frequency: float) -> int:
+    """Samples in so few periods of a dither that they are a whole number of them, as nearly as that matters."""
+    cycle = 1.0 / (frequency * period)
+    few = [number * cycle for number in range(1, _MOST_CYCLES_OF_DITHER + 1)]
+    return round(next((one for one in few if abs(one - round(one)) <= _PHASE), few[-1]))
 
 
 def natural_period(joint: Joint, gains: Gains) -> float:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,14 +69,39 @@ class Trajectory:
     Attributes
     ----------
     time : [s]; position : [rad]; velocity : [rad/s]; effort : of the controller [N·m].
-    events : breakaways and arrests in these periods, in order of time.
+    event_rows : of the kernel, a row each of :attr:`events`, shape (m, 5).
     """
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
     effort: NDArray[np.float64]
-    events: tuple[Event, ...]
+    event_rows: NDArray[np.float64]
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """Breakaways and arrests in these periods, in order of time; made when asked for, as there may be millions."""
+        return tuple(_event(row) for row in self.event_rows)
+
+    @property
+    def breakaway_levels(self) -> NDArray[np.float64]:
+        """F_s,b of each breakaway [N·m]."""
+        return self.event_rows[self.event_rows[:, 1] == at.BREAKAWAY, 4]
+
+    @property
+    def last_event(self) -> float:
+        """Time of the last breakaway or arrest [s]; NaN if there is none."""
+        return float(self.event_rows[-1, 0]) if len(self.event_rows) else math.nan
+
+    def slips(self) -> NDArray[np.float64]:
+        """Breakaway, arrest (infinite for the last, if it goes on) and direction of each slip, shape (m, 3)."""
+        rows = self.event_rows
+        begins = np.flatnonzero(rows[:, 1] == at.BREAKAWAY)
+        ends = np.full(len(begins), math.inf)
+        # Each slip ends before the next one begins.
+        stopped = begins + 1 < len(rows)
+        ends[stopped] = rows[begins[stopped] + 1, 0]
+        return np.column_stack([rows[begins, 0], ends, rows[begins, 2]])
 
 
 class JointSimulation:
@@ -200,7 +226,7 @@ class JointSimulation:
             position=samples[:, 0],
             velocity=samples[:, 1],
             effort=samples[:, 2],
-            events=tuple(_event(row) for row in events[: min(count, len(events))]),
+            event_rows=events[: min(count, len(events))].copy(),
         )
 
     def _parameters(self) -> NDArray[np.float64]:

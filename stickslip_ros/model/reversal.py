@@ -21,7 +21,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_positive
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation, Trajectory
+from stickslip_ros.model.joint_simulation import JointSimulation, Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -200,7 +200,7 @@ def reversals(
     """
     reference = sampled(reference, joint, gains, conditions)
     motion = followed(joint, gains, reference, conditions)
-    return _reversals(reference, motion.position, motion.events)
+    return _reversals(reference, motion.position, motion.slips())
 
 
 def followed(
@@ -234,10 +234,10 @@ def followed(
     return simulation.advance(reference.period, reference.position[:-1], reference.velocity[:-1])
 
 
-def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequence[Event]) -> tuple[Reversal, ...]:
+def _reversals(reference: ReferenceMotion, position: FloatArray, slips: FloatArray) -> tuple[Reversal, ...]:
     times = reference.period * np.arange(len(reference.position))
     turns = turning_points(reference.position, TURN * float(np.ptp(reference.position)))
-    slips = _slips(events)
+    begins, ends, ways = slips.T
     found = []
     for number, (index, direction) in enumerate(turns):
         following = turns[number + 1][0] if number + 1 < len(turns) else len(times) - 1
@@ -248,17 +248,17 @@ def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequenc
             reference.position[index + 1 : following + 1], position[index:following], direction
         )
         start, end = float(times[index]), float(times[following])
-        inside = [slip for slip in slips if slip[2] == direction and slip[1] > start and slip[0] <= end]
+        inside = np.flatnonzero((ways == direction) & (ends > start) & (begins <= end))
         standing = lost = settles = math.inf
         stops = 0
-        if inside:
-            begins = inside[0][0]
-            before = [slip for slip in slips if slip[1] <= begins]
-            standing = begins - before[-1][1] if before else begins
-            lost = direction * (float(np.interp(begins, times, reference.position)) - reference.position[index])
-            lost = max(float(lost), 0.0) if begins > start else 0.0
+        if len(inside):
+            first = inside[0]
+            breakaway = float(begins[first])
+            standing = breakaway - float(ends[first - 1]) if first > 0 else breakaway
+            lost = direction * (float(np.interp(breakaway, times, reference.position)) - reference.position[index])
+            lost = max(float(lost), 0.0) if breakaway > start else 0.0
             stops = len(inside) - 1
-            settles = max(inside[-1][0] - start, 0.0)
+            settles = max(float(begins[inside[-1]]) - start, 0.0)
         found.append(
             Reversal(
                 time=start, direction=direction, standing=standing, lost_motion=lost, peak_error=peak,
@@ -266,17 +266,6 @@ def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequenc
             )
         )  # fmt: skip
     return tuple(found)
-
-
-def _slips(events: Sequence[Event]) -> list[tuple[float, float, int]]:
-    """Breakaway, arrest (infinite for the last, if it goes on) and direction of each slip."""
-    slips: list[tuple[float, float, int]] = []
-    for event in events:
-        if event.kind is EventKind.BREAKAWAY:
-            slips.append((event.time, math.inf, event.direction))
-        else:
-            slips[-1] = (slips[-1][0], event.time, slips[-1][2])
-    return slips
 
 
 def sampled(
