@@ -80,7 +80,9 @@ def write_trajectory(path: Path, given: GivenTrajectory, friction: Friction, sha
     return len(points)
 
 
-def _along_lines(times: FloatArray, positions: FloatArray, efforts: Efforts) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _along_lines(
+    times: FloatArray, positions: FloatArray, efforts: Efforts
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Between two points the effort is that of their speed; at each point it goes over to the next one."""
     gaps = np.diff(times)
     speeds = np.diff(positions) / gaps

@@ -118,7 +118,7 @@ def exactly_smooth(
 
 
 def exact_outcome(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
-    """What becomes of a joint that moves, as in :func:`exact_verdict` without a boundary, which takes most of the time."""
+    """What becomes of a joint that moves, as in :func:`exact_verdict` without a boundary, which takes most time."""
     conditions = conditions.at_constant_speed
     why = _obstacle(joint, gains, velocity)
     if why or velocity == 0:

@@ -40,6 +40,7 @@ _JOINT = {
 ROWS: dict[str, dict[str, Row]] = {
     "reversal": {
         **{name: row for name, row in _JOINT.items() if name != "--velocity"},
+        "--joint": Row(("puma560_joint1", "erob80_100"), ("--coulomb=8",)),
         "--coulomb": Row(("8", "9")),
         "--integral": Row(("0", "9000")),
         "--amplitude": Row(("0.02", "0.03")),
@@ -54,6 +55,9 @@ ROWS: dict[str, dict[str, Row]] = {
     },
     "recommend": {
         **_JOINT,
+        # The advice may be the same; ρ_c beside it is not.
+        "--presliding-damping": Row(("0", "500"), (*_SOFT, "--what-if=p=700")),
+        "--contact": Row(("elasto_plastic", "lugre"), (*_SOFT, "--what-if=p=700")),
         "--integral": Row(("0", "100")),
         "--condition": Row(("exact", "paper")),
         "--wanted-margin": Row(("0.1", "0.9")),
@@ -64,14 +68,14 @@ ROWS: dict[str, dict[str, Row]] = {
         "--least-damping": Row(("0", "900")),
         "--largest-damping": Row(("1", "inf")),
         "--least-damping-ratio": Row(("0", "2")),
-        "--largest-damping-ratio": Row(("0.01", "inf")),
+        "--largest-damping-ratio": Row(("0.3", "inf")),
         "--bandwidth": Row(("20", "inf")),
         "--sample-rate": Row(("20", "2000")),
         "--samples-per-period": Row(("10", "200"), ("--sample-rate=200",)),
         "--effort": Row(("8", "900"), ("--tracking-error=0.01",)),
         "--tracking-error": Row(("0.001", "0.1"), ("--effort=9",)),
         "--controller-period": Row(("0", "0.02")),
-        "--control-delay": Row((None, ""), ("--controller-period=0.02",)),
+        "--control-delay": Row((None, ""), ("--controller-period=0.002",)),
         "--factors": Row((None, "")),
         "--what-if": Row((None, "p=900")),
         "--compensation": Row((None, "")),
@@ -79,9 +83,7 @@ ROWS: dict[str, dict[str, Row]] = {
         "--speed-filter": Row(("0.01", "0.1"), ("--compensation",)),
         "--trajectory": Row(("{one}", "{two}"), ("--trajectory-out={folder}/out.yaml",)),
         "--trajectory-out": Row(("{folder}/one.yaml", "{folder}/two.yaml"), ("--trajectory={one}",)),
-        "--trajectory-joint": Row(
-            ("elbow", "wrist"), ("--trajectory={one}", "--trajectory-out={folder}/out.yaml")
-        ),
+        "--trajectory-joint": Row(("elbow", "wrist"), ("--trajectory={one}", "--trajectory-out={folder}/out.yaml")),
         "--feedforward": Row(("0.5", "1"), ("--trajectory={one}", "--trajectory-out={folder}/out.yaml")),
         "--json": Row((None, "")),
     },
@@ -122,7 +124,7 @@ def _cases() -> Iterator[object]:
                 yield pytest.param(command, option, marks=[pytest.mark.slow] if slow else [])
 
 
-@pytest.mark.parametrize(("command", "option"), _cases())
+@pytest.mark.parametrize(("command", "option"), list(_cases()))
 def test_an_option_has_an_effect_or_is_refused(
     command: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -111,7 +111,7 @@ def test_the_picture_is_of_what_was_computed(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_a_very_stiff_contact_is_rigid(capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 23: with σ₀ beyond all rounding the joint did "not move at all"; "inf", which the message names, is taken."""
+    """Issue 23: with σ₀ beyond all rounding it did "not move at all"; "inf", which the message names, is taken."""
     found = []
     for stiffness in ("inf", "1e300", "1e14"):
         run(f"{JOINT} --amplitude 0.02 --frequency 0.05 --json --presliding-stiffness {stiffness}")
