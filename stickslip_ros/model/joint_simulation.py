@@ -86,7 +86,8 @@ class Trajectory:
     @property
     def breakaway_levels(self) -> NDArray[np.float64]:
         """F_s,b of each breakaway [N·m]."""
-        return self.event_rows[self.event_rows[:, 1] == at.BREAKAWAY, 4]
+        levels: NDArray[np.float64] = self.event_rows[self.event_rows[:, 1] == at.BREAKAWAY, 4]
+        return levels
 
     @property
     def last_event(self) -> float:
