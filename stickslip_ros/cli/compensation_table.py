@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,7 @@ from stickslip_ros.output.csv_table import write_csv
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import OUTCOME_WORDS
 
+_NEXT_TO_NOTHING = 1e-12  # [rad]: rounding
 _SPEEDS = np.geomspace(0.01, 300.0, 46)  # Stribeck velocities of the feed-forward table
 
 
@@ -64,7 +67,10 @@ class CompensationTable:
 def compensation_table(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, kinds: Mapping[str, At]
 ) -> CompensationTable:
-    """Every kind at every share; takes ten seconds."""
+    """Every kind at every share, the kinds beside each other: the integration holds no lock of Python's.
+
+    Ten seconds on two cores; half a minute of a soft joint that moves slowly.
+    """
     without = compensation_effect(joint, gains, velocity, conditions)
 
     def effects(at: At) -> dict[float, CompensationEffect]:
@@ -75,11 +81,17 @@ def compensation_table(
             for share in SHARES
         }
 
-    return CompensationTable(
-        gains=gains,
-        effects={kind: effects(at) for kind, at in kinds.items()},
-        harmless={kind: largest_harmless_share(joint, gains, velocity, conditions, at) for kind, at in kinds.items()},
-    )
+    def harmless(at: At) -> float:
+        return largest_harmless_share(joint, gains, velocity, conditions, at, without)
+
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        limits = {kind: pool.submit(harmless, at) for kind, at in kinds.items()}
+        found = {kind: pool.submit(effects, at) for kind, at in kinds.items()}
+        return CompensationTable(
+            gains=gains,
+            effects={kind: one.result() for kind, one in found.items()},
+            harmless={kind: one.result() for kind, one in limits.items()},
+        )
 
 
 def print_table(found: CompensationTable, velocity: float) -> None:
@@ -105,21 +117,36 @@ def print_table(found: CompensationTable, velocity: float) -> None:
     console.print(table)
     console.print(
         "[dim]Errors in mrad: the steady one, its swing, the swing while the reference stands, the largest where it "
-        "turns round. Of dither, which stops and starts the joint all the time, the swing tells.[/]"
+        "turns round. Dither stops and starts the joint all the time: its verdict and ρ_c are of the motion between "
+        "like phases of the dither.[/]"
     )
+    for text in _missing(found):
+        console.print(f"[dim]{text}[/]")
     for kind, share in found.harmless.items():
         limit = "does harm at any share" if share < 0.1 else f"does no harm up to {share:.1f} times the friction"
         console.print(f"{kind.capitalize()} {limit}.")
-
-
-def _milli(value: float) -> str:
-    return "-" if math.isnan(value) else f"{1e3 * value:.2f}"
 
 
 def _outcome(effect: CompensationEffect) -> str:
     if effect.unstable:
         return "is unstable"
     return "-" if effect.outcome is None else OUTCOME_WORDS[effect.outcome.value]
+
+
+def _missing(found: CompensationTable) -> list[str]:
+    """Why a verdict or a ρ_c is not there, each reason once."""
+    said = [
+        f"{kind}: {one.reason}." if one.outcome is None else f"{kind}: no damping ratio up to 20 ends stick slip."
+        for kind, effects in found.effects.items()
+        for share, one in effects.items()
+        if share > 0 and (one.outcome is None or math.isnan(one.critical_damping_ratio))
+    ]
+    return list(dict.fromkeys(said))
+
+
+def _milli(value: float) -> str:
+    """A length in thousandths, in so many digits that small ones are not 0; "-" for none."""
+    return "-" if math.isnan(value) else f"{1e3 * value:.3g}" if abs(value) >= _NEXT_TO_NOTHING else "0"
 
 
 def write_feedforward(path: Path, friction: Friction) -> None:
@@ -152,6 +179,7 @@ def _effect_json(share: float, effect: CompensationEffect) -> dict[str, Any]:
         "share": share,
         "outcome": None if effect.outcome is None else effect.outcome.value,
         "unstable": effect.unstable,
+        "reason": effect.reason,
         "critical_damping_ratio": number(effect.critical_damping_ratio),
         "steady_error": number(effect.steady_error),
         "swing": number(effect.swing),

@@ -32,7 +32,7 @@ _FRICTION = [
     *PRESLIDING_PARAMETERS,
 ]
 _DEFAULTS = {"presliding_stiffness": math.inf}  # of what may be left out; 0 otherwise
-_NOTES = {"coulomb": "; cancels from the result"}
+_NOTES = {"coulomb": "; cancels from the verdict at a speed, not from hunting, reversals and compensation"}
 _CONTACT = "how a contact of finite presliding stiffness yields (default: the joint's, or elasto_plastic)"
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
@@ -131,7 +131,8 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
             given = fallback
         if given is None:
             raise InvalidParameterError(f"--{name.replace('_', '-')}", "given, or a --joint that has it", None)
-        if not math.isfinite(given) and given is not fallback:
+        # Only what is infinite by default may be.
+        if not math.isfinite(given) and given != _DEFAULTS.get(name) and given is not fallback:
             raise InvalidParameterError(f"--{name.replace('_', '-')}", "a finite number", given)
         return float(given)
 

@@ -91,6 +91,7 @@ CSV = OutputFile((".csv",))
 TABLE = OutputFile((".csv", ".parquet"), {".parquet": ("pyarrow", "pip install pyarrow")})
 PICTURE = OutputFile((".png",))
 COMPENSATION = OutputFile((".csv", ".yaml"))
+TRAJECTORY = OutputFile((".yaml",))
 DRAWING = OutputFile((".png", ".svg", ".pdf"))
 JOINT_FILE = OutputFile((".yaml", ".yml"), new=True)
 

@@ -8,6 +8,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
@@ -19,9 +20,12 @@ from stickslip_ros.cli.compensation_table import (
     write_feedforward,
 )
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
-from stickslip_ros.cli.outputs import COMPENSATION
+from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.cli.trajectory_effort import write_trajectory
+from stickslip_ros.cli.trajectory_table import read_trajectory
+from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.compensation import USUAL_FILTER
 from stickslip_ros.model.controlled import OperatingConditions
@@ -70,8 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bounds.add_argument("--bandwidth", type=float, metavar="W", default=math.inf, help="crossover frequency [rad/s]")
     bounds.add_argument("--sample-rate", type=float, metavar="F", help="of the controller [Hz]")
     bounds.add_argument(
-        "--samples-per-period", type=float, metavar="N", default=defaults.samples_per_period,
-        help="in a period of the crossover frequency (default %(default)s)",
+        "--samples-per-period", type=float, metavar="N",
+        help=f"in a period of the crossover frequency (default {defaults.samples_per_period:g})",
     )  # fmt: skip
     bounds.add_argument("--effort", type=float, metavar="T", default=math.inf, help="at the error of now [N·m]")
     bounds.add_argument("--tracking-error", type=float, metavar="X", help="of now [rad]")
@@ -89,8 +93,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--compensation-out", type=COMPENSATION, metavar="FILE", help="the feed-forward over speed: .csv, .yaml"
     )
     parser.add_argument(
-        "--speed-filter", type=float, metavar="S", default=USUAL_FILTER,
-        help="time constant of the measured speed that compensation goes by [s] (default %(default)s)",
+        "--trajectory", type=Path, metavar="FILE",
+        help="a table (CSV, Parquet) of time, position and perhaps velocity; for --trajectory-out",
+    )  # fmt: skip
+    parser.add_argument(
+        "--trajectory-out", type=TRAJECTORY, metavar="FILE.yaml",
+        help="that --trajectory with the feed-forward as its effort, for joint_trajectory_controller",
+    )  # fmt: skip
+    parser.add_argument(
+        "--trajectory-joint", metavar="NAME", help="what the controller calls the joint (default: as the table does)"
+    )
+    parser.add_argument(
+        "--feedforward", type=float, metavar="C", help="share of the friction in that effort (default 1)"
+    )
+    parser.add_argument(
+        "--speed-filter", type=float, metavar="S",
+        help=f"time constant of the measured speed that compensation goes by [s] (default {USUAL_FILTER:g})",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(
@@ -110,7 +128,9 @@ def run(options: argparse.Namespace) -> int:
         require_positive("sample_rate", options.sample_rate)
     if options.tracking_error is not None:
         require_not_negative("tracking_error", options.tracking_error)
-    require_not_negative("speed_filter", options.speed_filter)
+    for name in ("speed_filter", "feedforward"):
+        if getattr(options, name) is not None:
+            require_not_negative(name, getattr(options, name))
     loop = ObservedLoop(
         conditions=OperatingConditions(
             controller_period=options.controller_period, control_delay=options.control_delay
@@ -120,6 +140,8 @@ def run(options: argparse.Namespace) -> int:
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
     factors = options.factors or bool(options.joint and load_joint(options.joint).per_inertia)
+    _refuse(options, joint, factors=factors)
+    given = None if options.trajectory is None else read_trajectory(options.trajectory, options.trajectory_joint)
     with Terminal(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
         advice = recommend(joint, gains, velocity, limits, None, loop, gains_known=not factors)
         found: Sequence[Sensitivity] = ()
@@ -140,6 +162,9 @@ def run(options: argparse.Namespace) -> int:
             result["compensation"] = table.as_json()
     if options.compensation_out is not None:
         write_feedforward(options.compensation_out, joint.friction)
+    if given is not None:
+        share = 1.0 if options.feedforward is None else options.feedforward
+        write_trajectory(options.trajectory_out, given, joint.friction, share)
     if options.json:
         print(json_text(result))
     else:
@@ -149,6 +174,42 @@ def run(options: argparse.Namespace) -> int:
         if trial is not None:
             _print_what_if(result["what_if"])
     return 0 if advice[Kind.LEAST_CHANGE].found else 1
+
+
+def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None:
+    """What has no effect, or would be guessed."""
+    refuse_without_effect(
+        options,
+        [
+            contact_need(joint.friction),
+            Need(options=("speed_filter",), met=options.compensation, text="--compensation"),
+            Need(options=("tracking_error",), met=options.effort < math.inf, text="--effort"),
+            Need(
+                options=("sample_rate",), met=options.controller_period == 0,
+                text="no --controller-period, for which it stands",
+            ),
+            Need(
+                options=("samples_per_period",), met=bool(options.controller_period or options.sample_rate),
+                text="--controller-period or --sample-rate",
+            ),
+            Need(options=("trajectory",), met=options.trajectory_out is not None, text="--trajectory-out"),
+            Need(
+                options=("trajectory_out", "trajectory_joint", "feedforward"), met=options.trajectory is not None,
+                text="--trajectory",
+            ),
+        ],
+    )  # fmt: skip
+    if options.effort < math.inf and options.tracking_error is None:
+        raise StickSlipError("--effort has no effect here: it needs --tracking-error")
+    written = [name for name in ("compensation_out", "trajectory_out") if getattr(options, name) is not None]
+    if (options.compensation or written) and not joint.friction.coulomb > 0:
+        raise StickSlipError(
+            "most of what is compensated is Coulomb friction, which is not known: give --coulomb [N·m], > 0, or a "
+            "--joint that has it"
+        )
+    if written and factors:
+        option = f"--{written[0].replace('_', '-')}"
+        raise StickSlipError(f"{option} needs torques: where gains are known per inertia only, friction is too")
 
 
 def _compensation(
@@ -163,7 +224,7 @@ def _compensation(
     kinds = compensations(
         joint, used, conditions,
         resolution=0.0 if known is None else known.encoder_resolution,
-        speed_filter=options.speed_filter,
+        speed_filter=USUAL_FILTER if options.speed_filter is None else options.speed_filter,
     )  # fmt: skip
     return compensation_table(joint, used, advice.velocity, conditions, kinds)
 
@@ -178,7 +239,7 @@ def _limits(options: argparse.Namespace) -> AdviceLimits:
         damping_range=(options.least_damping, options.largest_damping),
         damping_ratio_range=(options.least_damping_ratio, options.largest_damping_ratio),
         bandwidth=options.bandwidth,
-        samples_per_period=options.samples_per_period,
+        **({} if options.samples_per_period is None else {"samples_per_period": options.samples_per_period}),
         effort=options.effort,
     )
 

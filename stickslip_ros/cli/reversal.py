@@ -18,10 +18,25 @@ from rich.table import Table
 from stickslip_ros.cli.margin import add_conditions, add_joint_arguments, conditions_from, joint_from, judged
 from stickslip_ros.cli.outputs import PICTURE
 from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.trajectory_table import read_trajectory
+from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.reversal import ReferenceMotion, Reversal, followed, reversal_map, reversals, sine, triangle
+from stickslip_ros.model.reversal import (
+    TURN,
+    ReferenceMotion,
+    Reversal,
+    followed,
+    reversal_map,
+    reversals,
+    sampled,
+    sine,
+    through,
+    triangle,
+    turning_points,
+)
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.output.plotting import save
 from stickslip_ros.output.published import number
@@ -41,7 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("--amplitude", type=float, metavar="A", help="half of what it goes to and fro [rad]")
     motion.add_argument("--frequency", type=float, metavar="F", help="how often it does [Hz]")
     motion.add_argument("--triangle", action="store_true", help="at a constant speed, 4·A·F, to and fro")
-    motion.add_argument("--trajectory", type=Path, metavar="FILE", help="a table (CSV, Parquet) of time and position")
+    motion.add_argument(
+        "--trajectory",
+        type=Path,
+        metavar="FILE",
+        help="a table (CSV, Parquet) of time and position; straight from point to point",
+    )
     add_conditions(parser, "the controller")
     parser.add_argument("--out", type=PICTURE, metavar="FILE.png", help="draw it, against speed and amplitude too")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -50,12 +70,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print what the reversals do; exit status 0."""
     joint, gains, _ = joint_from(options)
+    _refuse(options, joint, gains)
     conditions = conditions_from(options)
     reference, words, make = _reference(options, joint, gains)
     with Terminal(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
         found = reversals(joint, gains, reference, conditions)
         if not found:
-            raise StickSlipError(f"{words} does not turn round")
+            raise StickSlipError(f"{words} {_why_none(reference)}")
         dependences = (
             [] if make is None or options.out is None else _dependences(options, make, joint, gains, conditions)
         )
@@ -64,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print(found, words, joint, gains)
     if options.out is not None:
+        reference = sampled(reference, joint, gains, conditions)  # as the reversals are of
         position = followed(joint, gains, reference, conditions).position
         subject = f"{options.joint or 'The joint'}, {words}"
         figure = reversal_figure(subject, reference, position, found, dependences, name=options.out.stem)
@@ -71,6 +93,26 @@ def run(options: argparse.Namespace) -> int:
             if not options.json:
                 print(path)
     return 0
+
+
+def _refuse(options: argparse.Namespace, joint: Joint, gains: Gains) -> None:
+    """What would be guessed, or have no effect."""
+    require_not_negative("integral", gains.integral)
+    if options.coulomb is None and joint.friction.coulomb == 0:
+        raise StickSlipError(
+            "how a joint turns round depends on its Coulomb friction, which is not known: give --coulomb [N·m], "
+            "0 only if it has none"
+        )
+    own = Need(
+        options=("triangle",), met=options.trajectory is None, text="--amplitude and --frequency, not a --trajectory"
+    )
+    refuse_without_effect(options, [own, contact_need(joint.friction)])
+
+
+def _why_none(reference: ReferenceMotion) -> str:
+    if turning_points(reference.position, TURN * float(np.ptp(reference.position))):
+        return "turns round, but so quickly that no turn takes three periods of the controller"
+    return "does not turn round"
 
 
 def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple[ReferenceMotion, str, Make | None]:
@@ -81,7 +123,8 @@ def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple
                 raise InvalidParameterError(
                     f"--{name}", "left out where there is a --trajectory", getattr(options, name)
                 )
-        return _trajectory(options.trajectory), f"the trajectory of {options.trajectory}", None
+        given = read_trajectory(options.trajectory)
+        return through(given.time, given.position, joint, gains), f"the trajectory of {options.trajectory}", None
     for name in ("amplitude", "frequency"):
         if getattr(options, name) is None:
             raise StickSlipError(f"what the joint is to follow is not known: give --{name}, or a --trajectory")
@@ -94,20 +137,6 @@ def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple
         f"a {kind} of ±{options.amplitude:g} rad at {options.frequency:g} Hz (up to {speed:.3g} rad/s)",
         make,
     )
-
-
-def _trajectory(path: Path) -> ReferenceMotion:
-    """Time and position of a table, evenly sampled."""
-    from stickslip_ros.bags.table import load_recording
-
-    batch = load_recording(path).batch
-    usable = np.isfinite(batch.time) & np.isfinite(batch.position)
-    times, positions = batch.time[usable], batch.position[usable]
-    if len(times) < 3 or not (np.diff(times) > 0).all():
-        raise StickSlipError(f"trajectory {path}: needs three times or more, each later than the one before")
-    period = float(np.median(np.diff(times)))
-    even = np.arange(times[0], times[-1], period)
-    return ReferenceMotion(period=period, position=np.interp(even, times, positions))
 
 
 def _dependences(

@@ -77,6 +77,11 @@ class Compensation:
         return self.feedforward * steady_friction(self.friction, velocity)
 
     @property
+    def by_motion(self) -> bool:
+        """Whether it is by the joint's motion, or by time; the feed-forward alone is constant at a constant speed."""
+        return bool(self.feedback > 0 or self.push > 0 or self.dither > 0)
+
+    @property
     def numbers(self) -> NDArray[np.float64]:
         """What the compiled controller goes by."""
         numbers = np.zeros(at.COMPENSATION_SIZE)

@@ -14,22 +14,26 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.divergence import UnstableLoopError, runs_away
+from stickslip_ros.model.controlled import natural_period
+from stickslip_ros.model.dimensionless import damping_for_ratio
+from stickslip_ros.model.divergence import UNSTABLE, UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.reversal import ReferenceMotion, Reversal, reversals, triangle
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.verdict import ExactVerdict, exact_outcome, exact_verdict, exactly_smooth
 
 FloatArray = NDArray[np.float64]
 
 SHARES = (0.0, 0.5, 0.8, 1.0, 1.2)
 _MOST_SHARE = 3.0
-_SHARE_TOLERANCE = 0.02
+_SHARE_TOLERANCE = 0.05
 _PERIODS = 60  # natural ones, of which the last third is looked at
 _KICK = 2.0  # times what static friction holds: how far off a joint begins that is to stand still
 _WORSE, _LITTLE = 1.02, 0.05  # as a factor, and as a share of the error at the reversal: what does not count
+_MORE_DAMPING = 1.05  # as a factor on ρ_c, likewise
 _ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
+_HELD = 10.0  # times what static friction holds: half of the way between two reversals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +42,10 @@ class CompensationEffect:
 
     Attributes
     ----------
-    outcome : what becomes of it at the speed; None where there is no answer, as with dither, which stops and starts the
-        joint all the time. critical_damping_ratio : ρ_c; NaN if none.
+    outcome : what becomes of it at the speed; None where there is no answer. Under dither, which stops and starts the
+        joint all the time, it is that of the motion between like phases of the dither. reason : why there is none, or
+        None.
+    critical_damping_ratio : ρ_c; NaN if none, or not asked for.
     steady_error : mean following error at the speed [rad]. swing : of the following error there, peak to peak [rad].
     standing_swing : of the joint while the reference stands, peak to peak [rad].
     reversal : the worse of the two of a triangle of that speed; None if it does not turn round.
@@ -47,6 +53,7 @@ class CompensationEffect:
     """
 
     outcome: Outcome | None
+    reason: str | None = None
     critical_damping_ratio: float = field(metadata={"unit": "1"})
     steady_error: float = field(metadata={"unit": "rad"})
     swing: float = field(metadata={"unit": "rad"})
@@ -60,10 +67,75 @@ class CompensationEffect:
         return self.reversal.peak_error if self.reversal is not None else math.nan
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Case:
+    """One joint at one speed, of which each answer is looked for when it is asked for."""
+
+    joint: Joint
+    gains: Gains
+    speed: float
+    conditions: OperatingConditions
+
+    @property
+    def _natural(self) -> float:
+        return natural_period(self.joint, self.gains)
+
+    @property
+    def _held(self) -> float:
+        friction = self.joint.friction
+        return (float(friction.coulomb) + float(friction.stribeck)) / float(self.gains.stiffness)
+
+    def following(self) -> FloatArray:
+        return self._late_errors(lambda times: self.speed * times)
+
+    def standing_swing(self) -> float:
+        return float(np.ptp(self._late_errors(lambda times: np.full(times.shape, _KICK * self._held))))
+
+    def reversal(self) -> Reversal | None:
+        motion = _turning(self.joint, self.gains, self.speed, self._held)
+        turns = reversals(self.joint, self.gains, motion, self.conditions)
+        return max(turns, key=lambda turn: turn.peak_error, default=None)
+
+    def verdict(self, *, limits: bool) -> ExactVerdict:
+        if not limits:
+            return exact_outcome(self.joint, self.gains, self.speed, self.conditions)
+        return exact_verdict(self.joint, self.gains, self.speed, self.conditions, limits=False)
+
+    def smooth_at(self, damping_ratio: float) -> bool:
+        """Whether stick slip dies out with other damping."""
+        damping = float(damping_for_ratio(self.joint, self.gains.stiffness, damping_ratio))
+        return exactly_smooth(self.joint, replace(self.gains, damping=damping), self.speed, self.conditions) is True
+
+    def with_compensation(self, compensation: Compensation) -> _Case:
+        return replace(self, conditions=replace(self.conditions, compensation=compensation))
+
+    def _late_errors(self, reference: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Following error once what came first has passed."""
+        gains, conditions = self.gains, self.conditions
+        period = conditions.period or self._natural / 64.0
+        count = math.ceil(_PERIODS * self._natural / period)
+        simulation = JointSimulation(
+            self.joint,
+            gains,
+            load=conditions.load,
+            error_integral=conditions.load / float(gains.integral) if gains.integral else 0.0,
+            sampled=conditions.controller_period > 0,
+            control_delay=conditions.control_delay,
+            compensation=conditions.compensation,
+        )
+        positions = reference(period * np.arange(count + 1.0))
+        motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
+        errors = positions[1:] - motion.position
+        if runs_away(self.joint, gains, conditions, errors, float(np.abs(positions).max())):
+            raise UnstableLoopError
+        return errors[-count // 3 :]
+
+
 def compensation_effect(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, limits: bool = True
 ) -> CompensationEffect:
-    """What the compensation among the conditions does to a joint (scalars) at a velocity [rad/s]; a tenth of a second.
+    """What the compensation among the conditions does to a joint (scalars) at a velocity [rad/s]: some tenths of a
+    second; seconds of a soft joint that moves slowly, which a controller looks at very often in a period.
 
     Parameters
     ----------
@@ -74,103 +146,101 @@ def compensation_effect(
     InvalidParameterError
         As :func:`stickslip_ros.model.reversal.reversals`.
     """
+    case = _Case(joint=joint, gains=gains, speed=abs(float(velocity)), conditions=conditions)
     try:
-        return _effect(joint, gains, velocity, conditions, limits=limits)
+        return _effect(case, limits=limits)
     except UnstableLoopError:
         none = math.nan
         return CompensationEffect(
-            outcome=None, critical_damping_ratio=none, steady_error=none, swing=none, standing_swing=none,
-            reversal=None, unstable=True,
+            outcome=None, reason=UNSTABLE, critical_damping_ratio=none, steady_error=none, swing=none,
+            standing_swing=none, reversal=None, unstable=True,
         )  # fmt: skip
 
 
-def _effect(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, limits: bool
-) -> CompensationEffect:
-    speed = abs(float(velocity))
-    dithered = conditions.compensation is not None and conditions.compensation.dither > 0
-    verdict = ExactVerdict(smooth=None) if dithered else exact_verdict(joint, gains, speed, conditions, limits=False)
-    natural = 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
-    following = _late_errors(joint, gains, conditions, natural, lambda times: speed * times)
-    held = (float(joint.friction.coulomb) + float(joint.friction.stribeck)) / float(gains.stiffness)
-    standing = _late_errors(joint, gains, conditions, natural, lambda times: np.full(times.shape, _KICK * held))
-    turns = reversals(joint, gains, _turning(joint, gains, speed, held), conditions)
+def _effect(case: _Case, *, limits: bool) -> CompensationEffect:
+    verdict, following = case.verdict(limits=limits), case.following()
     return CompensationEffect(
         outcome=verdict.outcome,
-        critical_damping_ratio=verdict.critical_damping_ratio if limits else math.nan,
+        reason=verdict.reason,
+        critical_damping_ratio=verdict.critical_damping_ratio,
         steady_error=float(following.mean()),
         swing=float(np.ptp(following)),
-        standing_swing=float(np.ptp(standing)),
-        reversal=max(turns, key=lambda turn: turn.peak_error, default=None),
+        standing_swing=case.standing_swing(),
+        reversal=case.reversal(),
     )
 
 
 def largest_harmless_share(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, at: Callable[[float], Compensation]
+    joint: Joint,
+    gains: Gains,
+    velocity: float,
+    conditions: OperatingConditions,
+    at: Callable[[float], Compensation],
+    without: CompensationEffect | None = None,
 ) -> float:
-    """Largest share c up to 3 that is no worse than none in outcome, standing swing and reversal error.
+    """Largest share c up to 3, to 0.05, up to which compensation makes nothing worse.
+
+    That is: the outcome, and where the joint sticks without it ρ_c, by 5 % or more; the error and its swing at the
+    speed, the swing at standstill, and the error at the reversal, by 2 % or more, of swings also a twentieth of the
+    error at the reversal.
 
     How wrong the friction may be known before the compensation hurts: with a compensation meant to be c₀, by a factor
     of this over c₀.
 
     Parameters
     ----------
-    at : the compensation of a share.
+    at : the compensation of a share. without : the effect of none, with its ρ_c, if it is known already.
     """
-    without = compensation_effect(joint, gains, velocity, replace(conditions, compensation=None), limits=False)
+    alone = _Case(
+        joint=joint, gains=gains, speed=abs(float(velocity)), conditions=replace(conditions, compensation=None)
+    )
+    if without is None:
+        without = compensation_effect(joint, gains, velocity, alone.conditions)
+    little = _LITTLE * abs(without.peak_error)
+    enough = _MORE_DAMPING * without.critical_damping_ratio
+    ask_damping = without.outcome is Outcome.STICKS and math.isfinite(enough)
 
-    def helps(share: float) -> bool:
-        found = compensation_effect(joint, gains, velocity, replace(conditions, compensation=at(share)), limits=False)
-        if found.unstable and not without.unstable:
+    def harmless(share: float) -> bool:
+        try:
+            return makes_nothing_worse(share)
+        except UnstableLoopError:
+            return without.unstable
+
+    def makes_nothing_worse(share: float) -> bool:
+        # The quickest answers come first.
+        case = alone.with_compensation(at(share))
+        following = case.following()
+        if not (
+            abs(float(following.mean())) <= _WORSE * abs(without.steady_error)
+            and float(np.ptp(following)) <= _WORSE * without.swing + little
+            and case.standing_swing() <= _WORSE * without.standing_swing + little
+        ):
             return False
-        little = _LITTLE * abs(without.peak_error)
-        if found.outcome is None:
-            as_smooth = found.swing <= _WORSE * without.swing + little
-        else:
-            as_smooth = _ORDER.index(found.outcome) <= _ORDER.index(without.outcome)
-        return (
-            as_smooth
-            and found.standing_swing <= _WORSE * without.standing_swing + little
-            and found.peak_error <= _WORSE * without.peak_error
-        )
+        turn = case.reversal()
+        if turn is None or not turn.peak_error <= _WORSE * without.peak_error:
+            return False
+        if case.conditions.at_constant_speed.compensation is None:
+            return True  # a constant torque changes neither verdict nor ρ_c
+        if ask_damping and not case.smooth_at(enough):
+            return False
+        outcome = case.verdict(limits=False).outcome
+        return _ORDER.index(outcome) <= _ORDER.index(without.outcome)
 
     low = 0.0
     for share in np.arange(0.2, _MOST_SHARE + 0.1, 0.2).tolist():
-        if not helps(share):
-            low, _ = bisected_until(helps, low, share, lambda inside, outside: outside - inside > _SHARE_TOLERANCE)
+        if not harmless(share):
+            low, _ = bisected_until(harmless, low, share, lambda inside, outside: outside - inside > _SHARE_TOLERANCE)
             return low
         low = share
     return low
 
 
-def _late_errors(
-    joint: Joint,
-    gains: Gains,
-    conditions: OperatingConditions,
-    natural: float,
-    reference: Callable[[FloatArray], FloatArray],
-) -> FloatArray:
-    """Following error once what came first has passed."""
-    period = conditions.period or natural / 64.0
-    count = math.ceil(_PERIODS * natural / period)
-    simulation = JointSimulation(
-        joint,
-        gains,
-        load=conditions.load,
-        error_integral=conditions.load / float(gains.integral) if gains.integral else 0.0,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
-    )
-    positions = reference(period * np.arange(count + 1.0))
-    motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
-    errors = positions[1:] - motion.position
-    if runs_away(joint, gains, conditions, errors, float(np.abs(positions).max())):
-        raise UnstableLoopError
-    return errors[-count // 3 :]
-
-
 def _turning(joint: Joint, gains: Gains, speed: float, held: float) -> ReferenceMotion:
     """A triangle so long that friction is met and left behind between the reversals."""
-    amplitude = 10.0 * held + 4.0 * math.pi * speed * math.sqrt(float(joint.inertia) / float(gains.stiffness))
-    return triangle(amplitude, speed / (4.0 * amplitude), joint, gains)
+    amplitude = _HELD * held + 2.0 * speed * natural_period(joint, gains)
+    motion = triangle(amplitude, speed / (4.0 * amplitude), joint, gains)
+    if gains.integral:
+        return motion  # as long as the integral needs
+    # To, fro and to again: friction is met before each of the two reversals.
+    legs = len(motion.position) - 1 - (len(motion.position) - 1) // 4
+    return ReferenceMotion(period=motion.period, position=motion.position[: legs + 1])

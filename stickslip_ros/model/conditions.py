@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative
@@ -40,6 +40,13 @@ class OperatingConditions:
         require_not_negative("controller_period", self.controller_period)
         if self.control_delay and self.controller_period == 0:
             raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
+
+    @property
+    def at_constant_speed(self) -> OperatingConditions:
+        """The same without a feed-forward that is a constant torque at a constant speed, and changes no verdict."""
+        if self.compensation is None or self.compensation.by_motion:
+            return self
+        return replace(self, compensation=None)
 
     @property
     def period(self) -> float:

@@ -8,6 +8,7 @@ No condition in closed form covers these; the joint is simulated, in SI units, u
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from stickslip_ros.model.conditions import OperatingConditions as OperatingConditions
 from stickslip_ros.model.divergence import runs_away
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
+from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import STEADY_SWING, Outcome
 
 HUNTING = "hunting"
@@ -30,6 +31,10 @@ _MOST_PERIODS = 1000
 _PERIODS_AT_ONCE = 8
 _SAMPLES_A_PERIOD = 64
 _SLIDING_PERIODS = 16
+_BLOCKS, _GOES_ON = 6, 0.98  # of eight natural periods, as many of which are compared, where a joint is compensated
+_MOST_BLOCKS, _ALIKE_DITHERED = 25, 0.02  # likewise under dither
+_AT_REST = 0.01  # of the commanded speed, between like phases of a dither
+_MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1  # the latter of a sample
 _FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above which sampling is not followed
 
 
@@ -81,13 +86,21 @@ def _course(
     period = step_period(conditions, natural)
     if math.isnan(period):
         return ControlledCourse(persists=math.nan)
-    friction = joint.friction
-    # A contact that gives way does so by all that it holds, Coulomb friction too: that does not cancel.
-    coulomb = _COULOMB * float(friction.stribeck) if friction.rigid else float(friction.coulomb)
+    friction, compensation = joint.friction, conditions.compensation
+    if compensation is not None and compensation.dither > 0:
+        return _dithered_course(joint, gains, speed, conditions, period, natural)
+    compensated = compensation is not None and compensation.by_motion
+    # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes; and a contact
+    # that gives way does so by all that it holds, Coulomb friction too: that does not cancel.
+    whole = compensated or not friction.rigid
+    coulomb = float(friction.coulomb) if whole else _COULOMB * float(friction.stribeck)
     # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
     # carried by the integral, if there is one.
     force = float(friction.stribeck) - float(gains.damping) * speed
     constant = coulomb + conditions.load
+    if compensation is not None:
+        constant -= float(compensation.feedforward_torque(speed))
+        force -= min(force, compensation.push * float(friction.coulomb + friction.stribeck))
     if gains.integral == 0:
         force += constant
     joint = replace(joint, friction=replace(friction, coulomb=coulomb))
@@ -98,7 +111,7 @@ def _course(
         load=conditions.load,
         sampled=conditions.controller_period > 0,
         control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
+        compensation=compensation,
     )
     count = max(1, round(_PERIODS_AT_ONCE * natural / period))
     # How far behind its reference a joint may be that has only begun to slide.
@@ -106,23 +119,30 @@ def _course(
     sticks = ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
     levels: list[float] = []
     slowest_before, last_event, swing_before, alike = -math.inf, 0.0, math.inf, 0
+    swings: list[float] = []
     while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
         references = force / stiffness + speed * times
         motion = simulation.advance(period, references, np.full(count, speed))
-        for event in motion.events:
-            last_event = event.time
-            if event.kind is EventKind.BREAKAWAY:
-                levels.append(event.stribeck_level)
+        if len(motion.event_rows):
+            last_event = motion.last_event
+            levels += motion.breakaway_levels.tolist()
+            swings.clear()
         if runs_away(joint, gains, conditions, references - motion.position, reach):
             return ControlledCourse(persists=1.0, unstable=True)
         if _settled(levels):
             return sticks
         if simulation.stuck:
             continue
-        slowest = float(motion.velocity.min()) if not motion.events else -math.inf
-        if simulation.time - last_event > _SLIDING_PERIODS * natural and slowest >= slowest_before:
-            swing = float(np.abs(motion.velocity - speed).max()) / speed
+        slowest = float(motion.velocity.min()) if not len(motion.event_rows) else -math.inf
+        slides = simulation.time - last_event > _SLIDING_PERIODS * natural
+        swing = float(np.abs(motion.velocity - speed).max()) / speed
+        swings.append(swing)
+        if slides and to_the_end and compensated and _goes_on(swings):
+            # Counts and samples make a swing that is never twice the same.
+            steady = max(swings[-_BLOCKS:]) <= STEADY_SWING
+            return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if steady else Outcome.SWINGS)
+        if slides and slowest >= slowest_before:
             alike = alike + 1 if abs(swing - swing_before) <= _ALIKE * swing else 0
             if not to_the_end:
                 return ControlledCourse(persists=0.0)
@@ -134,6 +154,62 @@ def _course(
         slowest_before = slowest
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
     return ControlledCourse(persists=0.0) if died and to_the_end else sticks
+
+
+def _goes_on(swings: Sequence[float]) -> bool:
+    """Whether the largest departures of as many blocks do not fall from the half of them before to the later half."""
+    if len(swings) < 2 * _BLOCKS:
+        return False
+    before, after = np.mean(swings[-2 * _BLOCKS : -_BLOCKS]), np.mean(swings[-_BLOCKS:])
+    return bool(after >= _GOES_ON * before)
+
+
+def _dithered_course(
+    joint: Joint, gains: Gains, speed: float, conditions: OperatingConditions, period: float, natural: float
+) -> ControlledCourse:
+    """What becomes of a joint under dither, which stops and starts it all the time: of the motion between like phases.
+
+    It sticks if that motion comes to rest again and again, is steady if its speed keeps within a tenth of the commanded
+    one, and swings if it does neither.
+    """
+    assert conditions.compensation is not None
+    phases = _samples_between_phases(period, conditions.compensation.dither_frequency)
+    held = conditions.load + float(joint.friction.coulomb) + float(joint.friction.stribeck)
+    simulation = JointSimulation(
+        joint,
+        gains,
+        error_integral=held / float(gains.integral) if gains.integral else 0.0,
+        load=conditions.load,
+        sampled=conditions.controller_period > 0,
+        control_delay=conditions.control_delay,
+        compensation=conditions.compensation,
+    )
+    start = 0.0 if gains.integral else held / float(gains.stiffness)
+    count = max(phases + 1, round(_PERIODS_AT_ONCE * natural / period))
+    last, seen = np.zeros(0), []
+    for _ in range(_MOST_BLOCKS):
+        times = simulation.time + period * np.arange(float(count))
+        references = start + speed * times
+        position = simulation.advance(period, references, np.full(count, speed)).position
+        if runs_away(joint, gains, conditions, references - position, abs(start) + speed * natural):
+            return ControlledCourse(persists=1.0, unstable=True)
+        position = np.concatenate([last, position])
+        last = position[-phases:]
+        mean_speed = (position[phases:] - position[:-phases]) / (phases * period * speed)
+        seen.append((float(mean_speed.min()), float(np.abs(mean_speed - 1.0).max())))
+        if len(seen) > _ALIKE_IN_A_ROW and np.ptp(seen[-_ALIKE_IN_A_ROW:], axis=0).max() <= _ALIKE_DITHERED:
+            break
+    slowest, swing = np.array(seen[-_ALIKE_IN_A_ROW:]).T
+    if slowest.min() <= _AT_REST:
+        return ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
+    return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS)
+
+
+def _samples_between_phases(period: float, frequency: float) -> int:
+    """Samples in so few periods of a dither that they are a whole number of them, as nearly as that matters."""
+    cycle = 1.0 / (frequency * period)
+    few = [number * cycle for number in range(1, _MOST_CYCLES_OF_DITHER + 1)]
+    return round(next((one for one in few if abs(one - round(one)) <= _PHASE), few[-1]))
 
 
 def natural_period(joint: Joint, gains: Gains) -> float:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from stickslip_ros.model.friction import Gains, Joint
 # Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
 # then below a millionth.
 _STEPS_PER_RADIAN = 40.0
+# Times k_p: so stiff a contact is rigid, as its deflection is lost in the rounding of positions.
+_RIGID = 1e9
 _REMEMBERED = 600  # velocities of a slip at least; a creeping contact has its own steps
 
 
@@ -66,14 +69,40 @@ class Trajectory:
     Attributes
     ----------
     time : [s]; position : [rad]; velocity : [rad/s]; effort : of the controller [N·m].
-    events : breakaways and arrests in these periods, in order of time.
+    event_rows : of the kernel, a row each of :attr:`events`, shape (m, 5).
     """
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
     effort: NDArray[np.float64]
-    events: tuple[Event, ...]
+    event_rows: NDArray[np.float64]
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """Breakaways and arrests in these periods, in order of time; made when asked for, as there may be millions."""
+        return tuple(_event(row) for row in self.event_rows)
+
+    @property
+    def breakaway_levels(self) -> NDArray[np.float64]:
+        """F_s,b of each breakaway [N·m]."""
+        levels: NDArray[np.float64] = self.event_rows[self.event_rows[:, 1] == at.BREAKAWAY, 4]
+        return levels
+
+    @property
+    def last_event(self) -> float:
+        """Time of the last breakaway or arrest [s]; NaN if there is none."""
+        return float(self.event_rows[-1, 0]) if len(self.event_rows) else math.nan
+
+    def slips(self) -> NDArray[np.float64]:
+        """Breakaway, arrest (infinite for the last, if it goes on) and direction of each slip, shape (m, 3)."""
+        rows = self.event_rows
+        begins = np.flatnonzero(rows[:, 1] == at.BREAKAWAY)
+        ends = np.full(len(begins), math.inf)
+        # Each slip ends before the next one begins.
+        stopped = begins + 1 < len(rows)
+        ends[stopped] = rows[begins[stopped] + 1, 0]
+        return np.column_stack([rows[begins, 0], ends, rows[begins, 2]])
 
 
 class JointSimulation:
@@ -189,7 +218,7 @@ class JointSimulation:
         if references.shape != reference_velocities.shape or references.ndim != 1:
             raise ValueError(f"{references.shape=} but {reference_velocities.shape=}; both must be (n,)")
         parameters = self._parameters()
-        if self.time == 0.0 and not self.joint.friction.rigid:
+        if self.time == 0.0 and not self._rigid:
             self._lean_on_contact(references[0], reference_velocities[0])
         step = self._step(parameters)
         self._make_room(step, period)
@@ -208,7 +237,7 @@ class JointSimulation:
             position=samples[:, 0],
             velocity=samples[:, 1],
             effort=samples[:, 2],
-            events=tuple(_event(row) for row in events[: min(count, len(events))]),
+            event_rows=events[: min(count, len(events))].copy(),
         )
 
     def _parameters(self) -> NDArray[np.float64]:
@@ -222,14 +251,19 @@ class JointSimulation:
         parameters[at.LAG] = friction.lag
         parameters[at.RISE_TIME] = friction.rise_time
         parameters[at.LAW] = LAWS[friction.law]
-        parameters[at.CONTACT] = RIGID if friction.rigid else CONTACTS[friction.contact]
-        parameters[at.CONTACT_STIFFNESS] = 0.0 if friction.rigid else friction.presliding_stiffness
+        parameters[at.CONTACT] = RIGID if self._rigid else CONTACTS[friction.contact]
+        parameters[at.CONTACT_STIFFNESS] = 0.0 if self._rigid else friction.presliding_stiffness
         parameters[at.CONTACT_DAMPING] = friction.presliding_damping
         parameters[at.STIFFNESS] = gains.stiffness
         parameters[at.DAMPING] = gains.damping
         parameters[at.INTEGRAL_GAIN] = gains.integral
         parameters[at.LOAD] = self.load
         return parameters
+
+    @property
+    def _rigid(self) -> bool:
+        friction, stiffness = self.joint.friction, abs(float(self._gains.stiffness))
+        return friction.rigid or 0.0 < _RIGID * stiffness < float(friction.presliding_stiffness)
 
     def _lean_on_contact(self, reference: float, reference_velocity: float) -> None:
         """Let an elastic contact carry what the controller begins with, as far as it can; nothing rings then."""

@@ -22,15 +22,16 @@ from stickslip_ros.model._validation import require_finite, require_positive
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.divergence import UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation, Trajectory
+from stickslip_ros.model.joint_simulation import JointSimulation, Trajectory
 
 FloatArray = NDArray[np.float64]
 
 _SAMPLES = 64  # of the reference in a natural period of the joint, or in a period of the reference, at least
 _MOST_SAMPLES = 2_000_000
 _PERIODS, _PERIODS_OF_INTEGRAL = 2, 4  # of a reference that repeats, of which the last reversals are looked at
-_TURN = 1e-3  # of the reference's travel, below which it does not turn
+TURN = 1e-3  # of the reference's travel, below which it does not turn
 _LEAST_SAMPLES = 3
+_ROUNDING = 1e-9  # of a number of parts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +120,7 @@ def _phase(amplitude: float, frequency: float, joint: Joint, gains: Gains) -> tu
     require_positive("amplitude", amplitude)
     require_positive("frequency", frequency)
     require_positive("stiffness", gains.stiffness)
-    natural = 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
+    natural = _SAMPLES * _finest(joint, gains)
     # Corners fall on samples: a quarter of a period is a whole number of them.
     quarter = max(1, math.ceil(_SAMPLES / 4 * max(1.0, 1.0 / (frequency * natural))))
     periods = _PERIODS_OF_INTEGRAL if gains.integral else _PERIODS
@@ -128,6 +129,37 @@ def _phase(amplitude: float, frequency: float, joint: Joint, gains: Gains) -> tu
         least = 1.0 / (natural * _MOST_SAMPLES / (_SAMPLES * periods))
         raise InvalidParameterError("frequency", f">= {least:.2g} Hz, as the joint is so quick", frequency)
     return np.arange(count + 1.0) / (4 * quarter), 1.0 / (4 * quarter * frequency)
+
+
+def through(times: FloatArray, positions: FloatArray, joint: Joint, gains: Gains) -> ReferenceMotion:
+    """Straight from one given point to the next, sampled finely enough for the joint, however far apart they are.
+
+    Parameters
+    ----------
+    times : [s], each later than the one before. positions : [rad]; both of shape (n,). joint, gains : that follow.
+
+    Raises
+    ------
+    InvalidParameterError
+        If there are fewer than three points, times do not grow, or the motion takes too many samples.
+    """
+    require_positive("stiffness", gains.stiffness)
+    if len(times) < _LEAST_SAMPLES or not (np.diff(times) > 0).all():
+        raise InvalidParameterError("times", "three or more, each later than the one before", np.shape(times))
+    period = _finest(joint, gains)
+    span = float(times[-1] - times[0])
+    count = math.ceil(span / period)
+    if count > _MOST_SAMPLES:
+        raise InvalidParameterError(
+            "times", f"of {_MOST_SAMPLES * period:.3g} s at most, as the joint is so quick", span
+        )
+    even = np.linspace(times[0], times[-1], max(count, _LEAST_SAMPLES) + 1)
+    return ReferenceMotion(period=span / (len(even) - 1), position=np.interp(even, times, positions))
+
+
+def _finest(joint: Joint, gains: Gains) -> float:
+    """Sampling period that shows what the joint does [s]."""
+    return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness)) / _SAMPLES
 
 
 def turning_points(reference: FloatArray, least: float) -> list[tuple[int, int]]:
@@ -163,11 +195,13 @@ def following_error(reference: FloatArray, position: FloatArray, direction: int)
 def reversals(
     joint: Joint, gains: Gains, reference: ReferenceMotion, conditions: OperatingConditions | None = None
 ) -> tuple[Reversal, ...]:
-    """Reversals of a reference, by integration of Eqs (4)-(6); parameters and errors as of :func:`followed`."""
-    if conditions is not None and conditions.period > 0:
-        reference = _resampled(reference, conditions.period)
+    """Reversals of a reference, by integration of Eqs (4)-(6); parameters and errors as of :func:`followed`.
+
+    A reference whose samples are further apart than what the joint does is sampled more finely.
+    """
+    reference = sampled(reference, joint, gains, conditions)
     motion = followed(joint, gains, reference, conditions)
-    return _reversals(reference, motion.position, motion.events)
+    return _reversals(reference, motion.position, motion.slips())
 
 
 def followed(
@@ -207,10 +241,10 @@ def followed(
     return motion
 
 
-def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequence[Event]) -> tuple[Reversal, ...]:
+def _reversals(reference: ReferenceMotion, position: FloatArray, slips: FloatArray) -> tuple[Reversal, ...]:
     times = reference.period * np.arange(len(reference.position))
-    turns = turning_points(reference.position, _TURN * float(np.ptp(reference.position)))
-    slips = _slips(events)
+    turns = turning_points(reference.position, TURN * float(np.ptp(reference.position)))
+    begins, ends, ways = slips.T
     found = []
     for number, (index, direction) in enumerate(turns):
         following = turns[number + 1][0] if number + 1 < len(turns) else len(times) - 1
@@ -221,17 +255,17 @@ def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequenc
             reference.position[index + 1 : following + 1], position[index:following], direction
         )
         start, end = float(times[index]), float(times[following])
-        inside = [slip for slip in slips if slip[2] == direction and slip[1] > start and slip[0] <= end]
+        inside = np.flatnonzero((ways == direction) & (ends > start) & (begins <= end))
         standing = lost = settles = math.inf
         stops = 0
-        if inside:
-            begins = inside[0][0]
-            before = [slip for slip in slips if slip[1] <= begins]
-            standing = begins - before[-1][1] if before else begins
-            lost = direction * (float(np.interp(begins, times, reference.position)) - reference.position[index])
-            lost = max(float(lost), 0.0) if begins > start else 0.0
+        if len(inside):
+            first = inside[0]
+            breakaway = float(begins[first])
+            standing = breakaway - float(ends[first - 1]) if first > 0 else breakaway
+            lost = direction * (float(np.interp(breakaway, times, reference.position)) - reference.position[index])
+            lost = max(float(lost), 0.0) if breakaway > start else 0.0
             stops = len(inside) - 1
-            settles = max(inside[-1][0] - start, 0.0)
+            settles = max(float(begins[inside[-1]]) - start, 0.0)
         found.append(
             Reversal(
                 time=start, direction=direction, standing=standing, lost_motion=lost, peak_error=peak,
@@ -241,22 +275,31 @@ def _reversals(reference: ReferenceMotion, position: FloatArray, events: Sequenc
     return tuple(found)
 
 
-def _slips(events: Sequence[Event]) -> list[tuple[float, float, int]]:
-    """Breakaway, arrest (infinite for the last, if it goes on) and direction of each slip."""
-    slips: list[tuple[float, float, int]] = []
-    for event in events:
-        if event.kind is EventKind.BREAKAWAY:
-            slips.append((event.time, math.inf, event.direction))
-        else:
-            slips[-1] = (slips[-1][0], event.time, slips[-1][2])
-    return slips
+def sampled(
+    reference: ReferenceMotion, joint: Joint, gains: Gains, conditions: OperatingConditions | None = None
+) -> ReferenceMotion:
+    """The same reference, sampled as a controller of the conditions does, or as finely as the joint asks for.
 
-
-def _resampled(reference: ReferenceMotion, period: float) -> ReferenceMotion:
+    Raises
+    ------
+    InvalidParameterError
+        If the stiffness is not > 0, or there would be too many samples.
+    """
+    require_positive("stiffness", gains.stiffness)
     end = reference.period * (len(reference.position) - 1)
-    times = period * np.arange(math.floor(end / period) + 1.0)
-    if len(times) > _MOST_SAMPLES:
-        raise InvalidParameterError("controller_period", f">= {end / _MOST_SAMPLES:.2g} s for so long a motion", period)
+    if conditions is not None and conditions.period > 0:
+        period = conditions.period
+        count = math.floor(end / period)
+        name = "controller_period"
+    else:
+        # A whole part of the given period keeps what was given among the samples.
+        parts = math.ceil(reference.period / _finest(joint, gains) - _ROUNDING)
+        if parts <= 1:
+            return reference
+        period, count, name = reference.period / parts, parts * (len(reference.position) - 1), "reference.period"
+    if count >= _MOST_SAMPLES:
+        raise InvalidParameterError(name, f">= {end / _MOST_SAMPLES:.2g} s for so long a motion", period)
+    times = period * np.arange(count + 1.0)
     position = np.interp(times, reference.period * np.arange(len(reference.position)), reference.position)
     return ReferenceMotion(period=period, position=position, settles_at=reference.settles_at)
 

@@ -32,6 +32,7 @@ from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 _CONTROLLED_TOLERANCE = 1e-2
 _FIRST_RATIO = 0.05
 _LEAST_RATIO = 1e-3
+_UNDECIDED = "a dimensionless group is too large to integrate, or the motion does not show what it leads to"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +77,7 @@ def exact_verdict(
         takes up to seconds; in the paper's case milliseconds.
     limits : whether ρ_steady, the lowest smooth velocity and the least smooth stiffness are wanted too.
     """
-    conditions = conditions or OperatingConditions()
+    conditions = (conditions or OperatingConditions()).at_constant_speed
     why = _obstacle(joint, gains, velocity)
     if why:
         return _no_answer(why)
@@ -87,9 +88,7 @@ def exact_verdict(
     groups = dimensionless_groups(joint, gains, velocity)
     found = outcomes(groups)
     if found.worst is None:
-        return _no_answer(
-            "a dimensionless group is too large to integrate, or the motion does not show what it leads to"
-        )
+        return _no_answer(_UNDECIDED)
     return ExactVerdict(
         smooth=found.worst is not Outcome.STICKS,
         outcome=found.worst,
@@ -110,7 +109,7 @@ def exactly_smooth(
 
     False too where the loop is unstable, of which the verdict says that.
     """
-    conditions = conditions or OperatingConditions()
+    conditions = (conditions or OperatingConditions()).at_constant_speed
     if _obstacle(joint, gains, velocity):
         return None
     if velocity == 0:
@@ -121,6 +120,22 @@ def exactly_smooth(
         return None if math.isnan(persists) else persists == 0.0
     worst = outcomes(dimensionless_groups(joint, gains, velocity)).worst
     return None if worst is None else worst is not Outcome.STICKS
+
+
+def exact_outcome(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
+    """What becomes of a joint that moves, as in :func:`exact_verdict` without a boundary, which takes most time."""
+    conditions = conditions.at_constant_speed
+    why = _obstacle(joint, gains, velocity)
+    if why or velocity == 0:
+        return _no_answer(why or "the joint does not move")
+    if beyond_the_paper(joint, gains, conditions):
+        return _controlled(joint, gains, velocity, conditions, boundary=False)
+    found = outcomes(dimensionless_groups(joint, gains, velocity))
+    if found.worst is None:
+        return _no_answer(_UNDECIDED)
+    return ExactVerdict(
+        smooth=found.worst is not Outcome.STICKS, outcome=found.worst, depends_on_start=found.depends_on_start
+    )
 
 
 def beyond_the_paper(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
@@ -165,7 +180,9 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
     )
 
 
-def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
+def _controlled(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, boundary: bool = True
+) -> ExactVerdict:
     course = controlled_course(joint, gains, velocity, conditions)
     if math.isnan(course.persists):
         return _no_answer("the controller is too fast beside the joint to be followed")
@@ -182,7 +199,7 @@ def _controlled(joint: Joint, gains: Gains, velocity: float, conditions: Operati
     return ExactVerdict(
         smooth=outcome is not Outcome.STICKS,
         outcome=outcome,
-        critical_damping_ratio=_least_calming_ratio(persists_at),
+        critical_damping_ratio=_least_calming_ratio(persists_at) if boundary else math.nan,
     )
 
 

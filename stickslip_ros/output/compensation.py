@@ -22,7 +22,8 @@ def compensation_question(
     assessment: Assessment, velocity: float, conditions: OperatingConditions
 ) -> CompensationQuestion | None:
     """What is to be answered of a joint at a velocity [rad/s]: with the advised gains, or with the present ones where
-    none are found. None where friction, gains, inertia or advice are not known yet, or the speed is none.
+    none are found. None where friction, gains, inertia or advice are not known yet, or the speed is none. Of an unknown
+    Coulomb friction, which is 0, there would be nothing to compensate.
     """
     joint, gains, advised = assessment.joint, assessment.margin_gains, assessment.recommended
     if joint is None or gains is None or advised is None or assessment.per_inertia or not assessment.gains_known:
@@ -31,7 +32,7 @@ def compensation_question(
         return None
     if advised.found:
         gains = advised.gains
-    if not float(gains.stiffness) > 0.0:
+    if not float(gains.stiffness) > 0.0 or not float(joint.friction.coulomb) > 0.0:
         return None
     resolution = assessment.resolution if math.isfinite(assessment.resolution) else 0.0
     return CompensationQuestion(

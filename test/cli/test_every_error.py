@@ -27,7 +27,8 @@ _JOINT = ["--joint=puma560_joint1"]
 _OTHERWISE = {
     "margin": _JOINT,
     "recommend": _JOINT,
-    "reversal": [*_JOINT, "--amplitude=0.01", "--frequency=0.1"],
+    # Its contact is elastic, so that all options of the contact have an effect.
+    "reversal": [*_JOINT, "--amplitude=0.01", "--frequency=0.1", "--presliding-stiffness=1e6"],
     "map": [*_JOINT, "--out=map.png"],
     "analyze": ["{bag}"],
     "compare": ["{bag}", "{bag}"],
@@ -50,6 +51,8 @@ _RIGHT: dict[str, tuple[str, ...]] = {
     "--controller": _TEXTS, "--names": _TEXTS, "--name": _TEXTS, "--prior": ("",), "--what-if": ("",),
     "--simulated": ("",), "--speeds": ("",), "--recording": ("",),
 }  # fmt: skip
+# What is right elsewhere: an unstable joint does not follow a reference.
+_WRONG_HERE = {("reversal", "--integral"): ("-1",)}
 # Refused by these names rather than by the option's.
 _OTHER_NAMES = (
     "unknown joint",
@@ -82,7 +85,7 @@ def cases() -> Iterator[tuple[str, str, str]]:
                 continue
             option = action.option_strings[0]
             for value in _bad_values(action):
-                if value not in _RIGHT.get(option, ()):
+                if value not in _RIGHT.get(option, ()) or value in _WRONG_HERE.get((name, option), ()):
                     yield name, option, value
 
 

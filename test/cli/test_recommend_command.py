@@ -143,3 +143,80 @@ def test_compensation_beside_the_gains(tmp_path: Path, capsys: pytest.CaptureFix
     np.testing.assert_allclose(rows[::-1, 1], -rows[:, 1])
     content = yaml.safe_load((tmp_path / "feedforward.yaml").read_text(encoding="utf-8"))["friction_feedforward"]
     np.testing.assert_allclose(content["torque"], rows[:, 1], rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        "--inertia 6.3 --stiffness 2016 --velocity 0.005 --stribeck 1.6 --stribeck-velocity 0.0058",
+        "--joint dynamixel_mx106 --stiffness 10 --velocity 0.1",
+        "--joint puma560_joint1 --coulomb 0",
+    ],
+)
+@pytest.mark.parametrize("wanted", ["--compensation", "--compensation-out {}/nc.csv"])
+def test_unknown_coulomb_friction_is_not_compensated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], joint: str, wanted: str
+) -> None:
+    """Issue 23: rows without a meaning, and a table that fell to 2e-5 N·m, were all that came of it."""
+    assert main(["recommend", *joint.split(), *wanted.format(tmp_path).split()]) == 2
+    assert "Coulomb friction, which is not known: give --coulomb [N·m], > 0" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def effort_at(content: dict[str, Any], instants: np.ndarray) -> np.ndarray:
+    """As joint_trajectory_controller has it: straight between the points."""
+    points = content["points"]
+    times = [one["time_from_start"]["sec"] + 1e-9 * one["time_from_start"]["nanosec"] for one in points]
+    assert (np.diff(times) > 0).all()
+    return np.interp(instants, times, [one["effort"][0] for one in points])
+
+
+def test_the_effort_of_a_trajectory(tmp_path: Path) -> None:
+    """Issue 23: as joint_trajectory_controller takes it, however far the points are apart, and nothing at the end."""
+    table, out = tmp_path / "motion.csv", tmp_path / "motion.yaml"
+    command = f"recommend --joint puma560_joint1 --trajectory {table} --trajectory-out {out}"
+    table.write_text("time_s,position_rad\n0,0\n10,0.05\n20,0\n", encoding="utf-8")
+    assert main([*command.split(), "--feedforward", "0.8", "--trajectory-joint", "elbow"]) == 0
+    content = yaml.safe_load(out.read_text(encoding="utf-8"))
+    assert content["joint_names"] == ["elbow"]
+    full = 8.43 + 1.6 / (1 + (0.005 / 0.0058) ** 2) + 4.94 * 0.005
+    instants = np.array([0.1, 9.99, 10.01, 19.99, 20.0])
+    np.testing.assert_allclose(
+        effort_at(content, instants),
+        0.8 * full * np.array([1, 1, -1, -1, 0]),
+        rtol=1e-4,
+    )
+    assert set(content["points"][0]) == {"positions", "effort", "time_from_start"}
+
+
+def test_the_effort_of_a_trajectory_with_velocities(tmp_path: Path) -> None:
+    """Issue 23: along the cubics that joint_trajectory_controller goes along between such points."""
+    table, out = tmp_path / "motion.csv", tmp_path / "motion.yaml"
+    table.write_text("time_s,position_rad,velocity_rad_per_s\n0,0,0\n2,0.02,0\n4,0,0\n", encoding="utf-8")
+    assert main(f"recommend --joint puma560_joint1 --trajectory {table} --trajectory-out {out}".split()) == 0
+    content = yaml.safe_load(out.read_text(encoding="utf-8"))
+    instants = np.linspace(0.01, 3.99, 200)
+    s = 0.5 * (instants % 2.0)
+    speed = np.sign(2.0 - instants) * 0.01 * 6.0 * s * (1.0 - s)
+    away = np.abs(instants - 2.0) > 0.01
+    expected = np.sign(speed) * (8.43 + 1.6 / (1 + (speed / 0.0058) ** 2)) + 4.94 * speed
+    np.testing.assert_allclose(effort_at(content, instants)[away], expected[away], atol=0.2)
+    assert content["points"][-1]["effort"] == [0.0]
+    assert all("velocities" in one for one in content["points"])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--speed-filter 0.1", "--speed-filter has no effect here: it needs --compensation"),
+        ("--effort 9", "--effort has no effect here: it needs --tracking-error"),
+        ("--samples-per-period 9", "--samples-per-period has no effect here: it needs --controller-period or --sample"),
+        ("--feedforward 0.8", "--feedforward has no effect here: it needs --trajectory"),
+        ("--contact lugre", "--contact has no effect here: it needs a finite --presliding-stiffness"),
+        ("--factors --compensation-out nc.csv", "--compensation-out needs torques"),
+    ],
+)
+def test_options_without_effect(capsys: pytest.CaptureFixture[str], options: str, said: str) -> None:
+    """Issue 23: they were ignored without a word."""
+    assert main(["recommend", "--joint", "puma560_joint1", *options.split()]) == 2
+    assert said in capsys.readouterr().err

@@ -67,6 +67,69 @@ def test_a_trajectory_of_the_users_own(tmp_path: Path, capsys: pytest.CaptureFix
     assert "does not turn round" in capsys.readouterr().err
 
 
+def triangle_file(path: Path, spacing: float, heading: str = "time_s") -> Path:
+    """±0.02 rad, four times of 10 s."""
+    times = np.arange(0.0, 40.1, spacing)
+    positions = np.interp(times, 10.0 * np.arange(5.0), [-0.02, 0.02, -0.02, 0.02, -0.02])
+    table = np.column_stack([times, positions])
+    np.savetxt(path, table, delimiter=",", header=f"{heading},position_rad", comments="", fmt="%g")
+    return path
+
+
+@pytest.mark.parametrize("spacing", [10.0, 5.0, 1.0, 0.01])
+def test_points_may_be_far_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str], spacing: float) -> None:
+    """Issue 23: the same motion by few points or by many: it was "does not turn round", and peaks were missed."""
+    run(f"{JOINT} --amplitude 0.02 --frequency 0.05 --triangle --json")
+    expected = json.loads(capsys.readouterr().out)["reversals"]
+    run(f"{JOINT} --trajectory {triangle_file(tmp_path / 'motion.csv', spacing)} --json")
+    found = json.loads(capsys.readouterr().out)["reversals"]
+    assert [turn["time"] for turn in found] == pytest.approx([10.0, 20.0, 30.0], abs=0.01)
+    for key in ("standing", "peak_error", "lost_motion", "running_error"):
+        assert found[-1][key] == pytest.approx(expected[-1][key], rel=0.01)
+
+
+def test_a_unit_of_time_is_not_guessed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: whole seconds without a unit were taken for milliseconds; now the unit is asked for, or said."""
+    run(f"{JOINT} --trajectory {triangle_file(tmp_path / 'whole.csv', 1.0, 'time')}", status=2)
+    assert "the unit of its column 'time' is not known; name it in the heading, as one of time_s" in (
+        capsys.readouterr().err
+    )
+    run(f"{JOINT} --trajectory {triangle_file(tmp_path / 'parts.csv', 0.5, 'time')} --json")
+    said = capsys.readouterr()
+    assert json.loads(said.out)["reversals"][0]["time"] == pytest.approx(10.0, abs=0.01)
+    assert "took 'time' in s; a heading such as time_ms" in said.err
+
+
+def test_the_picture_is_of_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: with a sampled controller too, which looked at the joint once a sample of the user's."""
+    command = f"{JOINT} --trajectory {triangle_file(tmp_path / 'motion.csv', 10.0)} --controller-period 0.002"
+    run(f"{command} --json --out {tmp_path / 'own.png'}")
+    peak = max(turn["peak_error"] for turn in json.loads(capsys.readouterr().out)["reversals"])
+    assert peak == pytest.approx(1.6e-3, rel=0.02)
+    lines = (tmp_path / "own.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) > 1000
+
+
+def test_a_very_stiff_contact_is_rigid(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: with σ₀ beyond all rounding it did "not move at all"; "inf", which the message names, is taken."""
+    found = []
+    for stiffness in ("inf", "1e300", "1e14"):
+        run(f"{JOINT} --amplitude 0.02 --frequency 0.05 --json --presliding-stiffness {stiffness}")
+        found.append(json.loads(capsys.readouterr().out)["reversals"])
+    assert found[0] == found[1] == found[2]
+    assert found[0][0]["standing"] == pytest.approx(1.79, abs=0.01)
+
+
+def test_unknown_coulomb_friction_is_not_taken_for_none(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 23: it does not cancel where a joint turns round; 0 is taken from who types it."""
+    alone = "--inertia 6.3 --stiffness 6300 --damping 200 --stribeck 1.6 --stribeck-velocity 0.0058"
+    motion = "--amplitude 0.02 --frequency 0.05"
+    for joint in (alone, "--joint dynamixel_mx106"):
+        run(f"{joint} {motion}", status=2)
+        assert "Coulomb friction, which is not known: give --coulomb" in capsys.readouterr().err
+    run(f"{alone} {motion} --coulomb 0")
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -80,6 +143,10 @@ def test_a_trajectory_of_the_users_own(tmp_path: Path, capsys: pytest.CaptureFix
             "'--presliding-stiffness' must be > 0",
         ),
         ("--amplitude 0.1 --frequency 1 --stiffness 0", "'--stiffness' must be finite and > 0"),
+        ("--amplitude 0.1 --frequency 1 --integral -10", "'--integral' must be finite and >= 0"),
+        ("--trajectory x.csv --triangle", "--triangle has no effect here: it needs --amplitude and --frequency"),
+        ("--amplitude 0.1 --frequency 1 --contact lugre", "--contact has no effect here: it needs a finite --presl"),
+        ("--amplitude 0.1 --frequency 1 --presliding-damping 1", "--presliding-damping has no effect here"),
     ],
 )
 def test_what_is_refused(capsys: pytest.CaptureFixture[str], options: str, said: str) -> None:

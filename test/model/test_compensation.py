@@ -17,6 +17,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.monitoring.advice.compensations import compensations
 
 STIFFNESS, SPEED = 2016.0, 0.005
 STICKS, CALM = Gains(stiffness=STIFFNESS), Gains(stiffness=STIFFNESS, damping=150.0)
@@ -83,6 +84,51 @@ def test_how_wrong_friction_may_be_known(puma: Joint) -> None:
         puma, CALM, SPEED, OperatingConditions(), lambda c: Compensation(friction=puma.friction, feedforward=c)
     )
     assert share == pytest.approx(2.0, abs=0.1)
+
+
+def usual(joint: Joint, gains: Gains, speed: float, kind: str, share: float) -> CompensationEffect:
+    """One row of the table of `recommend --compensation`."""
+    kinds = compensations(joint, gains, OperatingConditions(), resolution=0.0)
+    return compensation_effect(joint, gains, speed, OperatingConditions(compensation=kinds[kind](share)))
+
+
+def test_a_constant_torque_changes_no_verdict(puma: Joint) -> None:
+    """Issue 23: ρ_c was 0.93 without and 0.90 with feed-forward: of another integration, to a coarser tolerance."""
+    soft = Gains(stiffness=630.0)
+    alone = compensation_effect(puma, soft, 0.002, OperatingConditions())
+    for share in (0.5, 1.2):
+        found = usual(puma, soft, 0.002, "feed-forward", share)
+        assert (found.outcome, found.critical_damping_ratio) == (alone.outcome, alone.critical_damping_ratio)
+
+
+def test_worse_stick_slip_is_harm(puma: Joint) -> None:
+    """Issue 23: full feedback multiplies ρ_c and swing of a joint that sticks by seven; it "did no harm up to 1.1"."""
+    soft = Gains(stiffness=630.0)
+    kinds = compensations(puma, soft, OperatingConditions(), resolution=0.0)
+    assert largest_harmless_share(puma, soft, 0.002, OperatingConditions(), kinds["feedback"]) < 0.1
+    alone, full = (usual(puma, soft, 0.002, "feedback", share) for share in (0.0, 1.0))
+    assert full.critical_damping_ratio > 5.0 * alone.critical_damping_ratio
+    assert full.swing > 5.0 * alone.swing
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 1.0, 1.2])
+@pytest.mark.parametrize("kind", ["push", "dither"])
+def test_push_and_dither_have_a_verdict(puma: Joint, kind: str, share: float) -> None:
+    """Issue 23: of both there was none; under dither it is that of the motion between like phases."""
+    for stiffness, speed in ((630.0, 0.002), (2016.0, 0.005)):
+        found = usual(puma, Gains(stiffness=stiffness), speed, kind, share)
+        assert found.outcome is not None, found.reason
+        assert math.isfinite(found.critical_damping_ratio)
+
+
+def test_dither_that_is_too_little_sticks(puma: Joint) -> None:
+    """Issue 23: next to no dither leaves verdict and ρ_c as they are; enough of it ends stick slip."""
+    soft = Gains(stiffness=630.0)
+    little = usual(puma, soft, 0.002, "dither", 1e-3)
+    alone = exact_verdict(puma, soft, 0.002, limits=False)
+    assert little.outcome is alone.outcome is Outcome.STICKS
+    assert little.critical_damping_ratio == pytest.approx(alone.critical_damping_ratio, rel=0.1)
+    assert usual(puma, soft, 0.002, "dither", 0.5).outcome is Outcome.STEADY
 
 
 def test_the_speed_is_filtered_and_quantized(puma: Joint) -> None:

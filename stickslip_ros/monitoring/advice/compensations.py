@@ -43,6 +43,7 @@ def compensations(
     period = conditions.controller_period or _PERIOD
     natural = math.sqrt(float(gains.stiffness) / float(joint.inertia)) / (2.0 * math.pi)
     frequency = min(max(_DITHER * natural, 10.0), 0.4 / period)
+    frequency = 1.0 / (period * math.ceil(1.0 / (period * frequency)))  # like phases are whole periods apart
     seen = usual_compensation(friction, period=period, resolution=resolution, speed_filter=speed_filter)
     return {
         FEEDFORWARD: lambda share: replace(seen, feedforward=share),
@@ -103,13 +104,15 @@ def compensation_advice(question: CompensationQuestion, *, with_limits: bool = T
     joint, gains, speed, conditions = question.joint, question.gains, question.velocity, question.conditions
     kinds = compensations(joint, gains, conditions, resolution=question.resolution)
 
-    def effect(compensation: Compensation | None) -> CompensationEffect:
-        return compensation_effect(joint, gains, speed, replace(conditions, compensation=compensation), limits=False)
+    def effect(compensation: Compensation | None, *, limits: bool = False) -> CompensationEffect:
+        return compensation_effect(joint, gains, speed, replace(conditions, compensation=compensation), limits=limits)
 
-    alone = CompensatedGains(kind="", share=0.0, harmless=math.nan, effect=effect(None))
+    alone = CompensatedGains(kind="", share=0.0, harmless=math.nan, effect=effect(None, limits=with_limits))
     found = [alone]
     for kind in (FEEDFORWARD, FEEDBACK):
-        harmless = largest_harmless_share(joint, gains, speed, conditions, kinds[kind]) if with_limits else math.nan
+        harmless = math.nan
+        if with_limits:
+            harmless = largest_harmless_share(joint, gains, speed, conditions, kinds[kind], alone.effect)
         share = min(1.0, harmless) if with_limits else 1.0
         told = effect(kinds[kind](share)) if share > 0 else alone.effect
         found.append(CompensatedGains(kind=kind, share=share, harmless=harmless, effect=told))
