@@ -96,7 +96,14 @@ def numeric_options(command: str) -> list[str]:
 # Options for which a number of the list below is right.
 RIGHT = {
     "-1": {"--stiffness", "--damping", "--integral", "--velocity", "--load"},
-    "inf": {"--largest-stiffness", "--largest-damping", "--largest-damping-ratio", "--bandwidth", "--effort"},
+    "inf": {
+        "--largest-stiffness",
+        "--largest-damping",
+        "--largest-damping-ratio",
+        "--bandwidth",
+        "--effort",
+        "--presliding-stiffness",
+    },
 }
 COMMANDS = ("margin", "recommend", "map", "simulate")
 
