@@ -53,6 +53,7 @@ LEAST_SLIPS = 3
 _LEAST_OF_A_DIRECTION = 3
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
 _STRAYS = 0.001  # of a slip: less is left over by real joints that the model explains
+_LARGEST_MEAN_SQUARE = 1.2  # of the residuals, of joints that the model explains
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
 _ASIDE = 0.34  # share of slips that nothing explains
 
@@ -200,7 +201,7 @@ def _unexplained(fitted: FittedLaw) -> str:
     reasons = []
     if left_over > _STRAYS:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
-    elif not fitted.fits and solution.tolerance == 0.0:
+    elif solution.mean_square > _LARGEST_MEAN_SQUARE:
         reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
