@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from stickslip_ros.model._friction_law import LAWS, stribeck_friction
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
@@ -87,10 +86,11 @@ def same_curve(law: str, first: FittedLaw) -> FloatArray:
     best = math.inf
     for scale in _SCALES * math.exp(start[STRIBECK_VELOCITY]):
         falling = np.asarray(stribeck_friction(LAWS[law], 1.0, speeds / scale))
-        # The Coulomb friction has either sign here: it is what is left.
-        ones = np.ones_like(speeds)
-        columns = np.stack([ones, -ones, speeds / usual, falling], axis=1)
-        (_, _, viscous, stribeck), missed = nnls(columns, curve)
+        # The Coulomb friction may have either sign here: it is what is left.
+        columns = np.stack([np.ones_like(speeds), speeds / usual, falling], axis=1)
+        weights = np.linalg.lstsq(columns, curve, rcond=None)[0]
+        _, viscous, stribeck = weights
+        missed = float(np.linalg.norm(columns @ weights - curve))
         if missed < best and viscous > 0.0 and stribeck > 0.0:
             best = missed
             start[[VISCOUS, STRIBECK_VELOCITY]] = math.log(viscous / usual), math.log(scale)
