@@ -50,7 +50,8 @@ def ask(one: Probe) -> Future:
         asked = one.call("apply_recommendation")
         # Where the advice is being worked out the refusal, too, comes late.
         one.wait(lambda: asked.done() or under_way(one), 20.0, "a ramp, or a refusal")  # noqa: B023
-        if not asked.done() or not asked.result().message.startswith("refused: joint1 "):
+        not_yet = ("refused: joint1 ", "refused: the advice for joint1 is being worked out")
+        if not asked.done() or not asked.result().message.startswith(not_yet):
             return asked
         assert time.monotonic() < until, asked.result().message
         one.spin(0.2)
