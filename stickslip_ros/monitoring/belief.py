@@ -149,7 +149,8 @@ def _over_laws(
     laws = []
     for weight, one in estimate.by_law():
         joint, ratios = drawn(one)
-        laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=_DOUBT if one.mismatch else 0.0))
+        doubt = _DOUBT if one.mismatch or one.missing_damping != 0.0 else 0.0
+        laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=doubt))
     return replace(laws[0], others=tuple(laws[1:]))
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,11 @@ from machines import Machine, drawn, simulate
 from random_machines import CONDITIONS, random_recording
 
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow
 
@@ -79,3 +82,13 @@ def test_a_delay_that_takes_away_more_than_friction_gives(seed: int) -> None:
         assert off < 3.0 * estimate[name].std or not estimate[name].identified, name
     for name in ("inertia", "lag"):
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
+    # No parameter has what is missing, nor any verdict that rests on them: none is sure.
+    missing = float(gains.stiffness) * (0.5 * period + machine.control_delay) - machine.viscous
+    assert math.isnan(estimate.missing_damping) or 0.5 * missing < estimate.missing_damping < 2.0 * missing
+    assert "acts late" in estimate.summary()
+    belief, _ = believed(estimate, None, gains)
+    assert belief is not None
+    assert belief.uncertainty is not None
+    for factor in (0.5, 1.0, 2.0):
+        tried = replace(gains, stiffness=factor * float(gains.stiffness))
+        assert 0.1 <= stick_slip_probability(belief.uncertainty, tried, recording.speeds[0]) <= 0.9

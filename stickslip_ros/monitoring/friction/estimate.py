@@ -106,6 +106,9 @@ class FrictionEstimate:
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     dry : what the kinetic friction depends on beside the speed; None per inertia.
     growth : of friction that varies with place or load; all parameters are then those of the worst place. None else.
+    missing_damping : what a controller that acts late takes away beyond all viscous friction [N·m·s/rad], 0 where some
+        is left, NaN where that may be but does not show. No parameter has it, so that no verdict that rests on them is
+        sure.
     """
 
     source: ForceSource
@@ -127,6 +130,7 @@ class FrictionEstimate:
     drive: DriveGains | None = None
     dry: DryFriction | None = None
     growth: Growth | None = None
+    missing_damping: float = 0.0
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -219,6 +223,13 @@ class FrictionEstimate:
             text += f"; the law may be {others} as well"
         if self.growth is not None:
             text += f"; {self.growth.text}"
+        if math.isnan(self.missing_damping):
+            text += "; there is next to no viscous friction, or a controller that acts late takes it away"
+        elif self.missing_damping > 0.0:
+            text += (
+                f"; the controller acts late, which takes {self.missing_damping:.2g} N·m·s/rad more damping than "
+                "friction gives, and no verdict has it (see controller_period)"
+            )
         if self.mismatch:
             text += f"; {self.mismatch}, so that no parameter is certain"
         return text

@@ -39,7 +39,7 @@ from stickslip_ros.monitoring.friction.estimate import (
 from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.late_controller import with_delay
+from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
@@ -188,6 +188,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.normalised else dry_friction_of(problem, fit),
         growth=_growth(fits[0], covariance),
+        missing_damping=math.nan if may_hide_a_delay(fits[0]) else 0.0,
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
@@ -278,6 +279,7 @@ def estimate_from(
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
     covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
+    missing = problem.missing_damping(parameters) if problem.delay_shows else estimate.missing_damping
     parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
     lasting, of_balance = problem.lasting
     chosen = np.concatenate([lasting, len(parameters) + of_balance])
@@ -307,4 +309,5 @@ def estimate_from(
         coulomb=coulomb,
         load=load,
         coulomb_and_load=together,
+        missing_damping=missing,
     )

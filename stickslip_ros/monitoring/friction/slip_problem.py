@@ -307,6 +307,16 @@ class SlipProblem(ObservedSlips):
         some = [self.windows[number] for number in which]
         return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend)
 
+    def missing_damping(self, parameters: FloatArray) -> float:
+        """What the delay takes away at the latest gains beyond all viscous friction [N·m·s/rad]; 0 where some is left.
+
+        Parameters
+        ----------
+        parameters : logarithms and what comes after them, shape (p,), of a problem whose delay shows.
+        """
+        late = float(self._gains[-1, 0]) * self.sample_interval * float(parameters[PARAMETERS])
+        return max(late - math.exp(parameters[VISCOUS]), 0.0)
+
     def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
 
