@@ -213,6 +213,11 @@ class JointMonitor:
         return self._filter.last_time
 
     @property
+    def band(self) -> float:
+        """The smallest motion told from rest [rad]."""
+        return self._motion.band
+
+    @property
     def resolution(self) -> float:
         """Of the position [rad]."""
         return self._motion.resolution

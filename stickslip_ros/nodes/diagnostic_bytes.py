@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import lru_cache
 
 from builtin_interfaces.msg import Time
@@ -22,36 +23,56 @@ _HEADER = struct.Struct("<iI")
 _MOST_KNOWN = 4096  # texts
 
 
-def diagnostic_array_bytes(stamp: Time, diagnoses: Iterable[Diagnosis], robot: str = "") -> bytes:
-    """A serialized DiagnosticArray.
+@dataclass(frozen=True, kw_only=True)
+class StatusBytes:
+    """One serialized DiagnosticStatus, wherever it will stand.
+
+    Attributes
+    ----------
+    body : what comes after the level. filled : bytes at its end that only fill up to the next multiple.
+    """
+
+    level: int
+    body: bytes
+    filled: int
+
+
+def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
+    """Serialize a status.
 
     Parameters
     ----------
-    robot : goes before their names, "" or ending in a slash: robots have joints of the same names, and one
-        /diagnostics.
+    robot : goes before its names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
     """
-    statuses = list(diagnoses)
+    body = bytearray(_known_text(robot + diagnosis.name))
+    body += _text(diagnosis.message)
+    body += _known_text(robot + diagnosis.hardware_id)
+    body += _LENGTH.pack(len(diagnosis.values))
+    last = b""
+    for key, value in diagnosis.values:
+        body += _known_text(key)
+        last = _text(value)
+        body += last
+    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
+    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
+
+
+def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> bytes:
+    """A serialized DiagnosticArray."""
+    statuses = list(statuses)
     data = bytearray(_ENCAPSULATION)
     data += _HEADER.pack(stamp.sec, stamp.nanosec)
     data += _text("")
     data += _LENGTH.pack(len(statuses))
-    filled = 0  # bytes at the end that only fill up to the next multiple
+    filled = 0
     for one in statuses:
         # A level is one byte, and follows at once.
         if filled:
             data[-filled] = one.level
         else:
             data += bytes((one.level, 0, 0, 0))
-        data += _known_text(robot + one.name)
-        data += _text(one.message)
-        data += _known_text(robot + one.hardware_id)
-        data += _LENGTH.pack(len(one.values))
-        last = b""
-        for key, value in one.values:
-            data += _known_text(key)
-            last = _text(value)
-            data += last
-        filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
+        data += one.body
+        filled = one.filled
     return bytes(data[: len(data) - filled])
 
 

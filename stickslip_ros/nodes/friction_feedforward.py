@@ -9,7 +9,6 @@ is known of the joint; never above what is configured. Whoever adds it has to le
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +19,7 @@ from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.settings.parameters import Feedforward
 
@@ -68,9 +68,9 @@ class FrictionFeedforward:
         else:
             self._known[joint.name] = friction
 
-    def tick(self, joints: Mapping[str, WatchedJoint], now: float) -> None:
+    def tick(self, joints: WatchedJoints, now: float) -> None:
         """Publish the torques of now; zero, once, for joints whose share was taken back."""
-        on = tuple(name for name, joint in joints.items() if joint.settings.feedforward.share > 0)
+        on = joints.fed_forward
         if not on and not self._on:
             return
         named = (*on, *(name for name in self._on if name not in on))

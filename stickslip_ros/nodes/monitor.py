@@ -25,7 +25,7 @@ from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session
 
-_TICK, _IDLE_TICK = 0.02, 0.5  # [s]; the latter while nothing comes: what comes then is seen at once all the same
+_FIRST_TICK = 0.02  # [s]
 _SIGNALLED = 0.1  # [s]
 RCLError = rclpy_implementation.RCLError
 
@@ -93,7 +93,7 @@ class Monitor(LifecycleNode):
             assert self._session is not None
             self._session.activate(self._tick)
             # A timer on ROS time would stop with a paused or looping simulation.
-            self._timer = self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._timer = self.create_timer(_FIRST_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
         return self._transition(activate, super().on_activate, state)
 
@@ -156,7 +156,7 @@ class Monitor(LifecycleNode):
             return
         try:
             self._session.tick()
-            self._set_pace(_IDLE_TICK if self._session.sleeps() else _TICK)
+            self._set_pace(self._session.pace())
         except Exception:
             # A signal makes what it interrupts fail, and ends the context a moment later: that is no error.
             time.sleep(_SIGNALLED)

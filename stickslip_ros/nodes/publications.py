@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -20,7 +20,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.nodes.conversion import friction_message, table
-from stickslip_ros.nodes.diagnostic_bytes import diagnostic_array_bytes
+from stickslip_ros.nodes.diagnostic_bytes import StatusBytes, diagnostic_array_bytes, status_bytes
 from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
@@ -59,7 +59,8 @@ class Publications:
         self._node, self._clock = node, node.get_clock()
         space = node.get_namespace().strip("/")
         self.robot = f"{space}/" if space else ""
-        self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, as they were when a joint was told of last
+        self._statuses: dict[str, StatusBytes] = {}  # as they were when a joint was looked at last
+        self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, likewise
         self._diagnostics = quiet_publisher(node, DiagnosticArray, "/diagnostics", 10)
         self._margins = quiet_publisher(node, Float64MultiArray, "~/margins", 10)
         self._cycles = quiet_publisher(node, DiagnosticArray, "~/cycles", 1000)
@@ -74,27 +75,32 @@ class Publications:
     def publish_cycles(self, found: Sequence[tuple[str, Cycle]]) -> None:
         """One status for every completed cycle, with the name of its joint."""
         if found:
-            diagnoses = [cycle_diagnostic(name, cycle) for name, cycle in found]
-            self._cycles.publish(diagnostic_array_bytes(self._now(), diagnoses, self.robot))
+            self._publish_diagnoses(self._cycles, [cycle_diagnostic(name, cycle) for name, cycle in found])
 
     def publish_waiting(self, own: Diagnosis, joints: Iterable[str], reason: str) -> None:
         """The status of the node, and of its joints why there is none yet."""
-        diagnoses = [own, *(waiting_diagnostic(name, reason) for name in joints)]
-        self._diagnostics.publish(diagnostic_array_bytes(self._now(), diagnoses, self.robot))
+        self._publish_diagnoses(self._diagnostics, [own, *(waiting_diagnostic(name, reason) for name in joints)])
 
-    def publish(
-        self, own: Diagnosis, joints: Mapping[str, Findings], told: Sequence[str], *, warn_margin: float
+    def publish_statuses(
+        self,
+        own: Diagnosis | None,
+        joints: Mapping[str, Findings],
+        told: Iterable[str],
+        looked_at: Iterable[str],
+        *,
+        warn_margin: float,
     ) -> None:
-        """The status of the node and of the joints that are told of, and the tables.
+        """One message with the status of the node, if given, and of the joints that are told of.
 
         Parameters
         ----------
-        joints : what is known of all of them: `~/margins` and `~/recommended_gains` always have every joint.
-        told : names of those that are told of now.
+        joints : what is known of all of them. told : names of those that are told of now.
+        looked_at : of those of which something else may be known than when they were told of last.
         """
-        now = [(name, joints[name]) for name in told if name in joints]
-        stamp, diagnoses = self._now(), [own]
-        for name, one in now:
+        for name in looked_at:
+            one = joints.get(name)
+            if one is None:
+                continue
             diagnosis = joint_diagnostic(
                 name,
                 one.assessment,
@@ -107,18 +113,36 @@ class Publications:
                 applied=one.applied,
                 here=one.here,
             )
-            diagnoses.append(diagnosis)
+            self._statuses[name] = status_bytes(diagnosis, self.robot)
             self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
-        self._diagnostics.publish(diagnostic_array_bytes(stamp, diagnoses, self.robot))
+        statuses = [self._statuses[name] for name in told if name in joints]
+        if own is not None:
+            statuses.insert(0, status_bytes(own, self.robot))
+        if statuses:
+            self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
+
+    def publish_tables(self, joints: Mapping[str, Findings], told: Sequence[str]) -> None:
+        """What is known as numbers.
+
+        Parameters
+        ----------
+        joints : what is known of all of them: `~/margins` and `~/recommended_gains` always have every joint.
+        told : names of those of which `~/friction` tells now.
+        """
         if not joints:
             return
+        now = {name: joints[name].assessment for name in told if name in joints}
         if now:
-            self._friction.publish(friction_message(stamp, {name: one.assessment for name, one in now}))
+            self._friction.publish(friction_message(self._now(), now))
         rows = array_of("d")
         for name in joints:
             rows.extend(self._rows[name])
         self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
         self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
+
+    def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
+        statuses = [status_bytes(one, self.robot) for one in diagnoses]
+        topic.publish(diagnostic_array_bytes(self._now(), statuses))
 
     def _now(self) -> Time:
         return self._clock.now().to_msg()

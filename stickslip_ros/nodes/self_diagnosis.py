@@ -32,6 +32,7 @@ class SelfDiagnosis:
         self._meters: deque[Meters] = deque()
         self._notes: deque[tuple[float, float, int]] = deque()  # when [s], latency [s], messages waiting
         self._counts: deque[tuple[float, float, int]] = deque()  # when [s], processor time [s], messages
+        self._memory: list[float] = [math.nan]  # [MB], of this process and its own
         self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
 
     def note(self) -> None:
@@ -45,6 +46,7 @@ class SelfDiagnosis:
             self._meters.append(Meters.read())
             cpu = time.process_time() + sum(_processor_time(pid) for pid in self._work.process_ids)
             self._counts.append((now, cpu, self._states.messages))
+            self._memory = [_resident_memory(pid) for pid in (os.getpid(), *self._work.process_ids)]
             while len(self._meters) > 2 and now - self._meters[1].steady >= _OVER:
                 self._meters.popleft()
                 self._counts.popleft()
@@ -85,7 +87,6 @@ class SelfDiagnosis:
         if len(self._counts) > 1:
             (began, cpu, messages), (now, cpu_now, messages_now) = self._counts[0], self._counts[-1]
             rate, processor = (messages_now - messages) / (now - began), 100.0 * (cpu_now - cpu) / (now - began)
-        memory = [_resident_memory(pid) for pid in (os.getpid(), *self._work.process_ids)]
         return [
             ("messages received [1]", self._states.messages),
             ("message rate [Hz]", rate),
@@ -98,8 +99,8 @@ class SelfDiagnosis:
             ("questions skipped, the worker being late [1]", self._work.skipped),
             ("questions that failed [1]", self._work.failures),
             ("processor [%]", processor),
-            ("memory [MB]", memory[0]),
-            ("memory of the worker [MB]", sum(memory[1:])),
+            ("memory [MB]", self._memory[0]),
+            ("memory of the worker [MB]", sum(self._memory[1:])),
         ]
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -34,7 +34,7 @@ from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, ref
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
-from stickslip_ros.nodes.joints.following import Following, Turns, urgent
+from stickslip_ros.nodes.joints.following import FEW, Following, Turns, urgent
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
@@ -54,10 +54,10 @@ from stickslip_ros.settings.parameter_table import RECOMMENDED
 _STALE_AFTER = 1.0  # [s]
 _QUEUE = 5000
 _POLL_GAINS = 0.1  # [s]
-_NEARLY = 0.01  # [s] before it is due: half of the time until the next tick
-_PUBLISHING = 2.5  # times as long as publishing takes: how long it is until the next
-_INTAKE = 3.0  # times as long as taking what has come takes: how long it is until the next
-_LONGEST_INTAKE = 0.1  # [s] until the next, whatever the last one took
+_NEARLY = 0.01  # [s] before it is due: half of the shortest time until the next tick
+_ALL_NEWS = 0.2  # [s] from one look for news of all joints to the next, of those that were not followed meanwhile
+_PUBLISHING, _OF_ONE = 2.5, 0.1  # times as long as a tick takes that publishes: how long it is until the next; its mean
+_LONGEST_TICK, _SHORTEST_TICK, _IDLE_TICK = 0.04, 0.02, 0.5  # [s]; the last while nothing comes
 _CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
 _IDLE_AFTER = 2.0  # [s] without a message, and with nothing under way
 _IDLE_PERIOD = 1.0  # [s] from one status to the next then
@@ -88,10 +88,12 @@ class Session:
         self._references: JointStateTopic | ControllerStateTopic | None = None
         self._self: SelfDiagnosis | None = None
         self._first: FirstMessage | None = None
-        self._publish_at = self._poll_at = self._intake_at = -math.inf
+        self._publish_at = self._poll_at = self._news_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
         self._turns = Turns()
         self._busy_at, self._came = monotonic(), 0
+        self._spent = 0.0  # by a tick that publishes, on average [s]
+        self._news: dict[str, tuple[object, ...]] = {}
         self._findings: dict[str, Findings] = {}
         self._compiled = CompiledParts(self._log)
         self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
@@ -183,10 +185,7 @@ class Session:
         self._compiled.look(now)
         self._gains.hear()
         due = now >= self._publish_at - _NEARLY
-        # A drain costs about as much whether few or many messages have come: many joints' come less often.
-        if due or self._ramps.busy or now >= self._intake_at - _NEARLY:
-            self._intake(now)
-            self._intake_at = now + min(_INTAKE * (monotonic() - now), _LONGEST_INTAKE)
+        self._intake(now)
         came = self._came_so_far()
         if came != self._came or self._ramps.busy or self._work.waiting or not self._compiled.ready:
             # What ends a silence is told of at once, however long the next status would have waited in it.
@@ -202,15 +201,24 @@ class Session:
         self._keeper.tick(self.joints, now)
         if due:
             self._publish(now)
-            # However many joints there are, intake has most of the time.
-            spent = monotonic() - now
-            self._publish_at = max(self._publish_at + self._publish_period, now + _PUBLISHING * spent)
+            # However many joints there are, intake has most of the time. One that took long once leaves no other out.
+            self._spent += _OF_ONE * (monotonic() - now - self._spent)
+            self._publish_at = max(self._publish_at + self._publish_period, now + _PUBLISHING * self._spent)
 
-    def sleeps(self) -> bool:
-        """Whether nothing has come for a while, and nothing is under way: few ticks a second suffice until it does."""
+    def pace(self) -> float:
+        """How long it is until the next tick [s].
+
+        A tick costs about as much whether few or many messages have come, so that there is one for each status, unless
+        those are rare. While gains are changed there are more; few while nothing comes, and nothing is under way: the
+        first message ends that at once.
+        """
         if self._first is not None:
             self._first.armed = self._idle
-        return self._idle
+        if self._idle:
+            return _IDLE_TICK
+        if self._ramps.busy:
+            return _SHORTEST_TICK
+        return max(self._period / math.ceil(self._period / _LONGEST_TICK - 1e-6), _SHORTEST_TICK)
 
     @property
     def _idle(self) -> bool:
@@ -298,7 +306,7 @@ class Session:
             if name in self.joints:
                 self.joints[name].pairing.add_references(rows[:, :3])
                 self._feedforward.hear(name, rows, now)
-        self._following.expect(dict.fromkeys([*samples, *references]), now)
+        self._following.expect(samples, references, now)
         self._following.look(now)
         self._publications.publish_cycles(self._following.found())
 
@@ -312,41 +320,64 @@ class Session:
         if not self._compiled.ready:
             self._publications.publish_waiting(self._own_status(), self.joints, self._compiled.state)
             return
-        news = {name: self._news(joint, now) for name, joint in self.joints.items()}
-        told = self._turns.due(news, urgent(self.joints), self._publish_period)
-        for name in told:
+        followed = self._look_for_news(now)
+        told, in_turn = self._turns.due(self._news, urgent(self.joints), self._publish_period)
+        again = self._following.may_wait(in_turn, self._publish_period)
+        # What is new is not kept waiting by many joints whose turn it merely is.
+        later = in_turn if len(self.joints) > FEW else []
+        looked_at = [name for name in told if name not in later]
+        self._look_at(looked_at, now)
+        self._tell(self._own_status(), looked_at, looked_at)
+        if self._self is not None and self._states is not None:
+            if self._behind(now):
+                self._states.look_back()
+            else:
+                self._self.note()
+        if later:
+            looked_at_later = [name for name in later if name not in again or name not in self._findings]
+            self._look_at(looked_at_later, now)
+            self._tell(None, later, looked_at_later)
+            looked_at += looked_at_later
+        self._publications.publish_tables(self._findings, told)
+        for topic in self._on_demand:
+            topic.attend(self._findings, now)
+        self._set_advice({name: self._findings[name].advised for name in looked_at if name in self._findings})
+        ended = self._following.found()
+        for name in dict.fromkeys([*followed, *told]):
+            studies.attend(self._work, name, self.joints[name].monitor.learner)
+        for name in looked_at:
+            if name in self._findings and self._findings[name].silent_for is not None:
+                ended += [(name, cycle) for cycle in self.joints[name].monitor.finish()]
+        self._publications.publish_cycles(ended)
+
+    def _look_at(self, names: Iterable[str], now: float) -> None:
+        for name in names:
             self._following.catch_up(name, now)
             try:
                 self._findings[name] = self._find(self.joints[name], now)
             except Exception:
                 self._findings.pop(name, None)
                 self._begin_anew(self.joints[name])
-        self._publications.publish(
-            self._own_status(),
-            self._findings,
-            told,
-            warn_margin=float(self._node.get_parameter("warn_margin").value),
-        )
-        if self._self is not None and self._states is not None:
-            if self._behind(now):
-                self._states.look_back()
-            else:
-                self._self.note()
-        for topic in self._on_demand:
-            topic.attend(self._findings, now)
-        self._set_advice({name: self._findings[name].advised for name in told if name in self._findings})
-        ended = self._following.found()
-        for name, joint in self.joints.items():
-            studies.attend(self._work, name, joint.monitor.learner)
-        for name in told:
-            if name in self._findings and self._findings[name].silent_for is not None:
-                ended += [(name, cycle) for cycle in self.joints[name].monitor.finish()]
-        self._publications.publish_cycles(ended)
 
-    def _news(self, joint: WatchedJoint, now: float) -> tuple[object, ...]:
-        """Objects, one of which is another when there is something to tell of a joint at once."""
-        outcome = self._ramps.outcomes.get(joint.name, "")
-        return (*joint.monitor.news, joint.trouble, now - joint.heard > _STALE_AFTER, outcome)
+    def _tell(self, own: Diagnosis | None, told: Iterable[str], looked_at: Iterable[str]) -> None:
+        warn_margin = float(self._node.get_parameter("warn_margin").value)
+        self._publications.publish_statuses(own, self._findings, told, looked_at, warn_margin=warn_margin)
+
+    def _look_for_news(self, now: float) -> list[str]:
+        """Note of joints objects, one of which is another when there is something to tell at once.
+
+        Returns those that were followed since the last time: the others are looked at less often, if they are many.
+        """
+        followed = self._following.followed()
+        names: Iterable[str] = followed
+        if now >= self._news_at:
+            self._news_at = now + (_ALL_NEWS if len(self.joints) > FEW else 0.0)
+            names = self.joints
+        for name in names:
+            joint = self.joints[name]
+            outcome = self._ramps.outcomes.get(name, "")
+            self._news[name] = (*joint.monitor.news, joint.trouble, now - joint.heard > _STALE_AFTER, outcome)
+        return followed
 
     def _find(self, joint: WatchedJoint, now: float) -> Findings:
         assessment = joint.monitor.assessment()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from stickslip_ros.nodes.conversion import diagnostic_status
-from stickslip_ros.nodes.diagnostic_bytes import diagnostic_array_bytes
+from stickslip_ros.nodes.diagnostic_bytes import diagnostic_array_bytes, status_bytes
 from stickslip_ros.output.diagnosis import Diagnosis, Level
 
 TEXTS = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=9)
@@ -33,7 +33,7 @@ def test_they_mean_the_same(seconds: int, nanoseconds: int, diagnoses: list[Diag
     """Issue 21: any statuses, texts of any length and in any script, at any place in the message."""
     array = DiagnosticArray(status=[diagnostic_status(one, robot) for one in diagnoses])
     array.header.stamp = Time(sec=seconds, nanosec=nanoseconds)
-    data = diagnostic_array_bytes(array.header.stamp, diagnoses, robot)
+    data = diagnostic_array_bytes(array.header.stamp, [status_bytes(one, robot) for one in diagnoses])
     # What rclpy fills up with is left over from elsewhere, so the bytes themselves differ.
     assert len(data) == len(serialize_message(array))
     assert deserialize_message(data, DiagnosticArray) == array
@@ -42,5 +42,5 @@ def test_they_mean_the_same(seconds: int, nanoseconds: int, diagnoses: list[Diag
 def test_what_is_no_text_is_told_all_the_same() -> None:
     """Half a character is replaced: one name from the graph does not silence the node."""
     broken = Diagnosis(level=Level.OK, name="a\ud800", hardware_id="a", message="", values=())
-    found = deserialize_message(diagnostic_array_bytes(Time(), [broken]), DiagnosticArray)
+    found = deserialize_message(diagnostic_array_bytes(Time(), [status_bytes(broken)]), DiagnosticArray)
     assert found.status[0].name == "a?"

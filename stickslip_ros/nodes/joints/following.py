@@ -3,25 +3,67 @@
 """When each joint's samples are looked at, and when it is told of: at once where something happens, else in turn.
 
 To look at a joint costs about as much for a few samples as for many, and to tell of it costs more than either. So a
-joint that rests, or moves smoothly, is looked at less often. What is found does not depend on it.
+joint that rests, or moves smoothly, is looked at only when it is told of, as long as it is where it was expected to be;
+and of very many such joints, not even each time. What is found does not depend on it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from operator import is_not
 from time import monotonic
 
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING, WatchedJoint
 
 # [s] for which samples of a joint that rests or moves smoothly may wait: at least, for each joint, at most
 _LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
+_LOOKS = (
+    60.0  # [1/s] at joints that go on as they did: of more of them, what is told of one is told again until its turn
+)
+_AS_EXPECTED = 1.5  # [s] likewise, of a joint that goes on as it did: usually it is told of before, and looked at then
+_AT_ONCE = 8  # quiet joints that are looked at together at least: the costs of more are spread over time
+_PACE_OVER = 0.2  # [s] over which the pace of a joint is taken
+_BEHIND = 0.1  # [s] by which a joint may be behind where its pace would have it
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
 _ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, is told of at least so often
-_FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
+FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
+
+
+@dataclass(kw_only=True)
+class _Course:
+    """Where a joint is expected to be, if it goes on as it did.
+
+    Attributes
+    ----------
+    since, began : time [s] and position [rad] from which its pace is taken.
+    time, position : of the last sample that was looked at. pace : [rad/s]. band : that is no motion [rad].
+    looked_at : when it was looked at last, as a steady time [s].
+    """
+
+    since: float
+    began: float
+    time: float
+    position: float
+    pace: float = math.nan
+    band: float = 0.0
+    looked_at: float = -math.inf
+
+    def go_on(self, time: float, position: float, band: float, now: float) -> None:
+        """Take the last sample that was looked at."""
+        self.time, self.position, self.band, self.looked_at = time, position, band, now
+        if not 0.0 <= time - self.since < _PACE_OVER:
+            self.pace = (position - self.began) / (time - self.since) if time > self.since else math.nan
+            self.since, self.began = time, position
+
+    def surprised(self, time: float, position: float) -> bool:
+        """Whether a sample is elsewhere; also where that cannot be said."""
+        aside = abs(position - self.position - self.pace * (time - self.time))
+        return not (aside <= self.band + _BEHIND * abs(self.pace) and time >= self.time)
 
 
 class Following:
@@ -40,11 +82,23 @@ class Following:
     ) -> None:
         self._joints, self._hurry, self._on_error = joints, hurry, on_error
         self._since: dict[str, float] = {}  # when the oldest of what waits was taken, as a steady time [s]
+        self._courses: dict[str, _Course] = {}
+        self._surprised: set[str] = set()
+        self._looked_at = -math.inf
+        self._followed: dict[str, None] = {}
         self._found: list[tuple[str, Cycle]] = []
 
-    def expect(self, names: Iterable[str], now: float) -> None:
-        """Samples or references of these joints have come at a steady time [s]."""
-        for name in names:
+    def expect(self, samples: Mapping[str, FloatArray], references: Iterable[str], now: float) -> None:
+        """Samples, rows of time and position first, or references of these joints have come at a steady time [s]."""
+        for name, rows in samples.items():
+            if name not in self._joints:
+                continue
+            self._since.setdefault(name, now)
+            if name not in self._surprised:
+                course = self._courses.get(name)
+                if course is None or course.surprised(*rows[-1, :2].tolist()):
+                    self._surprised.add(name)
+        for name in references:
             if name in self._joints:
                 self._since.setdefault(name, now)
 
@@ -52,8 +106,14 @@ class Following:
         """Follow the joints of which something may have happened, and those whose samples have waited for long."""
         hurry = self._hurry()
         later = min(_LATER + _LATER_EACH * len(self._joints), _LATEST)
+        as_expected = _AS_EXPECTED + len(self._joints) / _LOOKS
+        quiet = max(_AT_ONCE, math.ceil(len(self._joints) * min((now - self._looked_at) / later, 1.0)))
+        self._looked_at = now
         for name, since in list(self._since.items()):
-            if hurry or now - since >= later or self._joints[name].monitor.latest_status not in _UNEVENTFUL:
+            if hurry or self._joints[name].monitor.latest_status not in _UNEVENTFUL:
+                self.catch_up(name, now)
+            elif quiet and now - since >= (later if name in self._surprised else as_expected):
+                quiet -= 1
                 self.catch_up(name, now)
 
     def catch_up(self, name: str, now: float | None = None) -> None:
@@ -61,12 +121,41 @@ class Following:
         if self._since.pop(name, None) is None:
             return
         joint = self._joints[name]
+        self._followed[name] = None
+        now = monotonic() if now is None else now
         try:
-            batch = joint.pairing.take(monotonic() if now is None else now)
+            batch = joint.pairing.take(now)
             if batch is not None:
                 self._found += [(name, cycle) for cycle in joint.monitor.process(batch)]
+                self._surprised.discard(name)
+                time, position = float(batch.time[-1]), float(batch.position[-1])
+                course = self._courses.setdefault(
+                    name, _Course(since=time, began=position, time=time, position=position)
+                )
+                course.go_on(time, position, joint.monitor.band, now)
         except Exception:
             self._on_error(joint)
+
+    def may_wait(self, in_turn: Iterable[str], period: float) -> set[str]:
+        """Of joints whose turn it merely is, those of which may be told again what was told.
+
+        They go on as they did; all but those that were looked at longest ago.
+
+        Parameters
+        ----------
+        period : until this is asked again [s].
+        """
+        if len(self._joints) <= FEW:
+            return set()
+        quiet = [name for name in in_turn if name not in self._surprised and name in self._courses]
+        quiet = [name for name in quiet if self._joints[name].monitor.latest_status in _UNEVENTFUL]
+        quiet.sort(key=lambda name: self._courses[name].looked_at)
+        return set(quiet[math.ceil(_LOOKS * period) :])
+
+    def followed(self) -> list[str]:
+        """The joints that were looked at since this was asked last."""
+        followed, self._followed = list(self._followed), {}
+        return followed
 
     def found(self) -> list[tuple[str, Cycle]]:
         """The cycles found since this was asked last, each with the name of its joint."""
@@ -82,8 +171,10 @@ class Turns:
         self._told: dict[str, tuple[object, ...]] = {}
         self._since: dict[str, float] = {}
 
-    def due(self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float) -> list[str]:
-        """The joints to tell of, of all that there are.
+    def due(
+        self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
+    ) -> tuple[list[str], list[str]]:
+        """The joints to tell of, of all that there are; and of these those whose turn it merely is.
 
         Parameters
         ----------
@@ -96,14 +187,15 @@ class Turns:
         wanted = {name for name in urgent if self._since[name] + 0.5 * period > _URGENT_WITHIN}
         wanted.update(name for name, new in news.items() if self._is_new(name, new))
         others = [name for name in self._told if name in news and name not in wanted]
-        share = len(news) if len(news) <= _FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
-        wanted.update(others[:share])
+        share = len(news) if len(news) <= FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
+        turns = set(others[:share])
+        wanted.update(turns)
         chosen = [name for name in news if name in wanted]
         for name in chosen:
             self._told.pop(name, None)
             self._told[name] = news[name]
             self._since[name] = 0.0
-        return chosen
+        return chosen, [name for name in chosen if name in turns]
 
     def _is_new(self, name: str, new: tuple[object, ...]) -> bool:
         told = self._told.get(name)

@@ -55,6 +55,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         self._joints: dict[str, WatchedJoint] = {}
         self._told: dict[str, float] = {}  # when a joint's gains were, as a steady time [s]
         self.welcomes_others = not names
+        self.fed_forward: tuple[str, ...] = ()  # those whose friction is to be compensated
         for name in names:
             self._add(name)
 
@@ -85,7 +86,12 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
             settings.joint, settings.gains, settings.options, self._adviser(name), segments_kept=0, at_arrest=True
         )
         joint = self._joints[name] = WatchedJoint(name, monitor, settings, self._bounds)
+        self._note_fed_forward()
         return joint
+
+    def _note_fed_forward(self) -> None:
+        # Asked for much more often than settings change.
+        self.fed_forward = tuple(name for name, one in self._joints.items() if one.settings.feedforward.share > 0)
 
     def welcome(self, name: str) -> WatchedJoint | None:
         """The joint of a name that was heard, None if it is not watched."""
@@ -128,6 +134,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
                 self.set_gains(joint, joint.settings.to_si(before.from_si(joint.monitor.gains)))
             if any(name.startswith(f"limits.{joint.name}.") for name in changes):
                 joint_parameters.describe_recommended(self._node, joint.name)
+        self._note_fed_forward()
 
     def _concerned(self, changes: Mapping[str, Parameter]) -> list[WatchedJoint]:
         """Joints that changes of parameters are about."""
