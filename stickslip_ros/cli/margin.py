@@ -14,6 +14,7 @@ from rich.table import Table
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
+from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import HUNTING, OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS
@@ -154,6 +155,8 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
         damping=value("damping", known.gains.damping if known else 0.0),
         integral=value("integral", known.gains.integral if known else 0.0),
     )
+    # With another sign it drives the joint away from where it ought to be, however slowly.
+    require_not_negative("integral", gains.integral)
     velocity = value("velocity", known.velocity if known else None)
     if abs(velocity) > _FASTEST:
         raise InvalidParameterError("--velocity", f"at most {_FASTEST:g} rad/s", velocity)

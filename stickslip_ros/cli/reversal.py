@@ -21,7 +21,6 @@ from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.trajectory_table import read_trajectory
 from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.reversal import (
@@ -97,7 +96,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _refuse(options: argparse.Namespace, joint: Joint, gains: Gains) -> None:
     """What would be guessed, or have no effect."""
-    require_not_negative("integral", gains.integral)
     if options.coulomb is None and joint.friction.coulomb == 0:
         raise StickSlipError(
             "how a joint turns round depends on its Coulomb friction, which is not known: give --coulomb [N·m], "

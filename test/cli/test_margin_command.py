@@ -88,6 +88,8 @@ def test_beyond_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
         ("margin --inertia 6.3", "give --stiffness, --velocity, --stribeck, --stribeck-velocity, or a --joint"),
         ("margin --joint puma560_joint1 --velocity 1e300", "'--velocity' must be at most 10000 rad/s"),
         ("margin --joint puma560_joint1 --inertia -1", "'--inertia' must be finite and > 0: -1.0"),
+        ("margin --joint puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
+        ("recommend --joint puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
         ("margin --joint puma560_joint1 --velocity nan", "'--velocity' must be a finite number"),
     ],
 )
