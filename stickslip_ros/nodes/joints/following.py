@@ -22,9 +22,7 @@ from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING, WatchedJoin
 
 # [s] for which samples of a joint that rests or moves smoothly may wait: at least, for each joint, at most
 _LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
-_LOOKS = (
-    60.0  # [1/s] at joints that go on as they did: of more of them, what is told of one is told again until its turn
-)
+_LOOKS = 60.0  # [1/s] at joints that go on as they did: of more, what was told of one is told again until then
 _AS_EXPECTED = 1.5  # [s] likewise, of a joint that goes on as it did: usually it is told of before, and looked at then
 _AT_ONCE = 8  # quiet joints that are looked at together at least: the costs of more are spread over time
 _PACE_OVER = 0.2  # [s] over which the pace of a joint is taken
