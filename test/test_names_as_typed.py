@@ -95,7 +95,7 @@ def numeric_options(command: str) -> list[str]:
 
 # Options for which a number of the list below is right.
 RIGHT = {
-    "-1": {"--stiffness", "--damping", "--integral", "--velocity", "--load"},
+    "-1": {"--stiffness", "--damping", "--velocity", "--load"},
     "inf": {
         "--largest-stiffness",
         "--largest-damping",

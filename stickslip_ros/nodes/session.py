@@ -34,9 +34,10 @@ from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, ref
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
-from stickslip_ros.nodes.joints.following import FEW, Following, Turns, urgent
+from stickslip_ros.nodes.joints.following import Following
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
+from stickslip_ros.nodes.joints.turns import FEW, Turns, urgent
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.publications import Findings, Publications
@@ -322,7 +323,6 @@ class Session:
             return
         followed = self._look_for_news(now)
         told, in_turn = self._turns.due(self._news, urgent(self.joints), self._publish_period)
-        again = self._following.may_wait(in_turn, self._publish_period)
         # What is new is not kept waiting by many joints whose turn it merely is.
         later = in_turn if len(self.joints) > FEW else []
         looked_at = [name for name in told if name not in later]
@@ -334,6 +334,7 @@ class Session:
             else:
                 self._self.note()
         if later:
+            again = self._following.may_wait(later, self._publish_period)
             looked_at_later = [name for name in later if name not in again or name not in self._findings]
             self._look_at(looked_at_later, now)
             self._tell(None, later, looked_at_later)

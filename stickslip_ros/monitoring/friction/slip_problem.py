@@ -314,8 +314,16 @@ class SlipProblem(ObservedSlips):
         ----------
         parameters : logarithms and what comes after them, shape (p,), of a problem whose delay shows.
         """
-        late = float(self._gains[-1, 0]) * self.sample_interval * float(parameters[PARAMETERS])
-        return max(late - math.exp(parameters[VISCOUS]), 0.0)
+        return max(-self._viscous_left(parameters), 0.0)
+
+    def _viscous_left(self, parameters: FloatArray) -> float:
+        """Viscous friction less what the delay takes off at the latest gains, k_p τ; negative where that is more."""
+        return math.exp(parameters[VISCOUS]) - self._taken_by_an_interval * float(parameters[PARAMETERS])
+
+    @property
+    def _taken_by_an_interval(self) -> float:
+        """Damping that a delay of one sample interval takes off at the latest gains [N·m·s/rad]."""
+        return float(self._gains[-1, 0]) * self.sample_interval
 
     def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
@@ -324,14 +332,12 @@ class SlipProblem(ObservedSlips):
         """
         if not self.delay_shows:
             return parameters, covariance
-        late = float(self._gains[-1, 0]) * self.sample_interval
         viscous = math.exp(parameters[VISCOUS])
-        left = viscous - late * float(parameters[PARAMETERS])
         slopes = np.eye(len(covariance))
-        slopes[VISCOUS, [VISCOUS, PARAMETERS]] = viscous, -late
+        slopes[VISCOUS, [VISCOUS, PARAMETERS]] = viscous, -self._taken_by_an_interval
         error = math.sqrt(max(float(slopes[VISCOUS] @ covariance @ slopes[VISCOUS]), 0.0))
         # Friction is not negative; the logarithm needs some.
-        left = max(left, _LEAST_LEFT * error, 1e-6 * viscous)
+        left = max(self._viscous_left(parameters), _LEAST_LEFT * error, 1e-6 * viscous)
         slopes[VISCOUS] /= left
         changed = parameters.copy()
         changed[VISCOUS] = math.log(left)

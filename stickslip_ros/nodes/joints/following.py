@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""When each joint's samples are looked at, and when it is told of: at once where something happens, else in turn.
+"""When each joint's samples are looked at: at once where something happens, else when it is told of.
 
 To look at a joint costs about as much for a few samples as for many, and to tell of it costs more than either. So a
 joint that rests, or moves smoothly, is looked at only when it is told of, as long as it is where it was expected to be;
@@ -12,24 +12,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from operator import is_not
 from time import monotonic
 
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING, WatchedJoint
+from stickslip_ros.nodes.joints.turns import FEW
+from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 
 # [s] for which samples of a joint that rests or moves smoothly may wait: at least, for each joint, at most
 _LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
-_LOOKS = 60.0  # [1/s] at joints that go on as they did: of more, what was told of one is told again until then
+_LOOKS = 60.0  # [1/s] at joints that go on as they did: of more, the same is told of one until it is looked at
 _AS_EXPECTED = 1.5  # [s] likewise, of a joint that goes on as it did: usually it is told of before, and looked at then
 _AT_ONCE = 8  # quiet joints that are looked at together at least: the costs of more are spread over time
 _PACE_OVER = 0.2  # [s] over which the pace of a joint is taken
 _BEHIND = 0.1  # [s] by which a joint may be behind where its pace would have it
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
-_ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, is told of at least so often
-FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
 
 
 @dataclass(kw_only=True)
@@ -159,47 +157,3 @@ class Following:
         """The cycles found since this was asked last, each with the name of its joint."""
         found, self._found = self._found, []
         return found
-
-
-class Turns:
-    """Whom to tell of now: joints that have news, often those that stick or are at risk, the others in turn."""
-
-    def __init__(self) -> None:
-        # The news, and how long ago they were told [s], that told longest ago first.
-        self._told: dict[str, tuple[object, ...]] = {}
-        self._since: dict[str, float] = {}
-
-    def due(
-        self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
-    ) -> tuple[list[str], list[str]]:
-        """The joints to tell of, of all that there are; and of these those whose turn it merely is.
-
-        Parameters
-        ----------
-        news : of each joint objects that are others when there is something to tell at once.
-        urgent : told ten times a second.
-        period : until this is asked again [s].
-        """
-        self._since = {name: self._since.get(name, 0.0) + period for name in news}
-        # The next time would be too late.
-        wanted = {name for name in urgent if self._since[name] + 0.5 * period > _URGENT_WITHIN}
-        wanted.update(name for name, new in news.items() if self._is_new(name, new))
-        others = [name for name in self._told if name in news and name not in wanted]
-        share = len(news) if len(news) <= FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
-        turns = set(others[:share])
-        wanted.update(turns)
-        chosen = [name for name in news if name in wanted]
-        for name in chosen:
-            self._told.pop(name, None)
-            self._told[name] = news[name]
-            self._since[name] = 0.0
-        return chosen, [name for name in chosen if name in turns]
-
-    def _is_new(self, name: str, new: tuple[object, ...]) -> bool:
-        told = self._told.get(name)
-        return told is None or any(map(is_not, told, new))
-
-
-def urgent(joints: Mapping[str, WatchedJoint]) -> list[str]:
-    """The joints that stick or are at risk."""
-    return [name for name, joint in joints.items() if joint.monitor.latest_status in WORTH_CHANGING]
