@@ -159,6 +159,7 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
     machine = recording.machine.after(DURATION)
     gains, speed = recording.gains, recording.speeds[0]
     total = float(gains.damping) + machine.viscous
+    period = float(recording.batch.time[1] - recording.batch.time[0]) if machine.sampled else None
 
     def damped(share: float) -> Gains:
         return replace(gains, damping=share * total - machine.viscous)
@@ -174,7 +175,7 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
     for name, (tried, velocity) in asked.items():
         its_total = float(tried.damping) + machine.viscous
         around = [replace(tried, damping=share * its_total - machine.viscous) for share in (1.0, *_NEAR)]
-        verdicts = {sticks(machine, one, velocity) for one in around}
+        verdicts = {sticks(machine, one, velocity, controller_period=period) for one in around}
         if len(verdicts) > 1:
             continue
         probability = math.nan

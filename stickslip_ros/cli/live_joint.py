@@ -44,8 +44,9 @@ class JointMap:
 
     def regions(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Where it sticks, and where it swings, as masks of the map's shape."""
-        sticks = np.nan_to_num(self.found.exact_damping - self.damping) > 0.0
-        unsteady = np.nan_to_num(self.found.steady_damping - self.damping) > 0.0
+        total = self.found.total_damping(self.damping)
+        sticks = np.nan_to_num(self.found.exact_damping - total) > 0.0
+        unsteady = np.nan_to_num(self.found.steady_damping - total) > 0.0
         return sticks, unsteady & ~sticks
 
 
@@ -53,8 +54,7 @@ def joint_map(subject: Subject) -> JointMap:
     """The map about a joint's operating point; a second."""
     stiffness = float(subject.gains.stiffness)
     axes = map_axes(subject.joint, velocity=subject.velocity, stiffnesses=[stiffness], points=_MAP_POINTS)
-    damping = float(subject.gains.damping) + float(subject.joint.friction.viscous)
-    return JointMap(found=extinction_map(subject.joint, *axes), damping=damping)
+    return JointMap(found=extinction_map(subject.joint, *axes), damping=float(subject.gains.damping))
 
 
 def phase_loop(samples: FloatArray, references: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:

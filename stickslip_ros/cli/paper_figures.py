@@ -275,12 +275,12 @@ def figure_13_axes(joint: Joint) -> tuple[NDArray[np.float64], NDArray[np.float6
     return velocity, float(joint.inertia) * roots**2
 
 
-def _exact_boundary(joint: Joint, computed: ExtinctionMap, total_damping: float, label: str, colour: str) -> Curve:
+def _exact_boundary(joint: Joint, computed: ExtinctionMap, damping: float, label: str, colour: str) -> Curve:
     return boundary(
         label,
         1e3 * computed.velocity,
         computed.stiffness / float(joint.inertia),
-        total_damping - computed.exact_damping,
+        computed.total_damping(damping) - computed.exact_damping,
         colour,
         "--",
     )
@@ -288,7 +288,7 @@ def _exact_boundary(joint: Joint, computed: ExtinctionMap, total_damping: float,
 
 def _figure_13(joint: Joint, computed: ExtinctionMap) -> Figure:
     exact = tuple(
-        _exact_boundary(joint, computed, damping + computed.viscous, "exact" if damping == 0.0 else "", colour)
+        _exact_boundary(joint, computed, damping, "exact" if damping == 0.0 else "", colour)
         for damping, colour in zip(_DAMPINGS, COLOURS, strict=False)
     )
     return Figure(

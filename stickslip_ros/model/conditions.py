@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.friction import Joint
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +41,10 @@ class OperatingConditions:
         require_not_negative("controller_period", self.controller_period)
         if self.control_delay and self.controller_period == 0:
             raise InvalidParameterError("controller_period", "> 0 where there is a control delay", 0.0)
+
+    def applied_to(self, joint: Joint) -> Joint:
+        """The joint as these conditions leave it: a stated controller period is the delay, and no other counts."""
+        return replace(joint, actuation_delay=0.0) if self.controller_period > 0 else joint
 
     @property
     def at_constant_speed(self) -> OperatingConditions:

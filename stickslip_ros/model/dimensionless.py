@@ -21,8 +21,8 @@ class DimensionlessGroups:
     Attributes
     ----------
     natural_frequency : ω = √(k_p/M) [rad/s], Eq. (9).
-    damping_ratio : ρ = (k_v + F_v)/(2√(k_p M)). (The nomenclature prints ρ = k'_v/2ω, without the
-        mass; Eq. (14) has it right.)
+    damping_ratio : ρ = (k_v + F_v)/(2√(k_p M)), less what an actuation delay takes off. (The nomenclature prints
+        ρ = k'_v/2ω, without the mass; Eq. (14) has it right.)
     stribeck : F*_s∞ = F_s∞/(M ω x˙_s).
     velocity : ξ˙_d = |x˙_d|/x˙_s; both directions are alike.
     lag : τ* = ω τ_L.
@@ -57,7 +57,7 @@ def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> Dimensio
         momentum = joint.inertia * natural_frequency
         return DimensionlessGroups(
             natural_frequency=natural_frequency,
-            damping_ratio=(gains.damping + friction.viscous) / (2.0 * momentum),
+            damping_ratio=(gains.damping + joint.own_damping(stiffness)) / (2.0 * momentum),
             stribeck=friction.stribeck / (momentum * friction.stribeck_velocity),
             velocity=np.abs(velocity) / friction.stribeck_velocity,
             lag=natural_frequency * friction.lag,
@@ -82,7 +82,7 @@ def stiffness_of_lag(joint: Joint) -> Real:
 
 def damping_for_ratio(joint: Joint, stiffness: Real, damping_ratio: Real) -> Real:
     """k_v [N·m·s/rad] that gives a damping ratio, the inverse of the second group: 2ρ√(k_p M) − F_v."""
-    return 2.0 * damping_ratio * np.sqrt(stiffness * np.asarray(joint.inertia)) - joint.friction.viscous
+    return 2.0 * damping_ratio * np.sqrt(stiffness * np.asarray(joint.inertia)) - joint.own_damping(stiffness)
 
 
 def dimensionless_energy(position: Real, velocity: Real) -> Real:

@@ -35,11 +35,12 @@ class UnstableLoopError(StickSlipError):
 def loop_is_unstable(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
     """Whether the linear loop, viscous friction in it and no other, has a mode that grows; scalars only.
 
-    With continuous control the roots of M s³ + (k_v + F_v) s² + k_p s + k_i, by Routh; with sampled control the
-    eigenvalues of what a controller period does to position, velocity, integral and the effort that waits.
+    With continuous control the roots of M s³ + (k_v + F_v) s² + k_p s + k_i, by Routh, F_v less what an actuation delay
+    takes off; with sampled control the eigenvalues of what a controller period does to position, velocity, integral and
+    the effort that waits.
     """
     inertia, stiffness, integral = float(joint.inertia), float(gains.stiffness), float(gains.integral)
-    damping = float(gains.damping) + float(joint.friction.viscous)
+    damping = float(gains.damping) + float(joint.own_damping(stiffness))
     if conditions.controller_period > 0:
         period = _period_of_the_loop(joint, gains, conditions)
         if not np.isfinite(period).all():

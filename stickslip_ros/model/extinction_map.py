@@ -35,7 +35,8 @@ class ExtinctionMap:
         of another friction law than the paper's.
     steady_damping : from which on small disturbances of steady sliding decay, and stick slip has ended; of that shape.
         In one of a hundred cases a large swing goes on beyond it: :mod:`stickslip_ros.model.outcome` knows.
-    viscous : F_v of the joint [N·m·s/rad].
+    own_damping : of the joint at each stiffness, its viscous friction F_v less what an actuation delay takes off
+        [N·m·s/rad], shape (m,).
     """
 
     velocity: NDArray[np.float64]
@@ -43,13 +44,18 @@ class ExtinctionMap:
     paper_damping: NDArray[np.float64]
     exact_damping: NDArray[np.float64]
     steady_damping: NDArray[np.float64]
-    viscous: float
+    own_damping: NDArray[np.float64]
+
+    def total_damping(self, damping: float) -> NDArray[np.float64]:
+        """k_v and the joint's own damping together [N·m·s/rad] at each stiffness, shape (m, 1)."""
+        return damping + self.own_damping[:, None]
 
     @property
     def conservative(self) -> float:
         """Share of the points at which the damping k_v that Eq. (43) asks for is enough, to the 1 %."""
         known = np.isfinite(self.paper_damping) & np.isfinite(self.exact_damping)
-        paper = np.maximum(self.paper_damping[known], self.viscous)
+        least = np.broadcast_to(self.own_damping[:, None], known.shape)
+        paper = np.maximum(self.paper_damping[known], least[known])
         enough = paper >= (1.0 - _TOLERANCE) * self.exact_damping[known]
         return float(enough.mean()) if known.any() else math.nan
 
@@ -101,5 +107,5 @@ def extinction_map(
         paper_damping=unit * np.asarray(critical_damping_ratio(groups)),
         exact_damping=unit * np.asarray(exact),
         steady_damping=unit * np.maximum(np.asarray(exact), np.asarray(sliding_damping_ratio(groups))),
-        viscous=float(joint.friction.viscous),
+        own_damping=np.broadcast_to(np.asarray(joint.own_damping(stiffness), dtype=float), stiffness.shape),
     )

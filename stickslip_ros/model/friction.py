@@ -103,24 +103,40 @@ class Friction:
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A joint: its inertia and its friction, Eq. (4).
+    """A joint: its inertia and its friction, Eq. (4), and how late the controller's force acts on it.
 
     Attributes
     ----------
     inertia : M [kg·m²], float or array.
     friction : the friction law's parameters.
+    actuation_delay : τ_d [s], float or array, by which the force acts late; to the first order it takes k_p τ_d of the
+        damping away. Where a controller's period is stated, that delays the force instead, see
+        :class:`stickslip_ros.model.conditions.OperatingConditions`.
 
     Raises
     ------
     InvalidParameterError
-        If the inertia is not finite and > 0.
+        If the inertia is not finite and > 0, or the delay is not finite or negative.
     """
 
     inertia: Real = field(metadata={"unit": "kg·m²"})
     friction: Friction
+    actuation_delay: Real = field(default=0.0, metadata={"unit": "s"})
 
     def __post_init__(self) -> None:
         require_positive("inertia", self.inertia)
+        require_not_negative("actuation_delay", self.actuation_delay)
+
+    def own_damping(self, stiffness: Real) -> Real:
+        """Damping beside the controller's k_v [N·m·s/rad]: viscous friction less what a delay takes, F_v − k_p τ_d.
+
+        Parameters
+        ----------
+        stiffness : k_p [N·m/rad].
+        """
+        if not np.any(self.actuation_delay):
+            return self.friction.viscous
+        return np.asarray(self.friction.viscous - np.asarray(stiffness) * self.actuation_delay)
 
 
 @dataclass(frozen=True, kw_only=True)

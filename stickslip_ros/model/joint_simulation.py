@@ -256,6 +256,8 @@ class JointSimulation:
         parameters[at.CONTACT_DAMPING] = friction.presliding_damping
         parameters[at.STIFFNESS] = gains.stiffness
         parameters[at.DAMPING] = gains.damping
+        if not self.sampled:
+            parameters[at.DAMPING] -= gains.stiffness * self.joint.actuation_delay
         parameters[at.INTEGRAL_GAIN] = gains.integral
         parameters[at.LOAD] = self.load
         return parameters

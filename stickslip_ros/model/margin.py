@@ -208,10 +208,9 @@ def change_factors(joint: Joint, gains: Gains, velocity: Real) -> dict[str, Real
     """
     margin = stability_margin(joint, gains, velocity)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        needed = (
-            2 * np.asarray(margin.critical_damping_ratio) * joint.inertia * np.asarray(margin.natural_frequency)
-            - joint.friction.viscous
-        )
+        needed = 2 * np.asarray(margin.critical_damping_ratio) * joint.inertia * np.asarray(
+            margin.natural_frequency
+        ) - joint.own_damping(gains.stiffness)
         damping = np.where(np.asarray(gains.damping) > 0, needed / np.asarray(gains.damping, dtype=float), np.nan)
         return {
             "stiffness": least_smooth_stiffness(joint, velocity, damping=gains.damping) / np.asarray(gains.stiffness),

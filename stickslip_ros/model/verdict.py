@@ -78,6 +78,7 @@ def exact_verdict(
     limits : whether ρ_steady, the lowest smooth velocity and the least smooth stiffness are wanted too.
     """
     conditions = (conditions or OperatingConditions()).at_constant_speed
+    joint = conditions.applied_to(joint)
     why = _obstacle(joint, gains, velocity)
     if why:
         return _no_answer(why)
@@ -110,6 +111,7 @@ def exactly_smooth(
     False too where the loop is unstable, of which the verdict says that.
     """
     conditions = (conditions or OperatingConditions()).at_constant_speed
+    joint = conditions.applied_to(joint)
     if _obstacle(joint, gains, velocity):
         return None
     if velocity == 0:
@@ -125,6 +127,7 @@ def exactly_smooth(
 def exact_outcome(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
     """What becomes of a joint that moves, as in :func:`exact_verdict` without a boundary, which takes most time."""
     conditions = conditions.at_constant_speed
+    joint = conditions.applied_to(joint)
     why = _obstacle(joint, gains, velocity)
     if why or velocity == 0:
         return _no_answer(why or "the joint does not move")

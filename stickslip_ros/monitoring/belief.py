@@ -78,7 +78,8 @@ def _values(belief: Belief, *, draws: bool = False) -> FloatArray:
         stiffness = stiffness * belief.uncertainty.stiffness
     # Gains of the controller's own are compared as they are; what only shows is one with the joint's damping.
     damping = np.asarray(friction.viscous) + (0.0 if belief.gains_known else belief.gains.damping)
-    values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, damping)
+    late = 1.0 + belief.gains.stiffness * np.asarray(joint.actuation_delay) / (belief.gains.damping + damping)
+    values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, damping, late)
     shape = np.broadcast_shapes(stiffness.shape, np.shape(friction.stribeck))
     return np.log([np.broadcast_to(value, shape) for value in (joint.inertia, stiffness, *values)])
 
@@ -123,8 +124,9 @@ def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
     known = gains if not estimate.normalised else estimate.gains
     if known is None:
         return None
+    joint = estimate.joint()
     return Belief(
-        joint=estimate.joint(),
+        joint=joint if estimate.late is None else estimate.late.applied_to(joint),
         gains=known,
         uncertainty=_uncertainty(estimate, known),
         gains_known=not estimate.normalised,
@@ -138,6 +140,8 @@ def _uncertainty(estimate: FrictionEstimate, known: Gains) -> Uncertainty:
 
     def drawn(one: FrictionEstimate) -> tuple[Joint, FloatArray]:
         joint, stiffness = one.draws()
+        if one.late is not None:
+            joint = one.late.drawn(joint, _NORMAL)
         return joint, stiffness / float(known.stiffness) if one.normalised else np.ones_like(stiffness)
 
     return _over_laws(estimate, drawn)
@@ -149,7 +153,7 @@ def _over_laws(
     laws = []
     for weight, one in estimate.by_law():
         joint, ratios = drawn(one)
-        doubt = _DOUBT if one.mismatch or one.missing_damping != 0.0 else 0.0
+        doubt = _DOUBT if one.mismatch or one.may_be_late else 0.0
         laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=doubt))
     return replace(laws[0], others=tuple(laws[1:]))
 

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists
 from stickslip_ros.model.friction import Gains, Joint
@@ -35,9 +36,16 @@ class Uncertainty:
     others: tuple[Uncertainty, ...] = ()
     doubt: float = 0.0
 
+    def under(self, conditions: OperatingConditions) -> Uncertainty:
+        """The same, as the conditions leave each joint."""
+        others = tuple(other.under(conditions) for other in self.others)
+        return replace(self, joint=conditions.applied_to(self.joint), others=others)
+
 
 def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: float) -> float:
     """Probability that stick slip goes on by the exact condition, over draws and laws; NaN where there is no answer.
+
+    A draw of negative damping in all, which swings by itself, counts as one that is not smooth.
 
     Parameters
     ----------
@@ -55,7 +63,6 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
         )
         some = DimensionlessGroups(
             natural_frequency=frequency,
-            # A draw of less viscous friction than a negative damping gain takes is no less than undamped.
             damping_ratio=np.maximum(ratio, 0.0),
             stribeck=stribeck,
             velocity=speed,
@@ -63,7 +70,7 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
             rise_time=rise_time,
             law=groups.law,
         )
-        persists = np.asarray(cycle_persists(some, patient=False))
+        persists = np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(some, patient=False)))
         known = np.isfinite(persists)
         if known.any():
             total += law.weight * float(persists[known].mean())

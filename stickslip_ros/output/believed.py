@@ -12,6 +12,7 @@ from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA
 from stickslip_ros.model.units import in_ascii
 
 _BEFORE = "believed "
+_DELAY = f"{_BEFORE}actuation_delay [s]"
 _LAW, _CONTACT = f"{_BEFORE}law", f"{_BEFORE}contact"
 
 
@@ -21,6 +22,8 @@ def believed_values(joint: Joint) -> list[tuple[str, object]]:
     values: list[tuple[str, object]] = [(_key(INERTIA.name, INERTIA.unit), float(joint.inertia))]
     parameters = FRICTION_PARAMETERS if friction.rigid else (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)
     values += [(_key(one.name, one.unit), float(getattr(friction, one.name))) for one in parameters]
+    if joint.actuation_delay:
+        values.append((_DELAY, float(joint.actuation_delay)))
     return [*values, (_LAW, friction.law), *([] if friction.rigid else [(_CONTACT, friction.contact)])]
 
 
@@ -37,7 +40,8 @@ def believed_joint(values: Mapping[str, str]) -> Joint | None:
     words = {name: values[key] for name, key in (("law", _LAW), ("contact", _CONTACT)) if key in values}
     try:
         numbers = {name: float(text) for name, text in told.items()}
-        return Joint(inertia=float(inertia), friction=Friction(**numbers, **words))  # type: ignore[arg-type]
+        friction = Friction(**numbers, **words)  # type: ignore[arg-type]
+        return Joint(inertia=float(inertia), friction=friction, actuation_delay=float(values.get(_DELAY, 0.0)))
     except (InvalidParameterError, TypeError, ValueError):
         return None
 

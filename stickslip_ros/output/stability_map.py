@@ -44,12 +44,12 @@ class MapSubject:
 
     @property
     def advised_damping(self) -> float | None:
-        """Advised total damping k_v + F_v [N·m·s/rad], None if it is the present one or there is no advice."""
+        """Advised damping k_v [N·m·s/rad], None if it is the present one or there is no advice."""
         if self.advised is None:
             return None
-        viscous = float(self.joint.friction.viscous)
-        total, advised = float(self.gains.damping) + viscous, float(self.advised.damping) + viscous
-        return advised if abs(advised - total) > _SAME_DAMPING * total else None
+        advised, present = float(self.advised.damping), float(self.gains.damping)
+        total = present + float(self.joint.own_damping(self.gains.stiffness))
+        return advised if abs(advised - present) > _SAME_DAMPING * total else None
 
 
 def subject_of(name: str, assessment: Assessment, velocity: float) -> MapSubject | None:
@@ -75,7 +75,7 @@ def map_of(subject: MapSubject, points: int, *, workers: int = 1, progress: Prog
 
 def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "stability_map") -> Figure:
     """The map at the gains' damping: three regions, the operating point, and where the advice would put it."""
-    total = float(subject.gains.damping) + float(subject.joint.friction.viscous)
+    total = computed.total_damping(float(subject.gains.damping))
     x, y = 1e3 * computed.velocity, computed.stiffness
     stiffness_unit, damping_unit = ("1/s²", "1/s") if subject.per_inertia else ("N·m/rad", "N·m·s/rad")
     exact_inside = computed.exact_damping - total
@@ -94,7 +94,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         if not subject.joint.friction.rigid:
             said += " The map is of the same joint without presliding."
     if subject.advised_damping is not None:
-        inside = computed.steady_damping - subject.advised_damping
+        inside = computed.steady_damping - computed.total_damping(subject.advised_damping)
         curves.append(boundary("steadily, with the advised damping", x, y, inside, GREEN, "--"))
     note = "There is no operating point: it needs a speed and a stiffness."
     if subject.on_the_map:

@@ -26,6 +26,8 @@ _MOVES = 5.0  # times that speed, from which on it slips
 # Longest step, of the shortest time in which something happens.
 _OF_SWING, _OF_LAG, _OF_BRISTLE, _OF_DECAY, _OF_FALL = 0.003, 0.025, 0.02, 0.01, 0.03
 
+_RUNS_AWAY = 2.0  # times as large as earlier, or as the speed, are the swings of a joint that is smooth at most
+
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
@@ -161,20 +163,31 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
     )
 
 
-def sticks(machine: Machine, gains: Gains, velocity: float, *, periods: float = 200.0) -> bool:
-    """Whether stick slip that begins at rest goes on at a steady speed [rad/s]: it rests in the last fifth.
+def sticks(
+    machine: Machine, gains: Gains, velocity: float, *, periods: float = 200.0, controller_period: float | None = None
+) -> bool:
+    """Whether stick slip that begins at rest goes on at a steady speed [rad/s], or the joint runs away.
+
+    It does if it rests in the last fifth.
 
     A cycle may take a hundred slips to die. So many natural periods are waited for, each with the time in which the
     spring draws the Stribeck friction twice.
+
+    Parameters
+    ----------
+    controller_period : of a machine whose controller is sampled [s].
     """
+    assert machine.sampled == (controller_period is not None)
     stiffness = float(gains.stiffness)
     natural_period = 2.0 * math.pi * math.sqrt(machine.inertia / stiffness)
-    period = natural_period / 200.0
+    period = controller_period or natural_period / 200.0
     duration = periods * (natural_period + 2.0 * machine.stribeck / (stiffness * velocity))
     count = math.ceil(duration / period)
     references = drawn(machine, gains) + velocity * period * np.arange(count)
     motion = simulate(machine, gains, references, np.full(count, velocity), period)
-    return motion.last_rest > 0.8 * count * period
+    swings = np.abs(motion.velocity - velocity)
+    earlier, later = (swings[int(share * count) : int((share + 0.2) * count)].max() for share in (0.4, 0.8))
+    return motion.last_rest > 0.8 * count * period or bool(not later < _RUNS_AWAY * max(earlier, velocity))
 
 
 def drawn(machine: Machine, gains: Gains) -> float:

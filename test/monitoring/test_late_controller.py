@@ -4,15 +4,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import Machine, drawn, simulate
+from machines import Machine, drawn, simulate, sticks
 from random_machines import CONDITIONS, random_recording
 
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
 from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -82,13 +82,28 @@ def test_a_delay_that_takes_away_more_than_friction_gives(seed: int) -> None:
         assert off < 3.0 * estimate[name].std or not estimate[name].identified, name
     for name in ("inertia", "lag"):
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
-    # No parameter has what is missing, nor any verdict that rests on them: none is sure.
+    # No parameter has what is missing, but every verdict and all advice that rests on them.
     missing = float(gains.stiffness) * (0.5 * period + machine.control_delay) - machine.viscous
-    assert math.isnan(estimate.missing_damping) or 0.5 * missing < estimate.missing_damping < 2.0 * missing
-    assert "acts late" in estimate.summary()
     belief, _ = believed(estimate, None, gains)
     assert belief is not None
     assert belief.uncertainty is not None
-    for factor in (0.5, 1.0, 2.0):
+    if estimate.may_be_late:
+        # Only that it may be late is known: nothing is sure.
+        assert "acts late" in estimate.summary()
+        for factor in (0.5, 1.0, 2.0):
+            tried = replace(gains, stiffness=factor * float(gains.stiffness))
+            assert 0.1 <= stick_slip_probability(belief.uncertainty, tried, recording.speeds[0]) <= 0.9
+        return
+    assert estimate.late is not None
+    assert estimate.late.missing_damping == pytest.approx(missing, abs=3.0 * estimate.late.std)
+    assert "acts late" in estimate.summary()
+    assert float(belief.joint.own_damping(gains.stiffness)) == pytest.approx(-estimate.late.missing_damping)
+    for factor in (0.5, 2.0):
         tried = replace(gains, stiffness=factor * float(gains.stiffness))
-        assert 0.1 <= stick_slip_probability(belief.uncertainty, tried, recording.speeds[0]) <= 0.9
+        probability = stick_slip_probability(belief.uncertainty, tried, recording.speeds[0])
+        truth = sticks(machine, tried, recording.speeds[0], controller_period=period)
+        assert 0.05 < probability < 0.95 or (probability > 0.5) == truth
+    answer = recommend(belief.joint, gains, recording.speeds[0], uncertainty=belief.uncertainty)
+    advised = answer[Kind.LEAST_CHANGE]
+    if advised.found:
+        assert not sticks(machine, advised.gains, recording.speeds[0], controller_period=period)

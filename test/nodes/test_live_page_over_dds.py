@@ -174,10 +174,12 @@ def test_options_of_the_page_alone(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("friction", [{}, {"presliding_stiffness": 1e5, "contact": "lugre"}, {"law": "exponential"}])
-def test_the_believed_joint_is_told_and_read(friction: dict[str, object]) -> None:
+@pytest.mark.parametrize("delay", [0.0, 0.00317])
+def test_the_believed_joint_is_told_and_read(friction: dict[str, object], delay: float) -> None:
     """What a monitor believes can be computed with elsewhere, to the last digit."""
     joint = Joint(
         inertia=6.3,
+        actuation_delay=delay,
         friction=Friction(
             stribeck=1.6, stribeck_velocity=0.0058, lag=0.05, rise_time=0.26, viscous=4.94, coulomb=8.43, **friction
         ),  # type: ignore[arg-type]

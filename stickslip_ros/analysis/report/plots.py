@@ -301,7 +301,7 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     found = map_of(subject, _MAP_POINTS)
     velocities, stiffnesses = found.velocity, found.stiffness
     speed, stiffness = abs(joint.velocity), float(subject.gains.stiffness)
-    total = float(subject.gains.damping) + found.viscous
+    damping = float(subject.gains.damping)
     unit = "1/s², per inertia" if subject.per_inertia else "N·m/rad"
     plot = new_figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
     plot.x_range = Range1d(float(velocities[0]), float(velocities[-1]))
@@ -310,14 +310,14 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
         ticks = _round_numbers(float(values[0]), float(values[-1]))
         axis.ticker = FixedTicker(ticks=ticks)
         axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
-    _draw_regions(plot, found, total)
-    _draw_boundary(plot, found, total, "present damping", INK, "solid", at=0.2)
+    _draw_regions(plot, found, damping)
+    _draw_boundary(plot, found, damping, "present damping", INK, "solid", at=0.2)
     words = []
     if subject.advised is not None:
         target = float(subject.advised.stiffness)
         words.append(f"the star is where the advice puts it, at {target:.4g}")
-        damping = subject.advised_damping
-        if damping is not None and _draw_boundary(plot, found, damping, "advised damping", GREEN, "dashed"):
+        advised = subject.advised_damping
+        if advised is not None and _draw_boundary(plot, found, advised, "advised damping", GREEN, "dashed"):
             words[-1] += ", and with the advised damping only what lies within the dashed line is not steady"
         plot.scatter([speed], [target], size=14, color=GREEN, marker="star", legend_label="advised")
     plot.scatter([speed], [stiffness], size=11, color=BLUE, marker="circle", legend_label="now")
@@ -332,9 +332,9 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
 
 
 def _draw_regions(plot: Any, found: ExtinctionMap, damping: float) -> None:
-    """Shade what becomes of the joint at a damping, and write it into each region that has room for a word."""
-    sticks = np.nan_to_num(found.exact_damping - damping)
-    unsteady = np.nan_to_num(found.steady_damping - damping)
+    """Shade what becomes of the joint at a damping k_v, and write it into each region that has room for a word."""
+    sticks = np.nan_to_num(found.exact_damping - found.total_damping(damping))
+    unsteady = np.nan_to_num(found.steady_damping - found.total_damping(damping))
     for word, field, colour in (
         ("sticks", sticks, RED),
         ("swings", np.minimum(unsteady, -sticks), ORANGE),
@@ -360,7 +360,7 @@ def _draw_boundary(
     """Draw where steady motion begins at a damping, with a word on the line, at a share of its length; whether there is
     one on the map.
     """
-    lines = _boundary(found.velocity, found.stiffness, found.steady_damping - damping)
+    lines = _boundary(found.velocity, found.stiffness, found.steady_damping - found.total_damping(damping))
     if not lines:
         return False
     for x, y in lines:

@@ -21,7 +21,7 @@ class GainRamp:
     Attributes
     ----------
     begin, end : gains; the integral gain is not touched.
-    offset : viscous friction, or some little damping [N·m·s/rad], so that k_v may begin or end at zero.
+    offset : the joint's own damping, or some little damping [N·m·s/rad], so that k_v may begin or end at zero.
     """
 
     begin: Gains
@@ -31,7 +31,7 @@ class GainRamp:
     @classmethod
     def between(cls, joint: Joint, begin: Gains, end: Gains) -> GainRamp:
         """The ramp of a joint (scalars)."""
-        offset = max(float(joint.friction.viscous), damping_floor(joint, begin))
+        offset = max(float(joint.own_damping(begin.stiffness)), damping_floor(joint, begin))
         return cls(begin=begin, end=end, offset=offset)
 
     @property

@@ -137,7 +137,7 @@ def largest_bandwidth(limits: AdviceLimits, loop: ObservedLoop) -> float:
 
 def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: ObservedLoop) -> dict[str, Bound]:
     """Every limit that binds anything, by name, at stiffnesses k_p [N·m/rad] of shape (n,); joint of scalars."""
-    inertia, viscous = float(joint.inertia), float(joint.friction.viscous)
+    inertia, own = float(joint.inertia), joint.own_damping(stiffness)
     critical = 2.0 * np.sqrt(stiffness * inertia)
     bounds: dict[str, Bound] = {}
 
@@ -161,13 +161,13 @@ def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: O
         add("largest damping", f"{high:.4g} N·m·s/rad", largest=high)
     low, high = limits.damping_ratio_range
     if low > 0:
-        add("least damping ratio", f"{low:.4g}", least=low * critical - viscous)
+        add("least damping ratio", f"{low:.4g}", least=low * critical - own)
     if high < math.inf:
-        add("largest damping ratio", f"{high:.4g}", largest=high * critical - viscous)
+        add("largest damping ratio", f"{high:.4g}", largest=high * critical - own)
     bandwidth = largest_bandwidth(limits, loop)
     if bandwidth < math.inf:
-        # |k_p + i k_v ω| <= |−M ω² + i F_v ω| at the largest crossover frequency ω.
-        squared = (inertia * bandwidth) ** 2 + viscous**2 - (stiffness / bandwidth) ** 2
+        # |k_p + i k_v ω| <= |−M ω² + i F_v ω| at the largest crossover frequency ω; a delay changes the phase alone.
+        squared = (inertia * bandwidth) ** 2 + float(joint.friction.viscous) ** 2 - (stiffness / bandwidth) ** 2
         add(
             "bandwidth",
             f"{bandwidth:.4g} rad/s",

@@ -163,11 +163,14 @@ def recommend(
     limits = replace(limits, condition=criterion_for(joint, limits.condition))
     exact = limits.condition is Criterion.EXACT
     slowest = abs(velocity) if limits.slowest_velocity is None else limits.slowest_velocity
+    joint, uncertainty = loop.conditions.applied_to(joint), uncertainty and uncertainty.under(loop.conditions)
+    # Too little damping is no obstacle to advice, however little it is.
+    asked = replace(gains, damping=max(float(gains.damping), -float(joint.own_damping(gains.stiffness))))
     if exact:
-        unanswered = exactly_smooth(joint, gains, slowest, loop.conditions) is None
-        obstacle = exact_verdict(joint, gains, slowest, loop.conditions).reason if unanswered else ""
+        unanswered = exactly_smooth(joint, asked, slowest, loop.conditions) is None
+        obstacle = exact_verdict(joint, asked, slowest, loop.conditions).reason if unanswered else ""
     else:
-        margin = stability_margin(joint, gains, slowest)
+        margin = stability_margin(joint, asked, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
         return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
@@ -322,8 +325,8 @@ class _Case:
             stiffness = np.array([float(gains.stiffness)])
             needed = max(float(requirement.damping(stiffness)[0]) for requirement in lacking)
             if not needed <= float(gains.damping) * (1.0 + 1e-9):
-                viscous = float(self._joint.friction.viscous)
-                factor = (needed + viscous) / max(float(gains.damping) + viscous, 1e-300)
+                own = float(self._joint.own_damping(gains.stiffness))
+                factor = (needed + own) / max(float(gains.damping) + own, 1e-300)
                 return min(max(factor, 1.0 + 1e-6), _MOST_DAMPING)
         return 1.0 if self._holds(gains) else _MORE_DAMPING
 
@@ -336,8 +339,8 @@ class _Case:
             return False
         if self._steady is not None:
             # Steady with a little less damping, and with more: beside gains at which it happens to be.
-            viscous = float(self._joint.friction.viscous)
-            around = (float(gains.damping) + viscous) * np.array(_AROUND)[:, None] - viscous
+            own = float(self._joint.own_damping(gains.stiffness))
+            around = (float(gains.damping) + own) * np.array(_AROUND)[:, None] - own
             groups = dimensionless_groups(self._joint, replace(gains, damping=around), self._requirement.speeds)
             return bool(np.all(is_steady(groups)))
         groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
@@ -348,8 +351,8 @@ class _Case:
         """The same with integral action or sampled control, at the slowest speed."""
         if self._steady is not None and not self._reaches(self._steady, gains):
             return False
-        viscous = float(self._joint.friction.viscous)
-        less = (float(gains.damping) + viscous) / (1.0 + self._limits.wanted_margin) - viscous
+        own = float(self._joint.own_damping(gains.stiffness))
+        less = (float(gains.damping) + own) / (1.0 + self._limits.wanted_margin) - own
         for one in (gains, replace(gains, damping=less)):
             trial = replace(one, integral=self._gains.integral)
             # Friction may hold it at this speed; a larger error would run away.
@@ -372,8 +375,7 @@ class _Case:
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains
         margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
-        viscous = float(joint.friction.viscous)
-        total, before = float(gains.damping) + viscous, float(present.damping) + viscous
+        total, before = (float(one.damping) + float(joint.own_damping(one.stiffness)) for one in (gains, present))
         return Variant(
             kind=kind,
             stiffness=float(gains.stiffness),
@@ -396,11 +398,11 @@ class _Case:
         return float(damping_reserve(float(groups.damping_ratio), critical))
 
     def _in_words(self, gains: Gains) -> str:
-        viscous = float(self._joint.friction.viscous)
+        own = float(self._joint.own_damping(gains.stiffness))
         parts = []
         for name, old, new, unit, offset in (
             ("stiffness", float(self._gains.stiffness), float(gains.stiffness), "N·m/rad", 0.0),
-            ("damping", float(self._gains.damping), float(gains.damping), "N·m·s/rad", viscous),
+            ("damping", float(self._gains.damping), float(gains.damping), "N·m·s/rad", own),
         ):
             if abs(new - old) <= 1e-9 * max(abs(new), abs(old)):
                 continue

@@ -80,10 +80,10 @@ class Requirement:
             # What is just enough counts.
             return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
         draws = _with_axis(self._joint)
-        viscous = np.asarray(draws.friction.viscous)
         with np.errstate(all="ignore"):
             stiffnesses = stiffness[:, None, None] * self._ratios[None, :, None]
-            less = np.maximum(damping[:, None, None] + viscous, 0.0) / self._wanted - viscous
+            own = np.asarray(draws.own_damping(stiffnesses))
+            less = np.maximum(damping[:, None, None] + own, 0.0) / self._wanted - own
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses, damping=less), self.speeds)
             persists = _where_lag_is_short(
                 groups, lambda few: np.asarray(cycle_persists(few, patient=False), dtype=float), 1.0
@@ -161,7 +161,7 @@ class Interpolated:
     def __init__(
         self, requirement: Requirement, joint: Joint, floor: SteadySliding | None = None, apart: float = _NODES_APART
     ) -> None:
-        self._requirement, self._floor, self._viscous = requirement, floor, float(joint.friction.viscous)
+        self._requirement, self._floor, self._joint = requirement, floor, joint
         self._apart = apart
         self._finer = Interpolated(requirement, joint, floor, apart * _FINER) if apart > _CLOSEST else None
         self._known: dict[int, float] = {}
@@ -175,19 +175,20 @@ class Interpolated:
         below = np.floor(places).astype(int)
         missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._known]
         if missing:
-            needed = self._exactly(np.exp(self._apart * np.array(missing, dtype=float)))
-            self._known.update(zip(missing, (needed + self._viscous).tolist(), strict=True))
-        share = places - below
+            nodes = np.exp(self._apart * np.array(missing, dtype=float))
+            total = self._exactly(nodes) + self._joint.own_damping(nodes)
+            self._known.update(zip(missing, total.tolist(), strict=True))
+        share, own = places - below, np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
         with np.errstate(all="ignore"):
             low, high = (np.log([self._known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
-            found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - self._viscous
+            found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - own
             rough = ~(np.abs(high - low) < _ROUGH)
         # Where both need more than there is, or nothing, so does what lies between.
         alike = low == high
-        found[alike] = np.exp(low[alike]) - self._viscous
+        found[alike] = np.exp(low[alike]) - own[alike]
         rough &= ~alike
         if rough.any():
-            highest = np.exp(np.maximum(low, high)[rough]) - self._viscous
+            highest = np.exp(np.maximum(low, high)[rough]) - own[rough]
             found[rough] = highest if self._finer is None else self._finer.damping(stiffness[rough])
         return np.asarray(found)
 
@@ -202,7 +203,7 @@ class Interpolated:
 
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains of shape (n,) have it, by what is known of the stiffnesses around; asked where nothing is."""
-        total = damping + self._viscous
+        total = damping + self._joint.own_damping(stiffness)
         below = np.floor(np.log(stiffness) / self._apart).astype(int)
         found = np.zeros(stiffness.shape, dtype=np.bool_)
         for index, node in enumerate(below.tolist()):
@@ -274,4 +275,8 @@ def _with_axis(joint: Joint) -> Joint:
 def _each(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
     """The joint with every number changed."""
     values = {name: change(value) for name, value in joint.friction.numbers.items()}
-    return Joint(inertia=change(joint.inertia), friction=joint.friction.changed(values))
+    return Joint(
+        inertia=change(joint.inertia),
+        friction=joint.friction.changed(values),
+        actuation_delay=change(joint.actuation_delay),
+    )

@@ -81,10 +81,9 @@ class AdviceSearch:
     ) -> None:
         self._joint, self._gains, self._limits, self._loop = joint, gains, limits, loop
         self._requirements, self._learnt, self._more = list(requirements), learnt, more
-        self._viscous = float(joint.friction.viscous)
         self._present = math.log(float(gains.stiffness))
         self._floor = damping_floor(joint, gains)
-        self._before = max(float(gains.damping) + self._viscous, self._floor)
+        self._before = max(float(gains.damping) + float(joint.own_damping(gains.stiffness)), self._floor)
         self._reach = math.log(_BELIEVABLE if learnt else _REACH)
         self._exact = any(requirement.exact for requirement in requirements)
         self._domain = self._allowed_domain()
@@ -107,8 +106,9 @@ class AdviceSearch:
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
         """How large a change of gains is; see the head of advice.py."""
         floor = damping_floor(joint, present)
-        viscous = float(joint.friction.viscous)
-        before, after = (max(float(g.damping) + viscous, floor) for g in (present, gains))
+        before, after = (
+            max(float(each.damping) + float(joint.own_damping(each.stiffness)), floor) for each in (present, gains)
+        )
         return math.hypot(math.log(float(gains.stiffness) / float(present.stiffness)), math.log(after / before))
 
     def enough(self) -> bool:
@@ -188,7 +188,8 @@ class AdviceSearch:
         present = float(self._gains.damping)
         softer, damped = np.meshgrid(line if stiffness else line[:1], line if damping else line[:1], indexing="ij")
         stiffnesses = float(self._gains.stiffness) * np.exp(softer.ravel())
-        dampings = np.where(damped.ravel() == 0.0, present, self._before * np.exp(damped.ravel()) - self._viscous)
+        changed = self._before * np.exp(damped.ravel()) - self._joint.own_damping(stiffnesses)
+        dampings = np.where(damped.ravel() == 0.0, present, changed)
         least, largest = self._within_bounds(stiffnesses)
         inside = (least <= dampings) & (dampings <= largest)
         changes = np.where(inside, np.hypot(softer, damped).ravel(), math.inf)
@@ -240,9 +241,9 @@ class AdviceSearch:
         inside = (least <= largest) & np.isfinite(needed) & np.isfinite(largest)
         if not inside.any():
             return None, math.nan
-        wanted = 1.0 + self._limits.wanted_margin
+        wanted, own = 1.0 + self._limits.wanted_margin, self._joint.own_damping(stiffness)
         with np.errstate(all="ignore"):
-            reserve = wanted * (largest + self._viscous) / np.maximum(needed + self._viscous, 1e-300) - 1.0
+            reserve = wanted * (largest + own) / np.maximum(needed + own, 1e-300) - 1.0
         index = int(np.argmax(np.where(inside, reserve, -math.inf)))
         return Gains(stiffness=float(stiffness[index]), damping=float(largest[index])), float(reserve[index])
 
@@ -270,20 +271,23 @@ class AdviceSearch:
 
     def _needed(self, stiffness: FloatArray) -> FloatArray:
         needed = np.max([requirement.damping(stiffness) for requirement in self._requirements], axis=0)
-        return np.asarray((needed + self._viscous) * self._more - self._viscous)
+        own = self._joint.own_damping(stiffness)
+        return np.asarray((needed + own) * self._more - own)
 
     def _bounds(self, stiffness: FloatArray) -> dict[str, Bound]:
         bounds = bounds_at(stiffness, self._joint, self._limits, self._loop)
         if self._learnt:
+            own = np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
             bounds[_LEARNT] = Bound(
                 text=f"it does not answer for gains × {_BELIEVABLE:g}",
                 least=np.full(stiffness.shape, -math.inf),
-                largest=np.full(stiffness.shape, _BELIEVABLE * self._before - self._viscous),
+                largest=_BELIEVABLE * self._before - own,
             )
         return bounds
 
     def _reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
-        less = (damping + self._viscous) / self._more - self._viscous
+        own = self._joint.own_damping(stiffness)
+        less = (damping + own) / self._more - own
         reached = np.ones(stiffness.shape, dtype=np.bool_)
         # What is quick to tell comes first, and the rest is asked where it matters.
         for one in sorted(self._requirements, key=lambda one: one.exact):
@@ -311,12 +315,11 @@ class AdviceSearch:
         best *= 1.0 + _SLACK
         stiffness = np.exp(logarithm)
         least, largest = self._within_bounds(stiffness)
+        own = np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
         # No damping further away than this is cheaper; most stiffnesses need more, which is soon seen.
         with np.errstate(all="ignore"):
             room = np.sqrt(best**2 - (logarithm - self._present) ** 2)
-            useful = np.minimum(
-                largest, np.where(np.isfinite(room), self._before * np.exp(room) - self._viscous, math.inf)
-            )
+            useful = np.minimum(largest, np.where(np.isfinite(room), self._before * np.exp(room) - own, math.inf))
         hopeful = (least <= useful) & (np.abs(logarithm - self._present) <= best)
         bounded = hopeful & np.isfinite(useful)
         if bounded.any():
@@ -327,7 +330,7 @@ class AdviceSearch:
         possible = lowest <= largest[hopeful]
         chosen = np.clip(float(self._gains.damping), lowest, np.maximum(lowest, largest[hopeful]))
         with np.errstate(all="ignore"):
-            change = np.log(np.maximum(chosen + self._viscous, self._floor) / self._before)
+            change = np.log(np.maximum(chosen + own[hopeful], self._floor) / self._before)
         damping[hopeful] = chosen
         costs[hopeful] = np.where(possible, np.hypot(logarithm[hopeful] - self._present, change), math.inf)
         return costs, damping

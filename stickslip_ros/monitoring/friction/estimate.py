@@ -28,6 +28,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
+from stickslip_ros.monitoring.friction.lateness import Lateness
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.friction.surroundings import Growth
@@ -106,9 +107,10 @@ class FrictionEstimate:
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     dry : what the kinetic friction depends on beside the speed; None per inertia.
     growth : of friction that varies with place or load; all parameters are then those of the worst place. None else.
-    missing_damping : what a controller that acts late takes away beyond all viscous friction [N·m·s/rad], 0 where some
-        is left, NaN where that may be but does not show. No parameter has it, so that no verdict that rests on them is
-        sure.
+    late : how late the controller acts, where that shows; the viscous friction told is then what is left of it at the
+        latest gains. None else.
+    may_be_late : whether a delay that does not show may take away more damping than friction gives. No parameter has
+        that, so that no verdict that rests on them is sure.
     """
 
     source: ForceSource
@@ -130,7 +132,8 @@ class FrictionEstimate:
     drive: DriveGains | None = None
     dry: DryFriction | None = None
     growth: Growth | None = None
-    missing_damping: float = 0.0
+    late: Lateness | None = None
+    may_be_late: bool = False
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -223,12 +226,12 @@ class FrictionEstimate:
             text += f"; the law may be {others} as well"
         if self.growth is not None:
             text += f"; {self.growth.text}"
-        if math.isnan(self.missing_damping):
+        if self.may_be_late:
             text += "; there is next to no viscous friction, or a controller that acts late takes it away"
-        elif self.missing_damping > 0.0:
+        elif self.late is not None and self.late.missing_damping > 0.0:
             text += (
-                f"; the controller acts late, which takes {self.missing_damping:.2g} N·m·s/rad more damping than "
-                "friction gives, and no verdict has it (see controller_period)"
+                f"; the controller acts late, which takes {self.late.missing_damping:.2g} N·m·s/rad more damping than "
+                "friction gives"
             )
         if self.mismatch:
             text += f"; {self.mismatch}, so that no parameter is certain"

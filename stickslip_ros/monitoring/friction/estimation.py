@@ -188,7 +188,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.normalised else dry_friction_of(problem, fit),
         growth=_growth(fits[0], covariance),
-        missing_damping=math.nan if may_hide_a_delay(fits[0]) else 0.0,
+        may_be_late=may_hide_a_delay(fits[0]),
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
@@ -279,7 +279,7 @@ def estimate_from(
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
     covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
-    missing = problem.missing_damping(parameters) if problem.delay_shows else estimate.missing_damping
+    late = problem.lateness(parameters, covariance) if problem.delay_shows else None
     parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
     lasting, of_balance = problem.lasting
     chosen = np.concatenate([lasting, len(parameters) + of_balance])
@@ -309,5 +309,5 @@ def estimate_from(
         coulomb=coulomb,
         load=load,
         coulomb_and_load=together,
-        missing_damping=missing,
+        late=late,
     )

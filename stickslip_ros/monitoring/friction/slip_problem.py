@@ -25,6 +25,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.lateness import Lateness
 from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -38,6 +39,7 @@ _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean speed
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
 LATE = 1.5  # sample intervals, that a controller may be late
+_LATEST = 2.0  # times that, at most
 _GROWTH = 0.5  # of the Stribeck friction, by which it may grow with the load, or from place to place
 _TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
 _LEAST_INERTIA = 0.1  # share that a delay leaves
@@ -307,14 +309,28 @@ class SlipProblem(ObservedSlips):
         some = [self.windows[number] for number in which]
         return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend)
 
-    def missing_damping(self, parameters: FloatArray) -> float:
-        """What the delay takes away at the latest gains beyond all viscous friction [N·m·s/rad]; 0 where some is left.
+    def lateness(self, parameters: FloatArray, covariance: FloatArray) -> Lateness:
+        """What the delay takes away at the latest gains, with errors, of a problem whose delay shows.
 
         Parameters
         ----------
-        parameters : logarithms and what comes after them, shape (p,), of a problem whose delay shows.
+        parameters : logarithms and what comes after them, shape (p,). covariance : shape (p + k, p + k).
         """
-        return max(-self._viscous_left(parameters), 0.0)
+        viscous, slopes = math.exp(parameters[VISCOUS]), self._slopes_of_what_is_left(parameters, len(covariance))
+        return Lateness(
+            viscous=viscous,
+            spread=math.sqrt(max(float(covariance[VISCOUS, VISCOUS]), 0.0)),
+            left=self._viscous_left(parameters),
+            std=math.sqrt(max(float(slopes @ covariance @ slopes), 0.0)),
+            stiffness=float(self._gains[-1, 0]),
+            longest=_LATEST * LATE * self.sample_interval,
+        )
+
+    def _slopes_of_what_is_left(self, parameters: FloatArray, size: int) -> FloatArray:
+        """Of what is left of the viscous friction, over the parameters and what follows them, shape (size,)."""
+        slopes = np.zeros(size)
+        slopes[[VISCOUS, PARAMETERS]] = math.exp(parameters[VISCOUS]), -self._taken_by_an_interval
+        return slopes
 
     def _viscous_left(self, parameters: FloatArray) -> float:
         """Viscous friction less what the delay takes off at the latest gains, k_p τ; negative where that is more."""
@@ -332,12 +348,11 @@ class SlipProblem(ObservedSlips):
         """
         if not self.delay_shows:
             return parameters, covariance
-        viscous = math.exp(parameters[VISCOUS])
+        late = self.lateness(parameters, covariance)
         slopes = np.eye(len(covariance))
-        slopes[VISCOUS, [VISCOUS, PARAMETERS]] = viscous, -self._taken_by_an_interval
-        error = math.sqrt(max(float(slopes[VISCOUS] @ covariance @ slopes[VISCOUS]), 0.0))
+        slopes[VISCOUS] = self._slopes_of_what_is_left(parameters, len(covariance))
         # Friction is not negative; the logarithm needs some.
-        left = max(self._viscous_left(parameters), _LEAST_LEFT * error, 1e-6 * viscous)
+        left = max(late.left, _LEAST_LEFT * late.std, 1e-6 * late.viscous)
         slopes[VISCOUS] /= left
         changed = parameters.copy()
         changed[VISCOUS] = math.log(left)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""How late a controller acts, as slips show it, and the joint that has that delay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring.samples import FloatArray
+
+_SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
+_LEAST = 1e-9  # of the viscous friction, that is left at least
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lateness:
+    """What slips say of a delay τ of the controller's force, which takes k_p τ off the damping.
+
+    With gains that are the same throughout, only what is left of the damping shows, and viscous friction is a guess;
+    the delay is what goes with it.
+
+    Attributes
+    ----------
+    viscous : F_v, none of it taken off [N·m·s/rad]. spread : standard error of its logarithm.
+    left : F_v − k_p τ [N·m·s/rad], negative where the delay takes more than there is. std : its standard error.
+    stiffness : k_p at which that is left [N·m/rad]. longest : the longest delay that is thought possible [s].
+    """
+
+    viscous: float
+    spread: float
+    left: float
+    std: float
+    stiffness: float
+    longest: float
+
+    @property
+    def missing_damping(self) -> float:
+        """What is taken off beyond all viscous friction [N·m·s/rad]; 0 where some is left."""
+        return max(-self.left, 0.0)
+
+    def applied_to(self, joint: Joint) -> Joint:
+        """The joint with viscous friction and delay apart."""
+        viscous, delay = self._apart(np.float64(self.viscous), np.float64(self.left))
+        friction = replace(joint.friction, viscous=float(viscous))
+        return replace(joint, friction=friction, actuation_delay=float(delay))
+
+    def drawn(self, joint: Joint, normal: FloatArray) -> Joint:
+        """Joints as one of arrays with viscous friction and delay apart, as the errors allow.
+
+        Parameters
+        ----------
+        normal : two standard normal draws for each joint, shape (2, draws).
+        """
+        left = self.left + self.std * normal[1]
+        viscous = self.viscous * np.exp(min(self.spread, _SPREAD_LIMIT) * normal[0])
+        viscous, delay = self._apart(np.minimum(viscous, left + self.stiffness * self.longest), left)
+        return replace(joint, friction=replace(joint.friction, viscous=viscous), actuation_delay=delay)
+
+    def _apart(self, viscous: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Viscous friction and delay that leave what is left; no force acts early."""
+        viscous = np.maximum(viscous, np.maximum(left, _LEAST * self.viscous))
+        return viscous, (viscous - left) / self.stiffness
