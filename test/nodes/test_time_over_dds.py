@@ -135,10 +135,11 @@ def test_missing_stamps(ros_domain: int) -> None:
     """Issue 7: messages without stamps are taken at the time of their arrival, each at its own; it is said."""
     with watched() as one:
         # Where the joint is depends on when that is said, or a moment without a processor would change the motion.
-        positions = staircase(6000)[1]
-        start = time.monotonic()
+        positions = staircase(20000)[1]
+        start, sent = time.monotonic(), 0
         while (index := int(200 * (time.monotonic() - start))) < len(positions):
             one.publish(["joint1"], 0.0, position=[positions[index]])
+            sent += 1
             one.spin(0.005)
             if len(cycles(one)) >= 4 and one.status("joint1") == "stick_slip":
                 break
@@ -146,7 +147,9 @@ def test_missing_stamps(ros_domain: int) -> None:
         periods = [later - earlier for earlier, later in itertools.pairwise(cycles(one))]
         assert abs(float(np.median(periods)) - 1.0) < 0.1
         assert "joint_states: stamp is zero" in " ".join(one.diagnostics[OWN][2])
-        assert float(one.diagnostics["joint1"][2]["sample rate [Hz]"]) > 100
+        # A busy machine sends fewer than 200 a second.
+        rate = sent / (time.monotonic() - start)
+        assert float(one.diagnostics["joint1"][2]["sample rate [Hz]"]) > 0.5 * rate
 
 
 def test_two_publishers_of_different_joints(ros_domain: int) -> None:
