@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
@@ -80,7 +81,7 @@ def study(question: StudyQuestion) -> Learnt | None:
 
     An effort that explains too little, because it is noisy or none at all, must not cost what the motion shows alone.
     """
-    found, windows = _study(question), question.windows
+    found, windows = _fitted(question), question.windows
     explained = found is not None and found.estimate.usable and not found.estimate.mismatch
     integral = windows[0].gains is not None and windows[0].gains.integral != 0
     if windows[0].source is not ForceSource.EFFORT or explained or integral:
@@ -89,7 +90,7 @@ def study(question: StudyQuestion) -> Learnt | None:
     if not may_be_usable(without):
         # A search for what would not be believed takes seconds, and of these slips each asks for another.
         return found
-    alone = _study(StudyQuestion(windows=without, configured=question.configured))
+    alone = _fitted(StudyQuestion(windows=without, configured=question.configured))
     if alone is None or not alone.estimate.usable:
         return found
     if found is None:
@@ -97,6 +98,14 @@ def study(question: StudyQuestion) -> Learnt | None:
     if found.estimate.usable and alone.estimate.mismatch:
         return found
     return replace(alone, estimate=replace(alone.estimate, drive=found.estimate.drive))
+
+
+def _fitted(question: StudyQuestion) -> Learnt | None:
+    """What a study finds; a fit whose errors are no numbers is none."""
+    try:
+        return _study(question)
+    except LinAlgError:
+        return None
 
 
 def _study(question: StudyQuestion) -> Learnt | None:

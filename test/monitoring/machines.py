@@ -204,9 +204,9 @@ def _longest_step(machine: Machine, gains: Gains) -> float:
         _OF_FALL * inertia * machine.stribeck_velocity / machine.stribeck,
         _OF_DECAY * inertia / max(abs(float(gains.damping)) + machine.viscous, 1e-12),
     ]
-    if machine.law == LUGRE:
+    if machine.bristle_stiffness > 0.0:
         times.append(_OF_BRISTLE * math.sqrt(inertia / machine.bristle_stiffness))
-    elif machine.lag > 0:
+    if machine.law != LUGRE and machine.lag > 0:
         times.append(_OF_LAG * machine.lag)
     return min(times)
 
@@ -245,7 +245,7 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
     h = period / steps
     reach = lag / h
     past = np.zeros(int(reach) + 4)
-    x = v = z = 0.0
+    x = v = z = anchor = 0.0
     level, direction, resting = stribeck, 0.0, True
     breakaway, arrest, last_rest = 0.0, 0.0, 0.0
     held = before = 0.0
@@ -295,6 +295,31 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     if count < len(slips):
                         slips[count] = (begin_time, begin_position, begin_level, now, x)
                     count += 1
+                continue
+            if direction == 0.0 and bristle_stiffness > 0.0:
+                # An elastic contact: it yields until what is on it is more than friction holds.
+                last_rest = t
+                x0, v0 = x, v
+                dx, dv = 0.0, 0.0
+                for stage in range(2):
+                    x, v = x0 + 0.5 * h * dx, v0 + 0.5 * h * dv
+                    s = (k + 0.5 * stage) * h
+                    if sampled:
+                        force = held if s >= delay else before
+                    else:
+                        force = stiffness * (reference + speed * s - x) + damping * (speed - v)
+                    if count == 0 and number == 0 and stage == 0:
+                        anchor = x - (force - constant_load) / bristle_stiffness
+                    contact = bristle_stiffness * (x - anchor) + bristle_damping * v
+                    dx, dv = v, (force - constant_load - contact) / inertia
+                x, v = x0 + h * dx, v0 + h * dv
+                contact = bristle_stiffness * (x - anchor)
+                sign = 1.0 if contact >= 0.0 else -1.0
+                dwell = max(t + h - arrest, 0.0)
+                now_level = level + (stribeck - level) * (dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0)
+                if abs(contact) > coulomb + now_level:
+                    level, direction, breakaway = now_level, sign, t + h
+                    begin_time, begin_position, begin_level = breakaway, x, level
                 continue
             if direction == 0.0:
                 # Force and level at both ends of the step, and where they meet.
@@ -359,6 +384,7 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                 part = v0 / (v0 - v) * remaining if v0 * direction > 0.0 else 0.0
                 x = x0 + 0.5 * v0 * part
                 v = 0.0
+                anchor = x - friction / max(bristle_stiffness, 1e-300)
                 arrest = t + start + part
                 if lag > 0.0 and arrest - breakaway > lag:
                     level *= _share_left(law, _at(past, number + (start + part) / h - reach) / stribeck_velocity)

@@ -32,6 +32,7 @@ _RESOLUTIONS = (1e-6, 2e-4)  # [rad]
 _LEAST_SLIPS, _LEAST_OF_A_DIRECTION = 10, 4
 _LOST = 0.05
 _CREEP = (0.01, 0.025)  # of a slip, that bristles yield elastically before it, and once more in creep
+_COMPLIANCE = (-3.0, -1.7)  # decimal logarithm of a contact's compliance, of the controller's
 _REBOUND = 0.1  # of the longest slip
 _SHORTEST_STOP, _LONGEST_STOP = 0.5, 2.0  # [s]
 
@@ -135,6 +136,12 @@ def _on_bristles(rng: np.random.Generator, machine: Machine, gains: Gains) -> Ma
     )  # fmt: skip
 
 
+def _on_springs(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machine:
+    stiffness = float(gains.stiffness) / 10.0 ** rng.uniform(*_COMPLIANCE)
+    damping = float(rng.uniform(0.2, 1.0)) * math.sqrt(stiffness * machine.inertia)
+    return replace(machine, bristle_stiffness=stiffness, bristle_damping=damping)
+
+
 def _dragged(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machine:
     # At the Stribeck velocity a tenth to a half as much as viscous friction; in a slip several times that.
     return replace(machine, drag=float(rng.uniform(0.1, 0.5)) * machine.viscous / machine.stribeck_velocity)
@@ -160,6 +167,7 @@ CONDITIONS = {
         Condition(name="ripple_200", velocities=one_way, change=_with(ripple=0.1, ripples=200.0)),
         Condition(name="exponential", velocities=one_way, change=_with(law=EXPONENTIAL)),
         Condition(name="lugre", velocities=one_way, change=_on_bristles),
+        Condition(name="elastic_contact", velocities=one_way, change=_on_springs),
         Condition(name="scatter", velocities=one_way, change=_with(static_scatter=0.03)),
         Condition(name="drag", velocities=one_way, change=_dragged),
         Condition(name="sampled", velocities=one_way, change=_as_it_is, sampled=True),
