@@ -335,9 +335,7 @@ def _alike(one: Subject, other: Subject) -> bool:
     """Whether the maps of both look the same."""
 
     def numbers(subject: Subject) -> list[float]:
-        friction = subject.joint.friction
-        known = [float(subject.joint.inertia), *map(float, friction.numbers.values())]
-        return [*known, float(subject.gains.damping)]
+        return [*map(float, subject.joint.numbers.values()), float(subject.gains.damping)]
 
     same = all(
         math.isclose(a, b, rel_tol=_MOVED, abs_tol=1e-12) for a, b in zip(numbers(one), numbers(other), strict=True)

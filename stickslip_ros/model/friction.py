@@ -127,6 +127,11 @@ class Joint:
         require_positive("inertia", self.inertia)
         require_not_negative("actuation_delay", self.actuation_delay)
 
+    @property
+    def numbers(self) -> dict[str, Real]:
+        """All that a verdict may depend on, by name: inertia, the friction's parameters, the delay."""
+        return {"inertia": self.inertia, **self.friction.numbers, "actuation_delay": self.actuation_delay}
+
     def own_damping(self, stiffness: Real) -> Real:
         """Damping beside the controller's k_v [N·m·s/rad]: viscous friction less what a delay takes, F_v − k_p τ_d.
 

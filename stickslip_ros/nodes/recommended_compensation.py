@@ -50,6 +50,4 @@ def _alike(one: CompensationQuestion, other: CompensationQuestion) -> bool:
 
 def _numbers(question: CompensationQuestion) -> list[float]:
     gains = (float(value) for value in astuple(question.gains))
-    return [
-        question.velocity, float(question.joint.inertia), *map(float, question.joint.friction.numbers.values()), *gains
-    ]  # fmt: skip
+    return [question.velocity, *map(float, question.joint.numbers.values()), *gains]

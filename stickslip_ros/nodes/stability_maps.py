@@ -49,5 +49,5 @@ def _look_alike(one: MapSubject, other: MapSubject) -> bool:
 
 def _numbers(subject: MapSubject) -> list[float]:
     gains = [each for each in (subject.gains, subject.advised) if each is not None]
-    numbers = [abs(subject.velocity), float(subject.joint.inertia), *subject.joint.friction.numbers.values()]
+    numbers = [abs(subject.velocity), *subject.joint.numbers.values()]
     return [*map(float, numbers), *(float(value) for each in gains for value in astuple(each))]

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_g
 from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.extinction_map import extinction_map
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import change_factors, stability_margin
 from stickslip_ros.model.verdict import exact_verdict
@@ -35,6 +35,13 @@ def test_a_delay_that_cannot_be(puma: Joint, value: float) -> None:
     """Refused by its name."""
     with pytest.raises(InvalidParameterError, match="actuation_delay"):
         replace(puma, actuation_delay=value)
+
+
+def test_every_number_of_a_joint(puma: Joint) -> None:
+    """Who compares joints by their numbers leaves none out: a delay that changes is another map."""
+    units = [entry.name for kind in (Joint, Friction) for entry in fields(kind) if "unit" in entry.metadata]
+    assert set(puma.numbers) == set(units)
+    assert replace(puma, actuation_delay=0.004).numbers["actuation_delay"] == 0.004
 
 
 @settings(max_examples=50, deadline=None)
