@@ -48,11 +48,13 @@ matrix:
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
+# What setuptools says of folders named like the package is no news here, and looks like an error.
 $(STAMP): setup.py
 	@sh tools/check_machine.sh "$(PYTHON)"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip "setuptools<80" wheel
-	$(BIN)/python -m pip install --quiet --no-build-isolation --editable ".[ros,test]"
+	PYTHONWARNINGS="ignore:Editable installation" $(BIN)/python -m pip install --quiet --no-build-isolation \
+		--editable ".[ros,test]"
 	$(BIN)/stickslip warm-up
 	@touch $@
 
