@@ -140,8 +140,7 @@ def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float],
     untrue: tuple[str, ...] = ()
     if machine.sampled:
         # Viscous friction is told with what the delay of the controller's force takes away.
-        period = float(recording.batch.time[1] - recording.batch.time[0])
-        truth["viscous"] -= float(recording.gains.stiffness) * (0.5 * period + machine.control_delay)
+        truth["viscous"] -= float(recording.gains.stiffness) * recording.delay
         if truth["viscous"] <= 0.0:
             del truth["viscous"]
             untrue = ("viscous",)
@@ -159,7 +158,7 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
     machine = recording.machine.after(DURATION)
     gains, speed = recording.gains, recording.speeds[0]
     total = float(gains.damping) + machine.viscous
-    period = float(recording.batch.time[1] - recording.batch.time[0]) if machine.sampled else None
+    period = recording.period if machine.sampled else None
 
     def damped(share: float) -> Gains:
         return replace(gains, damping=share * total - machine.viscous)

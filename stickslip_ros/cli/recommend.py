@@ -306,7 +306,7 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
 
 
 def _gains_row(joint: Joint, gains: Gains, present: Gains, advice: Recommendation) -> list[str]:
-    total, before = (float(one.damping) + float(joint.own_damping(one.stiffness)) for one in (gains, present))
+    total, before = (float(joint.total_damping(one)) for one in (gains, present))
     cells = [
         f"{float(gains.stiffness):.4g}",
         f"{float(gains.stiffness) / float(present.stiffness):.3g}",

@@ -57,7 +57,7 @@ def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> Dimensio
         momentum = joint.inertia * natural_frequency
         return DimensionlessGroups(
             natural_frequency=natural_frequency,
-            damping_ratio=(gains.damping + joint.own_damping(stiffness)) / (2.0 * momentum),
+            damping_ratio=joint.total_damping(gains) / (2.0 * momentum),
             stribeck=friction.stribeck / (momentum * friction.stribeck_velocity),
             velocity=np.abs(velocity) / friction.stribeck_velocity,
             lag=natural_frequency * friction.lag,

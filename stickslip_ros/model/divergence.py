@@ -40,12 +40,12 @@ def loop_is_unstable(joint: Joint, gains: Gains, conditions: OperatingConditions
     the effort that waits.
     """
     inertia, stiffness, integral = float(joint.inertia), float(gains.stiffness), float(gains.integral)
-    damping = float(gains.damping) + float(joint.own_damping(stiffness))
     if conditions.controller_period > 0:
         period = _period_of_the_loop(joint, gains, conditions)
         if not np.isfinite(period).all():
             return True
         return bool(np.abs(np.linalg.eigvals(period)).max() > 1.0 + _ON_THE_CIRCLE)
+    damping = float(joint.total_damping(gains))
     return damping < 0 or stiffness < 0 or integral < 0 or damping * stiffness < inertia * integral
 
 

@@ -143,6 +143,10 @@ class Joint:
             return self.friction.viscous
         return np.asarray(self.friction.viscous - np.asarray(stiffness) * self.actuation_delay)
 
+    def total_damping(self, gains: Gains) -> Real:
+        """Damping of controller and joint together, k_v + F_v − k_p τ_d [N·m·s/rad]."""
+        return gains.damping + self.own_damping(gains.stiffness)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:

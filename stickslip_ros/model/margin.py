@@ -14,6 +14,7 @@ from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.dimensionless import (
     DimensionlessGroups,
+    damping_for_ratio,
     dimensionless_groups,
     stiffness_of_lag,
     stiffness_scale,
@@ -208,9 +209,7 @@ def change_factors(joint: Joint, gains: Gains, velocity: Real) -> dict[str, Real
     """
     margin = stability_margin(joint, gains, velocity)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        needed = 2 * np.asarray(margin.critical_damping_ratio) * joint.inertia * np.asarray(
-            margin.natural_frequency
-        ) - joint.own_damping(gains.stiffness)
+        needed = damping_for_ratio(joint, gains.stiffness, margin.critical_damping_ratio)
         damping = np.where(np.asarray(gains.damping) > 0, needed / np.asarray(gains.damping, dtype=float), np.nan)
         return {
             "stiffness": least_smooth_stiffness(joint, velocity, damping=gains.damping) / np.asarray(gains.stiffness),

@@ -48,8 +48,7 @@ class MapSubject:
         if self.advised is None:
             return None
         advised, present = float(self.advised.damping), float(self.gains.damping)
-        total = present + float(self.joint.own_damping(self.gains.stiffness))
-        return advised if abs(advised - present) > _SAME_DAMPING * total else None
+        return advised if abs(advised - present) > _SAME_DAMPING * float(self.joint.total_damping(self.gains)) else None
 
 
 def subject_of(name: str, assessment: Assessment, velocity: float) -> MapSubject | None:

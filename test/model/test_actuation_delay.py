@@ -53,24 +53,23 @@ def test_every_number_of_a_joint(puma: Joint) -> None:
 )
 def test_a_delay_is_damping_less(stiffness: float, damping: float, delay: float, *, of_viscous: bool) -> None:
     """k_p τ less, whether taken off the controller's damping or off viscous friction."""
-    puma = PUMA
-    late, gains = replace(puma, actuation_delay=delay), Gains(stiffness=stiffness, damping=damping)
+    late, gains = replace(PUMA, actuation_delay=delay), Gains(stiffness=stiffness, damping=damping)
     found = stability_margin(late, gains, SPEED)
     taken = stiffness * delay
-    if of_viscous and taken < float(puma.friction.viscous):
-        friction = replace(puma.friction, viscous=float(puma.friction.viscous) - taken)
-        expected = stability_margin(replace(puma, friction=friction), gains, SPEED)
+    if of_viscous and taken < float(PUMA.friction.viscous):
+        friction = replace(PUMA.friction, viscous=float(PUMA.friction.viscous) - taken)
+        expected = stability_margin(replace(PUMA, friction=friction), gains, SPEED)
     else:
-        expected = stability_margin(puma, replace(gains, damping=damping - taken), SPEED)
+        expected = stability_margin(PUMA, replace(gains, damping=damping - taken), SPEED)
     assert bool(found.applicable) == bool(expected.applicable)
     assert found.damping_ratio == pytest.approx(float(expected.damping_ratio), abs=1e-12, nan_ok=True)
     assert found.energy_margin == pytest.approx(float(expected.energy_margin), rel=1e-9, abs=1e-9, nan_ok=True)
     ratio = float(dimensionless_groups(late, gains, SPEED).damping_ratio)
     assert damping_for_ratio(late, stiffness, ratio) == pytest.approx(damping, abs=1e-9)
-    assert loop_is_unstable(late, gains, OperatingConditions()) == (damping + float(puma.friction.viscous) < taken)
+    assert loop_is_unstable(late, gains, OperatingConditions()) == (damping + float(PUMA.friction.viscous) < taken)
     factor = float(change_factors(late, gains, SPEED)["damping"])
     if math.isfinite(factor):
-        needed = float(change_factors(puma, gains, SPEED)["damping"]) * damping + taken
+        needed = float(change_factors(PUMA, gains, SPEED)["damping"]) * damping + taken
         assert factor * damping == pytest.approx(needed, rel=1e-9)
 
 
@@ -119,7 +118,6 @@ def test_advice_gives_back_what_the_delay_takes(puma: Joint, condition: Criterio
     assert least.found
     assert exact_verdict(late, least.gains, SPEED, limits=False).smooth
     if condition is Criterion.EXACT:
-        # A controller whose period is stated is advised as if its joint had no other delay.
         groups = dimensionless_groups(late, least.gains, SPEED)
         assert float(groups.damping_ratio) >= 1.19 * float(exact_critical_damping_ratio(groups))
 

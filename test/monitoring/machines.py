@@ -39,7 +39,8 @@ class Machine:
     stribeck : F_s∞ [N·m]; stribeck_velocity : x˙_s [rad/s].
     lag, rise_time : τ_L, γ [s]; LUGRE has neither.
     law : PAPER has Ψ = 1/(1 + (x˙/x˙_s)²), EXPONENTIAL exp(−(x˙/x˙_s)²); LUGRE the latter on bristles.
-    bristle_stiffness : σ₀ [N·m/rad]; bristle_damping : σ₁ [N·m·s/rad].
+    bristle_stiffness : σ₀ [N·m/rad] of LuGre's bristles, under another law of a contact that is elastic up to
+        breakaway; then static friction is everywhere and always the same. bristle_damping : σ₁ [N·m·s/rad].
     load : constant torque against the controller [N·m].
     asymmetry : share by which Coulomb friction is higher in positive direction, and lower in the other.
     ripple : amplitude of Coulomb friction over position, a share of it; ripples : periods per radian.
@@ -246,6 +247,9 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
     reach = lag / h
     past = np.zeros(int(reach) + 4)
     x = v = z = anchor = 0.0
+    if bristle_stiffness > 0.0:
+        # An elastic contact carries what the controller begins with.
+        anchor = (constant_load - stiffness * references[0] - damping * velocities[0]) / bristle_stiffness
     level, direction, resting = stribeck, 0.0, True
     breakaway, arrest, last_rest = 0.0, 0.0, 0.0
     held = before = 0.0
@@ -308,8 +312,6 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                         force = held if s >= delay else before
                     else:
                         force = stiffness * (reference + speed * s - x) + damping * (speed - v)
-                    if count == 0 and number == 0 and stage == 0:
-                        anchor = x - (force - constant_load) / bristle_stiffness
                     contact = bristle_stiffness * (x - anchor) + bristle_damping * v
                     dx, dv = v, (force - constant_load - contact) / inertia
                 x, v = x0 + h * dx, v0 + h * dv
@@ -384,7 +386,8 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                 part = v0 / (v0 - v) * remaining if v0 * direction > 0.0 else 0.0
                 x = x0 + 0.5 * v0 * part
                 v = 0.0
-                anchor = x - friction / max(bristle_stiffness, 1e-300)
+                if bristle_stiffness > 0.0:
+                    anchor = x - friction / bristle_stiffness
                 arrest = t + start + part
                 if lag > 0.0 and arrest - breakaway > lag:
                     level *= _share_left(law, _at(past, number + (start + part) / h - reach) / stribeck_velocity)

@@ -80,6 +80,16 @@ class MachineRecording:
     slips: np.ndarray
 
     @property
+    def period(self) -> float:
+        """From the first sample to the second [s]: that of all where stamps are even."""
+        return float(self.batch.time[1] - self.batch.time[0])
+
+    @property
+    def delay(self) -> float:
+        """By which the force of a controller that is sampled acts late, on average [s]: half a period, and more."""
+        return 0.5 * self.period + self.machine.control_delay
+
+    @property
     def one_way(self) -> bool:
         """Whether all slips have one direction."""
         ways = self.slips[:, ARREST_POSITION] - self.slips[:, POSITION]

@@ -333,8 +333,9 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
 
 def _draw_regions(plot: Any, found: ExtinctionMap, damping: float) -> None:
     """Shade what becomes of the joint at a damping k_v, and write it into each region that has room for a word."""
-    sticks = np.nan_to_num(found.exact_damping - found.total_damping(damping))
-    unsteady = np.nan_to_num(found.steady_damping - found.total_damping(damping))
+    total = found.total_damping(damping)
+    sticks = np.nan_to_num(found.exact_damping - total)
+    unsteady = np.nan_to_num(found.steady_damping - total)
     for word, field, colour in (
         ("sticks", sticks, RED),
         ("swings", np.minimum(unsteady, -sticks), ORANGE),

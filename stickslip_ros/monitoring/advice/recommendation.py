@@ -375,7 +375,7 @@ class _Case:
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains
         margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
-        total, before = (float(one.damping) + float(joint.own_damping(one.stiffness)) for one in (gains, present))
+        total, before = (float(joint.total_damping(one)) for one in (gains, present))
         return Variant(
             kind=kind,
             stiffness=float(gains.stiffness),

@@ -83,7 +83,7 @@ class AdviceSearch:
         self._requirements, self._learnt, self._more = list(requirements), learnt, more
         self._present = math.log(float(gains.stiffness))
         self._floor = damping_floor(joint, gains)
-        self._before = max(float(gains.damping) + float(joint.own_damping(gains.stiffness)), self._floor)
+        self._before = max(float(joint.total_damping(gains)), self._floor)
         self._reach = math.log(_BELIEVABLE if learnt else _REACH)
         self._exact = any(requirement.exact for requirement in requirements)
         self._domain = self._allowed_domain()
@@ -106,9 +106,7 @@ class AdviceSearch:
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
         """How large a change of gains is; see the head of advice.py."""
         floor = damping_floor(joint, present)
-        before, after = (
-            max(float(each.damping) + float(joint.own_damping(each.stiffness)), floor) for each in (present, gains)
-        )
+        before, after = (max(float(joint.total_damping(each)), floor) for each in (present, gains))
         return math.hypot(math.log(float(gains.stiffness) / float(present.stiffness)), math.log(after / before))
 
     def enough(self) -> bool:

@@ -28,7 +28,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
-from stickslip_ros.monitoring.friction.lateness import Lateness
+from stickslip_ros.monitoring.friction.lateness import SPREAD_LIMIT, Lateness
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.friction.surroundings import Growth
@@ -48,7 +48,6 @@ _INDEX = {
     "rise_time": RISE_TIME,
 }
 _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
-_SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
 DRAWS = 128
 
 
@@ -145,7 +144,7 @@ class FrictionEstimate:
         value = math.exp(self.logarithms[index])
         error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
         identified = error <= IDENTIFIED and not self.mismatch
-        return ParameterEstimate(value=value, std=value * min(error, _SPREAD_LIMIT), identified=identified)
+        return ParameterEstimate(value=value, std=value * min(error, SPREAD_LIMIT), identified=identified)
 
     @property
     def usable(self) -> bool:
@@ -182,7 +181,7 @@ class FrictionEstimate:
         The draws are always the same standard normal ones, so that what is computed from them is smooth.
         """
         values, vectors = np.linalg.eigh(self.covariance)
-        root = vectors * np.sqrt(np.clip(values, 0.0, _SPREAD_LIMIT**2))
+        root = vectors * np.sqrt(np.clip(values, 0.0, SPREAD_LIMIT**2))
         logarithms = self.logarithms[:, None] + root @ _NORMAL
         joint = _joint(logarithms, max(self.coulomb.value, 0.0), self.law, normalised=self.normalised)
         return joint, np.exp(logarithms[INERTIA])

@@ -11,7 +11,7 @@ import numpy as np
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import FloatArray
 
-_SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
+SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
 _LEAST = 1e-9  # of the viscous friction, that is left at least
 
 
@@ -55,7 +55,7 @@ class Lateness:
         normal : two standard normal draws for each joint, shape (2, draws).
         """
         left = self.left + self.std * normal[1]
-        viscous = self.viscous * np.exp(min(self.spread, _SPREAD_LIMIT) * normal[0])
+        viscous = self.viscous * np.exp(min(self.spread, SPREAD_LIMIT) * normal[0])
         viscous, delay = self._apart(np.minimum(viscous, left + self.stiffness * self.longest), left)
         return replace(joint, friction=replace(joint.friction, viscous=viscous), actuation_delay=delay)
 
