@@ -14,6 +14,7 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
+from stickslip_ros.monitoring.friction.contact_knowledge import ContactKnowledge
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
     covariance_over_laws,
@@ -38,6 +39,7 @@ class Learnt:
     parameters : logarithms, by the law of the estimate. drifts : whether friction changes steadily; all is then as it
         is at the last slip.
     surroundings : what is to be taken off the forces of further slips, None if nothing.
+    contact : what was known of one that yields, whose compliance is among the parameters; None else.
     hopeless : laws that these slips have excluded for good.
     spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
     """
@@ -57,6 +59,7 @@ class Learnt:
     spread: FloatArray
     drifts: bool = False
     surroundings: Surroundings | None = None
+    contact: ContactKnowledge | None = None
     hopeless: tuple[str, ...] = ()
 
 
@@ -67,13 +70,14 @@ class StudyQuestion:
     Attributes
     ----------
     windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
-    hopeless : laws that earlier slips have excluded.
+    hopeless : laws that earlier slips have excluded. yields : whether they were of a contact that yields.
     """
 
     windows: list[SlipWindow]
     configured: Joint | None = None
     start: FloatArray | None = None
     hopeless: tuple[str, ...] = ()
+    yields: bool = False
 
 
 def study(question: StudyQuestion) -> Learnt | None:
@@ -110,7 +114,7 @@ def _fitted(question: StudyQuestion) -> Learnt | None:
 
 def _study(question: StudyQuestion) -> Learnt | None:
     windows, configured = question.windows, question.configured
-    fits = fitted_laws(windows, configured, question.start, question.hopeless)
+    fits = fitted_laws(windows, configured, question.start, question.hopeless, yields=question.yields)
     if not fits:
         return None
     problem, solution = fits[0].problem, fits[0].solution
@@ -139,6 +143,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         spread=spread,
         drifts=problem.trend,
         surroundings=fits[0].surroundings,
+        contact=problem.contact,
         hopeless=fits[0].hopeless,
     )
 

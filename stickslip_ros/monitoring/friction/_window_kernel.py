@@ -37,6 +37,7 @@ POSITION, BREAKAWAY, LEVEL = range(3)
 # it ends, and the factor by which the Stribeck friction is less there than at breakaway.
 HELD, ARREST, ARREST_POSITION, REMAINS = range(4)
 FOUND_COLUMNS = 4
+COMPLIANCE, DAMPING = range(2)  # columns of a contact
 
 _MOST_SLIPS = 64  # in a window: with ever shorter ones, without end, the joint rests as far as can be seen
 _MOST_STEPS = 1e5
@@ -113,17 +114,19 @@ def _weighted(history, index, weights, row):
 
 @helper()
 def _slide(
-    begin, surplus, level, drive, stiffness, law, plant, step, whole, first, direction, rest, node, last, times,
+    begin, surplus, creep, level, drive, stiffness, law, plant, step, whole, first, direction, rest, node, last, times,
     drives, matrices, weights, back, history, positions, velocities,
 ):  # fmt: skip
-    """One slip from ``begin``, from where the force is ``surplus`` beyond what holds; fills the nodes that it passes.
+    """One slip from ``begin``, at a speed of ``creep``, where the force is ``surplus`` beyond what holds.
+
+    Fills the nodes that it passes.
 
     Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
     """
     points, columns = history.shape[1], matrices.shape[2]
     vector, forces, shapes = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS)
     unit = plant[STRIBECK_VELOCITY]
-    way, speed, acceleration = 0.0, 0.0, surplus / plant[INERTIA]
+    way, speed, acceleration = 0.0, creep, (surplus - plant[VISCOUS] * creep) / plant[INERTIA]
     cursor = node
     index = np.int64(0) if first > _NO_STEP else np.int64(1)
     while node < last and index < history.shape[0] and abs(way) < _ABSURD:
@@ -219,15 +222,21 @@ def _shape_at(time, first, law, history, weights):
 
 @compiled(nogil=True)
 def simulate_windows(
-    parameters, law, directions, starts, surpluses, gains, edges, times, drives, steps, positions, velocities, found
-):
+    parameters, law, directions, starts, surpluses, gains, contacts, standing, edges, times, drives, steps,
+    positions, velocities, found,
+):  # fmt: skip
     """Simulate slip n from its start over the nodes ``edges[n]`` to ``edges[n + 1]``, by a law of ``_friction_law``.
 
-    All but ``directions``, ``surpluses``, ``edges`` and ``times`` have as many rows as there are variants; gains and
-    drives may have one for all. ``surpluses`` are by what the force exceeds what holds the joint when it breaks away,
-    ``drives`` what the force on a joint at zero would be, without its velocity's part. What holds the joint at its
-    breakaway beside the Stribeck friction is its kinetic friction, with any load, during the slip. It may stop and go
-    on within the window, but does not turn.
+    All but ``directions``, ``surpluses``, ``edges`` and ``times`` have as many rows as there are variants; gains,
+    contacts, standing and drives may have one for all. ``surpluses`` are by what the force exceeds what holds
+    the joint when it breaks away, ``drives`` what the force on a joint at zero would be, without its velocity's part,
+    ``standing`` its mean where the joint was seen to rest. What holds the joint at its breakaway beside the Stribeck
+    friction is its kinetic friction, with any load, during the slip. It may stop and go on within the window, but does
+    not turn.
+
+    ``contacts`` are compliance and damping of the contact while the joint stands: it creeps with the force, and goes on
+    from the speed of that when it breaks away, without the damping; when it stops it springs back, by what friction has
+    been more than the force.
     """
     room = 0.0
     for variant in range(parameters.shape[0]):
@@ -265,17 +274,26 @@ def simulate_windows(
             while node + 2 <= last and times[node + 1] <= begin:
                 node += 1
             drive = direction * _at(begin, node, times, drive_at)
-            held = drive - direction * stiffness * rest
+            # As the joint creeps the controller's spring gives way: it creeps by less than the compliance alone.
+            compliance = contacts[variant % contacts.shape[0], n, COMPLIANCE]
+            softness = compliance / (1.0 + compliance * stiffness)
+            creep = 0.0
+            if softness > 0.0:
+                rest += softness * (direction * drive - standing[variant % standing.shape[0], n])
+                if begin > times[first]:
+                    creep = max(softness * (drive - direction * drive_at[first]) / (begin - times[first]), 0.0)
+            damped = creep * contacts[variant % contacts.shape[0], n, DAMPING]
+            held = drive - direction * stiffness * rest - damped
             kinetic = held - level
             found[variant, n, HELD] = held
             found[variant, n, ARREST] = math.nan
             for i in range(first, node + 1):
-                positions_at[i], velocities_at[i] = rest, 0.0
-            level_now, surplus = level, surpluses[n]
+                positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * drive), 0.0
+            level_now, surplus = level, surpluses[n] + damped
             for _ in range(_MOST_SLIPS):
                 arrest, way, shape, node = _slide(
-                    begin, surplus, level_now, drive, stiffness, law, plant, step, whole, first_share, direction, rest,
-                    node, last, times, drive_at, matrices, weights, back, history, positions_at, velocities_at,
+                    begin, surplus, creep, level_now, drive, stiffness, law, plant, step, whole, first_share, direction,
+                    rest, node, last, times, drive_at, matrices, weights, back, history, positions_at, velocities_at,
                 )  # fmt: skip
                 if math.isinf(arrest):
                     break
@@ -283,21 +301,24 @@ def simulate_windows(
                 level_now *= shape
                 found[variant, n, ARREST], found[variant, n, ARREST_POSITION] = arrest, rest
                 found[variant, n, REMAINS] = level_now / level
-                before = node
+                before, stopped = node, direction * _at(arrest, node, times, drive_at)
+                holding = kinetic + direction * stiffness * rest
+                rest -= direction * softness * (holding + level_now - stopped)
                 holding = kinetic + direction * stiffness * rest
                 begin, node = _next_breakaway(
                     arrest, holding, level_now, plant[STRIBECK], plant[RISE_TIME], direction, node, last, times,
                     drive_at,
                 )  # fmt: skip
-                for i in range(before + 1, node + 1):
-                    positions_at[i], velocities_at[i] = rest, 0.0
+                for i in range(before + 1, (last if math.isinf(begin) else node) + 1):
+                    positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * stopped), 0.0
                 if math.isinf(begin):
                     break
                 level_now = _risen_level(level_now, plant[STRIBECK], begin - arrest, plant[RISE_TIME])
                 drive = direction * _at(begin, node, times, drive_at)
                 surplus = drive - holding - level_now
-            for i in range(node + 1, last + 1):
-                positions_at[i], velocities_at[i] = rest, 0.0
+            else:
+                for i in range(node + 1, last + 1):
+                    positions_at[i], velocities_at[i] = rest, 0.0
             if math.isnan(found[variant, n, ARREST]):
                 ratio = velocities_at[last] / plant[STRIBECK_VELOCITY]
                 found[variant, n, ARREST_POSITION] = positions_at[last]

@@ -47,6 +47,7 @@ from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.friction.trend import with_trend
+from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
 LEAST_SLIPS = 3
@@ -83,18 +84,22 @@ def fitted_laws(
     configured: Joint | None,
     start: FloatArray | None = None,
     hopeless: Collection[str] = (),
+    *,
+    yields: bool = False,
 ) -> list[FittedLaw]:
     """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
 
     Parameters
     ----------
     start : logarithms that fitted earlier slips under the paper's law, or None. hopeless : laws that these excluded.
+        yields : whether these were of a contact that yields.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     problem = SlipProblem(windows)
     known = _prior_knowledge(configured, normalised=problem.normalised)
-    solution = search(problem, known, start)
-    if solution is not None:
+    again = fit_with_contact(problem, start, known) if yields and start is not None else None
+    problem, solution = again or (problem, search(problem, known, start))
+    if solution is not None and again is None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.usable)
         if len(kept) < len(windows):
@@ -103,9 +108,9 @@ def fitted_laws(
     if solution is None:
         return []
     first = with_delay(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
-    first = with_trend(first, known)
+    first = with_trend(first if again else with_contact(first, known), known)
     why = _unexplained(first)
-    if why and not first.problem.trend and not first.problem.normalised:
+    if why and not first.problem.trend and not first.problem.normalised and not first.swings:
         first = with_surroundings(first, known, why)
     fits = weighed_laws(first, known, hopeless)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
@@ -206,6 +211,8 @@ def _unexplained(fitted: FittedLaw) -> str:
         reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
+    if fitted.swings:
+        reasons.append("its contact yields, and it slips again before it has come to rest on it")
     if aside > _ASIDE * problem.count:
         reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
     return "; ".join(reasons)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -39,6 +39,7 @@ class FittedLaw:
     surroundings : what was taken off the forces of the problem's slips, None if nothing. falls : whether friction that
         grows with them in the problem grows the other way.
     hopeless : laws that were looked at and that no more slips would make as good.
+    swings : whether the joint's contact yields, and it slips again before it has come to rest on it.
     """
 
     law: str
@@ -48,6 +49,7 @@ class FittedLaw:
     surroundings: Surroundings | None = None
     falls: bool = False
     hopeless: tuple[str, ...] = ()
+    swings: bool = False
 
     @property
     def fits(self) -> bool:
@@ -56,15 +58,21 @@ class FittedLaw:
 
 
 def fitted_with_more(
-    first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]
+    first: FittedLaw,
+    problem: SlipProblem,
+    more: int,
+    known: Mapping[int, tuple[float, float]],
+    *,
+    promises: bool = False,
 ) -> FittedLaw:
     """The fit of the same slips with more parameters, where it is good and worth them (BIC); else the first one.
 
     Parameters
     ----------
     problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
+    promises : whether it is known that there is something to explain; else a few of the slips are asked first.
     """
-    if not first.fits and not _promises(first, problem, more, known):
+    if not first.fits and not promises and not _promises(first, problem, more, known):
         return first
     try:
         found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
@@ -73,7 +81,7 @@ def fitted_with_more(
     gain = misfit_of(first.problem, first.solution) - misfit_of(problem, found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
-    return FittedLaw(law=first.law, problem=problem, solution=found)
+    return replace(first, problem=problem, solution=found)
 
 
 def _promises(first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]) -> bool:

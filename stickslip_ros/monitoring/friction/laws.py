@@ -20,6 +20,7 @@ from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, 
 from stickslip_ros.monitoring.friction.law_look import look_at, same_curve, same_parameters
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
 from stickslip_ros.monitoring.friction.trend import with_trend
+from stickslip_ros.monitoring.friction.yielding_contact import with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law that the data exclude
@@ -79,14 +80,18 @@ def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
         solution = fit_near(problem, look.start, first.solution.fit, known)
     except LinAlgError:
         return None
-    # Whether a trend or a delay explains more is each law's own question.
-    return with_trend(with_delay(FittedLaw(law=law, problem=problem, solution=solution), known), known)
+    # Whether a trend, a contact that yields or a delay explains more is each law's own question.
+    other = with_delay(FittedLaw(law=law, problem=problem, solution=solution), known)
+    return with_trend(with_contact(other, known), known)
 
 
 def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
     """The first law fitted from where another one has led to; None if nothing can be fitted there."""
     again = _near(first, first.law, same_curve(first.law, better), better, known)
-    return again if again is None or first.surroundings is not None else with_delay(again, known)
+    if again is None or first.surroundings is not None:
+        return again
+    again = with_delay(again, known)
+    return again if again.problem.contact is not None else with_contact(again, known)
 
 
 def _near(

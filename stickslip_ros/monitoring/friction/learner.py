@@ -31,7 +31,7 @@ from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study
 
@@ -166,7 +166,10 @@ class FrictionLearner:
         if len(chosen) >= _FIRST_STUDY:
             start = self._start(chosen)
             hopeless = () if start is None or self._state is None else self._state.hopeless
-            self._due = StudyQuestion(windows=chosen, configured=self.configured, start=start, hopeless=hopeless)
+            yields = self._state is not None and self._state.contact is not None
+            self._due = StudyQuestion(
+                windows=chosen, configured=self.configured, start=start, hopeless=hopeless, yields=yields
+            )
             self._studied = self._seen
 
     def _start(self, windows: list[SlipWindow]) -> FloatArray | None:
@@ -249,13 +252,18 @@ class FrictionLearner:
             rougher, window = np.array([growth.factor(window.rest_position)]), growth.applied(window)
         elif around is not None:
             window = around.applied(window)
+        if state.contact is not None:
+            if window.before is None or window.after is None:
+                return
+            window = window.between_creep()
         problem = SlipProblem(
             [window],
             (state.last_window.arrest, state.remains) if follows else None,
             both_directions=len(state.kinetic) > 1,
             law=LAWS[state.estimate.law],
-            delay_shows=window.source is ForceSource.GAINS and len(state.parameters) > PARAMETERS,
+            delay_shows=len(state.parameters) > PARAMETERS + 2 * (state.contact is not None),
             rougher=rougher,
+            contact=state.contact,
         )
         problem.take_up(stray=state.stray, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.

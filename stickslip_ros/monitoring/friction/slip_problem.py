@@ -25,6 +25,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, ContactKnowledge
 from stickslip_ros.monitoring.friction.lateness import Lateness
 from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -42,6 +43,7 @@ LATE = 1.5  # sample intervals, that a controller may be late
 _LATEST = 2.0  # times that, at most
 _GROWTH = 0.5  # of the Stribeck friction, by which it may grow with the load, or from place to place
 _TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
+_DAMPING_RATIO = 0.5  # of a contact that yields, mean and standard deviation
 _LEAST_INERTIA = 0.1  # share that a delay leaves
 _LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
 
@@ -66,11 +68,14 @@ class SlipProblem(ObservedSlips):
         the Stribeck friction of each slip instead.
     trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
         those at the last one. Where only speeds are known there is none.
+    contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
+        between creep, see :meth:`.SlipWindow.between_creep`.
 
     ``more_errors`` are prior standard deviations of what stands beyond the parameters: the reference's speeds, where
-    only they are known, relative; the controller's delay, in sample intervals, where it shows; last the share by which
-    Stribeck and viscous friction grow in the time of the slips, if there is a trend. That of the kinetic friction is
-    the last column of ``balance``.
+    only they are known, relative; the controller's delay, in sample intervals, where it shows; the compliance of a
+    contact that yields, in ``contact.unit``, and its damping ratio; last the share by which Stribeck and viscous
+    friction grow in the time of the slips, if there is a trend. That of the kinetic friction is the last column of
+    ``balance``. ``more_means`` are the means of that prior.
     """
 
     def __init__(
@@ -85,6 +90,7 @@ class SlipProblem(ObservedSlips):
         taken_off: FloatArray | None = None,
         growth: FloatArray | None = None,
         rougher: FloatArray | None = None,
+        contact: ContactKnowledge | None = None,
     ) -> None:
         super().__init__(windows)
         # Where friction is known to be less: by what the levels of Eq. (6) are to be multiplied.
@@ -114,12 +120,23 @@ class SlipProblem(ObservedSlips):
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
         self._drives = stiffness * self.references + damping * self._rates + self.forces
         self.more_errors = np.array([LATE]) if self.delay_shows else self.speed_errors
+        self.more_means = np.zeros(len(self.more_errors))
+        self.contact = contact
+        self._rigid = np.zeros((1, self.count, 2))
+        self._standing = np.zeros((1, self.count))
+        if contact is not None:
+            self.more_errors = np.append(self.more_errors, [contact.std, _DAMPING_RATIO])
+            self.more_means = np.append(self.more_means, [contact.mean, _DAMPING_RATIO])
+            self._standing = np.array([[window.before.drive if window.before else math.nan for window in windows]])
+            self._stopped = np.array([window.after.drive if window.after else math.nan for window in windows])
+            self._last_observed = self.observed[self.observation_edges[1:] - 1]
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
         self.trend = trend and not self.normalised
         self.growth = None if self.normalised else self.since if self.trend else growth
         if self.growth is not None:
             self.more_errors = np.append(self.more_errors, _TREND if self.trend else _GROWTH)
+            self.more_means = np.append(self.more_means, 0.0)
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
@@ -208,12 +225,27 @@ class SlipProblem(ObservedSlips):
             late = (delay * stiffness)[:, self._slip_of_node] * self._rates
             drives = (self._drives - late) / lighter[:, self._slip_of_node]
             starts[:, :, LEVEL] /= lighter
+        contacts, standing = self._rigid, self._standing
+        if self.contact is not None:
+            column, inertia = self.contact_column, plants[:, INERTIA]
+            compliances = np.maximum(parameters[:, column], LEAST_COMPLIANCE) * self.contact.unit
+            dampings = 2.0 * parameters[:, column + 1] * np.sqrt(inertia / compliances)
+            contacts = np.repeat(np.stack([compliances, dampings], axis=1)[:, None], self.count, axis=1)
+            stopped = self._stopped - self._drives[self._last_observed]
+            if lighter is not None:
+                contacts *= np.stack([lighter, 1.0 / lighter], axis=2)
+                stopped, standing = stopped / lighter, (standing - late[:, self.edges[:-1]]) / lighter
         positions, velocities = np.empty((2, len(plants), len(self.times)))
         found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
         kernel.simulate_windows(
-            plants, self.law, self.directions, starts, surpluses, gains, self.edges, self.times, drives,
-            self._steps(plants, gains), positions, velocities, found,
+            plants, self.law, self.directions, starts, surpluses, gains, contacts, standing, self.edges, self.times,
+            drives, self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
+        if self.contact is not None:
+            # Where the joint stands after a slip is a mean over a time in which it creeps on.
+            softness = contacts[:, :, kernel.COMPLIANCE]
+            softness = softness / (1.0 + softness * gains[:, :, 0])
+            positions[:, self._last_observed] += softness * stopped
         if lighter is not None:
             found[:, :, kernel.HELD] *= lighter
         if more is not None:
@@ -237,7 +269,7 @@ class SlipProblem(ObservedSlips):
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
         some = [window.thinned(most) for window in self.windows]
-        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend)
+        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend, contact=self.contact)
 
     def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
         """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
@@ -255,7 +287,7 @@ class SlipProblem(ObservedSlips):
         """The problem of the same slips under another friction law; what was found of the stamps is kept."""
         other = SlipProblem(
             self.windows, self.before, law=law, delay_shows=self.delay_shows, trend=self.trend,
-            taken_off=self.taken_off, growth=self.growth,
+            taken_off=self.taken_off, growth=self.growth, contact=self.contact,
         )  # fmt: skip
         other.balance = self.balance
         other.take_up(stray=self.stray, tolerance=0.0)
@@ -263,15 +295,33 @@ class SlipProblem(ObservedSlips):
 
     def with_trend(self) -> SlipProblem:
         """The problem of the same slips with friction that changes steadily; what was found of the stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=self.delay_shows, trend=True)
+        other = SlipProblem(
+            self.windows, self.before, law=self.law, delay_shows=self.delay_shows, trend=True, contact=self.contact
+        )
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
 
     def with_delay(self) -> SlipProblem:
         """The problem of the same slips with a controller whose delay is unknown; what was found of stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=True)
+        other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=True, contact=self.contact)
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
+
+    def with_contact(self, contact: ContactKnowledge) -> SlipProblem:
+        """The problem of the same slips with a contact that yields; what was found of the stamps is kept."""
+        windows = [window.between_creep() for window in self.windows]
+        other = SlipProblem(windows, self.before, law=self.law, delay_shows=self.delay_shows, contact=contact)
+        other.take_up(stray=self.stray, tolerance=0.0)
+        return other
+
+    @property
+    def contact_column(self) -> int:
+        """Index of the contact's compliance among the parameters of a problem that has one; its damping follows."""
+        return PARAMETERS + self.delay_shows
+
+    def compliance(self, parameters: FloatArray) -> float:
+        """Of the contact [rad/(N·m)]; 0 of a rigid one."""
+        return 0.0 if self.contact is None else float(parameters[self.contact_column]) * self.contact.unit
 
     @property
     def may_be_late(self) -> bool:
@@ -293,8 +343,9 @@ class SlipProblem(ObservedSlips):
         windows : of these slips, without it. growth : a column for what friction grows with beside.
         """
         other = SlipProblem(
-            windows, self.before, law=self.law, delay_shows=self.delay_shows, taken_off=taken_off, growth=growth
-        )
+            windows, self.before, law=self.law, delay_shows=self.delay_shows, taken_off=taken_off, growth=growth,
+            contact=self.contact,
+        )  # fmt: skip
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
 
@@ -307,7 +358,7 @@ class SlipProblem(ObservedSlips):
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
         some = [self.windows[number] for number in which]
-        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend)
+        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend, contact=self.contact)
 
     def lateness(self, parameters: FloatArray, covariance: FloatArray) -> Lateness:
         """What the delay takes away at the latest gains, with errors, of a problem whose delay shows.

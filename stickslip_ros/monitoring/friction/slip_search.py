@@ -151,7 +151,7 @@ def _distinct(guesses: list[ShapeGuess]) -> list[ShapeGuess]:
 def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
     """Fit slips that are alike, each with its own level."""
     duration = float(np.median(problem.durations))
-    parameters = np.zeros(PARAMETERS + len(problem.more_errors))
+    parameters = np.concatenate([np.zeros(PARAMETERS), problem.more_means])
     parameters[INERTIA] = math.log(guess.inertia)
     mass = 1.0 if problem.normalised else guess.inertia
     parameters[VISCOUS] = math.log(max(guess.viscous, 0.02 * mass * problem.natural_frequency(parameters)))
@@ -184,7 +184,7 @@ def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
     for shape in sorted(shapes, key=lambda fit: fit.cost):
         some = problem.spread()
         level = usual_level(shape)
-        parameters = np.concatenate([shape.parameters[:PARAMETERS], np.zeros(len(some.more_errors))])
+        parameters = np.concatenate([shape.parameters[:PARAMETERS], some.more_means])
         parameters[STRIBECK] = math.log(level)
         try:
             fits.append(_free_fit(some, parameters, level))

@@ -27,6 +27,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, MOST_COMPLIANCE
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
@@ -52,6 +53,7 @@ ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and 
 HELD = 1e-6  # standard deviation of a logarithm that is not to change
 _RISE_TIME_SPREAD = 2.0
 _LONGEST_DELAY = 20.0  # sample intervals
+_MOST_DAMPING = 2.0  # damping ratio of a contact
 _LEAST_VISCOUS = 0.02  # of the inertia over a slip's duration: a damping ratio of 0.2 %
 _LEAST_STRIBECK_VELOCITY = 2e-3  # of the usual speed of a slip
 _LEAST_LAG = 1e-4  # of a slip's duration
@@ -221,7 +223,7 @@ def _patience(fit: SlipFit) -> int:
 def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
     """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
     problem.begin_anew()
-    parameters = np.concatenate([shape[:PARAMETERS], np.zeros(len(problem.more_errors))])
+    parameters = np.concatenate([shape[:PARAMETERS], problem.more_means])
     problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
     held = Prior.of(parameters, np.full(len(parameters), HELD), parameters - 1.0, parameters + 1.0)
     unknowns = problem.detected(level)
@@ -278,6 +280,9 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
     if problem.delay_shows:
         lower[PARAMETERS], upper[PARAMETERS] = 0.0, _LONGEST_DELAY
+    if problem.contact is not None:
+        both = slice(problem.contact_column, problem.contact_column + 2)
+        lower[both], upper[both] = (LEAST_COMPLIANCE, 0.0), (MOST_COMPLIANCE, _MOST_DAMPING)
     return lower, upper
 
 

@@ -23,10 +23,12 @@ _SHAPE_NODES = 40  # for the reference and the effort, beside those of the obser
 _BEFORE, _AFTER = 0.4, 0.12  # of the slip's duration: where it may begin and end, beside where it seems to
 _OF_DWELL = 0.5  # of a rest: so far into it counts may still change by this slip
 _SETTLED = (0.1, 0.6)  # of a dwell: where the joint stands after the slip
+_CREEPS = 3.0  # counts, or standard deviations of noise, that a joint may creep while it stands
+_EARLY = 0.4  # of what is seen of a rest
 _LEAST_STANDING = 0.02  # of the slip: a joint that stands for less creeps from its arrest on
 _LEAST_OBSERVATIONS = 5
 _ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothing of their own
-_EFFORT_SMOOTHING = 1.0 / 24.0  # of the slip
+_EFFORT_SMOOTHING = 1.0 / 12.0  # of the slip
 _EVEN = 0.02  # of a sample interval: stamps stray less
 _LINE_REACH = 4  # samples on either side
 _SIGNIFICANT = 4.0  # standard errors, from which on the effort holds more than the gains explain
@@ -39,6 +41,19 @@ class ForceSource(Enum):
     GAINS = "gains and reference"
     EFFORT = "effort"
     SPEED = "speed alone"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """Where a joint stands, on average, before a slip or after it.
+
+    Attributes
+    ----------
+    position : [rad]. drive : the controller's force on it if it stood at zero [N·m]; NaN if unknown.
+    """
+
+    position: float
+    drive: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +71,8 @@ class SlipWindow:
     observed : indices of the nodes observed; values : position there [rad].
     gaps : time since the sample before [s]; NaN for a sample that is no change of count.
     resolution, noise : of the position [rad]. sample_interval : [s].
+    arrived, before, after : where the joint stood early in the rest before the slip, towards the end of that, and after
+        the slip; None if that is not known.
     """
 
     direction: int
@@ -76,6 +93,9 @@ class SlipWindow:
     resolution: float
     noise: float
     sample_interval: float
+    arrived: Standing | None = None
+    before: Standing | None = None
+    after: Standing | None = None
 
     @property
     def slip_distance(self) -> float:
@@ -85,6 +105,24 @@ class SlipWindow:
     def without_force(self) -> SlipWindow:
         """The same slip as if neither effort nor gains were known."""
         return replace(self, source=ForceSource.SPEED, gains=None, forces=np.zeros_like(self.forces))
+
+    def between_creep(self) -> SlipWindow:
+        """The same slip with where the joint stood on average at either end, and nothing of how it sprang back."""
+        if self.before is None or self.after is None:
+            return self
+        times = self.times[self.observed]
+        # A count that goes the other way is one of how it springs back, or of an encoder that flickers.
+        back = np.isfinite(self.gaps) & (self.direction * np.diff(self.values, prepend=self.rest_position) < 0.0)
+        late = back & (times > 0.5 * (self.breakaway + self.arrest))
+        kept = ~back & (times <= min(self.arrest, times[late].min(initial=math.inf)))
+        kept[-1] = True
+        return replace(
+            self,
+            rest_position=self.before.position,
+            observed=self.observed[kept],
+            values=np.append(self.values[kept][:-1], self.after.position),
+            gaps=self.gaps[kept],
+        )
 
     def thinned(self, most: int) -> SlipWindow:
         """The same slip with at most so many observations, evenly chosen, and no nodes for the others."""
@@ -129,6 +167,8 @@ def slip_window(
         return None
     rest_from, rest_to = np.searchsorted(samples.time, [left - 0.6 * dwell, left - 0.03 * dwell])
     resting = slice(int(rest_from), max(int(rest_to), int(rest_from) + 1))
+    seen_from = max(left - (1.0 - _SETTLED[0]) * dwell, float(samples.time[0]))
+    arriving = slice(*np.searchsorted(samples.time, [seen_from, seen_from + _EARLY * (left - seen_from)]))
     after_from, after_to = np.searchsorted(samples.time, [cycle.arrest + share * dwell for share in _SETTLED])
     after = slice(min(int(after_from), len(samples) - 1), max(int(after_to), int(after_from) + 1))
     part = samples.where(slice(first, int(last)))
@@ -158,6 +198,7 @@ def slip_window(
     spread = noise / math.sqrt(len(rest)) if analog else _UNIFORM * resolution
     gaps = part.time[indices] - part.time[indices - 1]
     stops = samples.position[after]
+    reach = _CREEPS * max(resolution, noise)
     return SlipWindow(
         direction=1 if cycle.slip_distance > 0 else -1,
         rest_begin=left - dwell,
@@ -177,7 +218,31 @@ def slip_window(
         resolution=resolution if not analog else 0.0,
         noise=noise if analog else 0.0,
         sample_interval=float(np.median(np.diff(part.time))),
+        arrived=_standing(samples.where(arriving), reach, source, in_force, speed, forces),
+        before=_standing(samples.where(resting), reach, source, in_force, speed, forces),
+        after=_standing(samples.where(after), reach, source, in_force, speed, forces),
     )
+
+
+def _standing(
+    rest: Batch, reach: float, source: ForceSource, gains: Gains | None, speed: float, beside: FloatArray
+) -> Standing | None:
+    """Means over samples of a joint that stands; None where the force is not known.
+
+    Parameters
+    ----------
+    reach : from the median, of what counts: the joint may have left by then [rad].
+    speed : of the reference [rad/s]. beside : force beside the gains' during the slip [N·m].
+    """
+    if source is ForceSource.SPEED or gains is None or len(rest) == 0:
+        return None
+    rest = rest.where(np.abs(rest.position - np.median(rest.position)) <= reach)
+    if source is ForceSource.EFFORT:
+        drive = float(np.mean(rest.effort))
+    else:
+        drive = float(gains.stiffness) * float(np.mean(rest.reference_position)) + float(gains.damping) * speed
+        drive += float(np.mean(beside))
+    return Standing(position=float(np.mean(rest.position)), drive=drive) if math.isfinite(drive) else None
 
 
 def _forces(
@@ -192,14 +257,26 @@ def _forces(
             none += _feed_forward(samples.where(resting), gains, resolution)
         return ForceSource.GAINS, gains, none
     if effort_known:
-        width = max(1, round(_EFFORT_SMOOTHING * duration / float(np.median(np.diff(part.time))))) | 1
-        padded = np.pad(part.effort, width // 2, mode="edge")
+        interval = float(np.median(np.diff(part.time)))
+        reach = min(round(0.5 * _EFFORT_SMOOTHING * duration / interval), len(part) - 1)
+        padded = np.pad(part.effort, reach, mode="reflect", reflect_type="odd")
         return (
             ForceSource.EFFORT,
             replace(gains, stiffness=0.0, damping=0.0) if gains is not None else Gains(stiffness=0.0),
-            np.convolve(padded, np.full(width, 1.0 / width), mode="valid"),
+            np.convolve(padded, _parabola(reach), mode="valid"),
         )
     return ForceSource.SPEED, gains, none
+
+
+def _parabola(reach: int) -> FloatArray:
+    """Weights of samples that make the middle one that of a parabola through them (Savitzky and Golay), (2 reach + 1,).
+
+    A mean would make less of what bends, as the force does in a slip.
+    """
+    offsets = np.arange(-reach, reach + 1.0)
+    if reach < 1:
+        return np.ones(1)
+    return np.asarray(np.linalg.pinv(np.stack([np.ones_like(offsets), offsets, offsets**2], axis=1))[0])
 
 
 def _reference(part: Batch) -> FloatArray:

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""What the rests between slips say of how a joint's contact yields, before the slips themselves are asked.
+
+While a joint stands it moves by the force on it over the contact's stiffness σ₀: from where it stands early in a rest
+to where it stands towards its end. How far a contact yields is told as a share of how far the controller's
+spring does, k_p/σ₀.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
+
+# Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
+MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
+_LEAST_RESTS = 6
+_SHOWN = 2.0  # standard errors
+_UNSEEN = 2.0  # counts of all rests together, that may pass unseen
+_LEAST_ERROR = 0.3  # of the compliance: what is seen at rest is not all that yields when the joint breaks away
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactKnowledge:
+    """Compliance of a contact.
+
+    Attributes
+    ----------
+    mean, std : in ``unit``. unit : compliance of the spring that the slips are pulled by [rad/(N·m)].
+    """
+
+    mean: float
+    std: float
+    unit: float
+
+    @property
+    def shown(self) -> bool:
+        """Whether the rests show that it yields."""
+        return self.mean > _SHOWN * self.std
+
+
+def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
+    """The contact by the rests before the slips; None where they say nothing, or that it does not yield."""
+    ways, forces = [], []
+    for window in windows:
+        early, late = window.arrived, window.before
+        if early is not None and late is not None:
+            ways.append(late.position - early.position)
+            forces.append(late.drive - early.drive - _stiffness(window) * ways[-1])
+    way, force = np.array(ways), np.array(forces)
+    count, size = len(way), float(force @ force)
+    if count < _LEAST_RESTS or size <= 0.0:
+        return None
+    compliance = float(way @ force) / size
+    off = way - compliance * force
+    # A creep of so little that no rest shows a count of it.
+    unseen = _UNSEEN * max(window.resolution for window in windows) / math.sqrt(count * size)
+    std = max(math.sqrt(float(off @ off) / (count - 1) / size), unseen)
+    unit = spring_compliance(windows)
+    mean, std = max(compliance, 0.0) / unit, math.hypot(std, _LEAST_ERROR * compliance) / unit
+    if mean + 2.0 * std < 2.0 * LEAST_COMPLIANCE or mean > MOST_COMPLIANCE:
+        return None
+    return ContactKnowledge(mean=mean, std=std, unit=unit)
+
+
+def spring_compliance(windows: list[SlipWindow]) -> float:
+    """Compliance of the spring that slips are pulled by [rad/(N·m)]: of the gains, or as the effort falls in a slip."""
+    stiffness = max(_stiffness(window) for window in windows)
+    if stiffness > 0.0:
+        return 1.0 / stiffness
+    falls = [max(float(np.ptp(window.forces)), 1e-300) for window in windows]
+    return float(np.median([abs(window.slip_distance) / fall for window, fall in zip(windows, falls, strict=True)]))
+
+
+def _stiffness(window: SlipWindow) -> float:
+    return float(window.gains.stiffness) if window.gains is not None else 0.0
