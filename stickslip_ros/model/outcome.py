@@ -92,6 +92,11 @@ def is_steady(groups: DimensionlessGroups) -> NDArray[np.bool_]:
     return np.asarray(np.all(_numbers(groups) == kernel.STEADY, axis=-1))
 
 
+def ever_sticks(groups: DimensionlessGroups) -> NDArray[np.bool_]:
+    """Whether stick slip goes on from any start at each point; False where that is not decided; of their shape."""
+    return np.asarray(np.any(_numbers(groups) == kernel.STICKS, axis=-1))
+
+
 def _numbers(groups: DimensionlessGroups) -> NDArray[np.float64]:
     shape, points = point_arrays(groups)
     return ask(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)

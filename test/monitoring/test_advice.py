@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_advice import brute_force, random_case
 
@@ -48,6 +48,8 @@ def reserve(joint: Joint, gains: Gains, velocity: float) -> float:
     st.floats(0.01, 50.0), st.floats(3.0, 50.0), st.floats(0.0, 0.3), st.floats(0.3, 20.0), st.floats(0.3, 4.0),
     st.floats(0.0, 0.08), st.floats(0.0, 1.0), st.sampled_from([0.0, 0.2, 1.0]),
 )  # fmt: skip
+# Stick slip dies from rest, but not from twice the speed: 132 slips in 40 s, by brute force.
+@example(inertia=1.0, frequency=19.0, ratio=0.25, level=11.0, speed=2.0, lag=0.0625, rise_time=0.125, wanted=0.2)
 def test_every_variant_reaches_the_wanted_margin(
     inertia: float, frequency: float, ratio: float, level: float, speed: float,
     lag: float, rise_time: float, wanted: float,

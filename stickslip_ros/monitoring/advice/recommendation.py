@@ -19,14 +19,13 @@ import numpy as np
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import (
-    cycle_persists,
     exact_critical_damping_ratio,
     exact_lowest_smooth_velocity,
 )
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
-from stickslip_ros.model.outcome import Outcome, is_steady
+from stickslip_ros.model.outcome import Outcome, ever_sticks, is_steady
 from stickslip_ros.model.verdict import beyond_the_paper, exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
@@ -345,7 +344,7 @@ class _Case:
             return bool(np.all(is_steady(groups)))
         groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
         # Where there is no answer there is nothing that would refute the margin.
-        return not np.any(np.asarray(cycle_persists(groups)) == 1.0)
+        return not np.any(ever_sticks(groups))
 
     def _holds_beyond(self, gains: Gains) -> bool:
         """The same with integral action or sampled control, at the slowest speed."""
