@@ -18,7 +18,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, slip_window
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, slip_window, standing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 INERTIA, STIFFNESS, STRIBECK_VELOCITY = 2.0, 200.0, 0.01
@@ -137,3 +137,12 @@ def test_an_effort_that_bends_is_smoothed_to_what_it_is() -> None:
     np.testing.assert_allclose(
         window.forces[middle], np.interp(window.times[middle], times, effort), rtol=0.0, atol=1e-4
     )
+
+
+def test_a_joint_that_is_seen_to_stand_nowhere() -> None:
+    """Two samples far apart lie on either side of their median: the mean of none was asked for."""
+    rest = Batch(
+        time=np.array([0.0, 0.1]), position=np.array([0.0, 1.0]), effort=np.ones(2),
+        reference_position=np.zeros(2), reference_velocity=np.zeros(2),
+    )  # fmt: skip
+    assert standing(rest, 0.1, ForceSource.EFFORT, Gains(stiffness=0.0), 0.0, np.zeros(2)) is None

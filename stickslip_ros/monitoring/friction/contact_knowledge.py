@@ -37,14 +37,9 @@ class ContactKnowledge:
     std: float
     unit: float
 
-    @property
-    def shown(self) -> bool:
-        """Whether the rests show that it yields."""
-        return self.mean > _SHOWN * self.std
-
 
 def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
-    """The contact by the rests before the slips; None where they say nothing, or that it does not yield."""
+    """The contact by the rests before the slips; None where they do not show that it yields."""
     ways, forces = [], []
     for window in windows:
         early, late = window.arrived, window.before
@@ -62,7 +57,7 @@ def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
     std = max(math.sqrt(float(off @ off) / (count - 1) / size), unseen)
     unit = spring_compliance(windows)
     mean, std = max(compliance, 0.0) / unit, math.hypot(std, _LEAST_ERROR * compliance) / unit
-    if mean + 2.0 * std < 2.0 * LEAST_COMPLIANCE or mean > MOST_COMPLIANCE:
+    if mean <= _SHOWN * std or not LEAST_COMPLIANCE < mean < MOST_COMPLIANCE:
         return None
     return ContactKnowledge(mean=mean, std=std, unit=unit)
 

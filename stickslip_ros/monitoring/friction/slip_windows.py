@@ -218,13 +218,13 @@ def slip_window(
         resolution=resolution if not analog else 0.0,
         noise=noise if analog else 0.0,
         sample_interval=float(np.median(np.diff(part.time))),
-        arrived=_standing(samples.where(arriving), reach, source, in_force, speed, forces),
-        before=_standing(samples.where(resting), reach, source, in_force, speed, forces),
-        after=_standing(samples.where(after), reach, source, in_force, speed, forces),
+        arrived=standing(samples.where(arriving), reach, source, in_force, speed, forces),
+        before=standing(samples.where(resting), reach, source, in_force, speed, forces),
+        after=standing(samples.where(after), reach, source, in_force, speed, forces),
     )
 
 
-def _standing(
+def standing(
     rest: Batch, reach: float, source: ForceSource, gains: Gains | None, speed: float, beside: FloatArray
 ) -> Standing | None:
     """Means over samples of a joint that stands; None where the force is not known.
@@ -237,6 +237,8 @@ def _standing(
     if source is ForceSource.SPEED or gains is None or len(rest) == 0:
         return None
     rest = rest.where(np.abs(rest.position - np.median(rest.position)) <= reach)
+    if len(rest) == 0:
+        return None
     if source is ForceSource.EFFORT:
         drive = float(np.mean(rest.effort))
     else:

@@ -36,10 +36,10 @@ def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
     known : mean and standard deviation of parameters' logarithms, by index.
     """
     contact = None if first.problem.normalised else contact_of(first.problem.windows)
-    if contact is None or (first.fits and not contact.shown):
+    if contact is None:
         return first
     yielding = first.problem.with_contact(contact)
-    found = fitted_with_more(first, yielding, _PARAMETERS, known, promises=contact.shown)
+    found = fitted_with_more(first, yielding, _PARAMETERS, known, promises=True)
     if found is first or comes_to_rest(found.problem, found.solution):
         return found
     return replace(first, swings=True)
