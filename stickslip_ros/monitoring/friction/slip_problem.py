@@ -129,11 +129,11 @@ class SlipProblem(ObservedSlips):
             self.more_means = np.append(self.more_means, [contact.mean, _DAMPING_RATIO])
             self._last_observed = self.observed[self.observation_edges[1:] - 1]
             # Where it was not seen to stand there is nothing to correct.
-            before = [window.before.drive if window.before else math.nan for window in windows]
-            after = [window.after.drive if window.after else math.nan for window in windows]
+            rested = [window.before.drive if window.before else math.nan for window in windows]
+            stopped = [window.after.drive if window.after else math.nan for window in windows]
             begins, ends = self._drives[self.edges[:-1]], self._drives[self._last_observed]
-            self._standing = np.where(np.isfinite(before), before, begins)[None]
-            self._stopped = np.where(np.isfinite(after), after, ends)
+            self._standing = np.where(np.isfinite(rested), rested, begins)[None]
+            self._stopped = np.where(np.isfinite(stopped), stopped, ends)
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
         self.trend = trend and not self.normalised
