@@ -8,7 +8,6 @@ import math
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
@@ -17,10 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
@@ -385,41 +381,19 @@ class Session:
         self._feedforward.know(joint, assessment)
         silence = now - joint.heard
         trial = assessment.trial if assessment.gains_known else None
+        conditions = joint.settings.options.conditions
         return Findings(
             assessment=assessment,
-            exact=self._exact_verdict(joint, joint.name, assessment, assessment.margin_gains, now),
-            trial=self._exact_verdict(joint, f"trial {joint.name}", assessment, trial, now),
+            exact=self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now),
+            trial=self._exact.verdict_on(f"trial {joint.name}", assessment, trial, conditions, now),
             silent_for=silence if silence > _STALE_AFTER else None,
             trouble=joint.trouble,
             missing=self._inputs.missing(joint, assessment),
             applied=self._ramps.outcomes.get(joint.name, ""),
             advised=joint.advised(assessment),
-            here=self._verdict_here(joint, assessment, now),
-            conditions=joint.settings.options.conditions,
+            here=self._exact.verdict_here(f"here {joint.name}", assessment, conditions, now),
+            conditions=conditions,
         )
-
-    def _verdict_here(self, joint: WatchedJoint, assessment: Assessment, now: float) -> ExactVerdict | None:
-        """Where friction is known to vary with place or load: the verdict at the present one."""
-        here = assessment.here
-        if here is None:
-            return None
-        local = replace(assessment, joint=here, uncertainty=None)
-        return self._exact_verdict(joint, f"here {joint.name}", local, local.margin_gains, now)
-
-    def _exact_verdict(
-        self, joint: WatchedJoint, name: str, assessment: Assessment, gains: Gains | None, now: float
-    ) -> ExactVerdict:
-        believed: Joint | None = assessment.joint
-        if believed is None or gains is None or not assessment.velocity_source:
-            return UNKNOWN
-        question = ExactQuestion(
-            joint=believed,
-            gains=gains,
-            conditions=joint.settings.options.conditions,
-            speed=abs(assessment.velocity),
-            uncertainty=assessment.uncertainty,
-        )
-        return self._exact.verdict(name, question, now)
 
     def _set_advice(self, advised: dict[str, Gains | None]) -> None:
         """Let the parameters `recommended.<joint>.p` and `.d` hold the advice."""

@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
 from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
@@ -49,3 +52,33 @@ class ExactWorker:
             self._background.ask(name, _Asked(question, now))
         # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
         return verdict if same_speed else UNKNOWN
+
+    def verdict_on(
+        self, name: str, assessment: Assessment, gains: Gains | None, conditions: OperatingConditions, now: float
+    ) -> ExactVerdict:
+        """The verdict on a joint as it is assessed, with gains that need not be the present ones.
+
+        Parameters
+        ----------
+        name : under which the joint asks. now : a steady time [s].
+        """
+        if assessment.joint is None or gains is None or not assessment.velocity_source:
+            return UNKNOWN
+        question = ExactQuestion(
+            joint=assessment.joint,
+            gains=gains,
+            conditions=conditions,
+            speed=abs(assessment.velocity),
+            uncertainty=assessment.uncertainty,
+        )
+        return self.verdict(name, question, now)
+
+    def verdict_here(
+        self, name: str, assessment: Assessment, conditions: OperatingConditions, now: float
+    ) -> ExactVerdict | None:
+        """Where friction is known to vary with place or load, the verdict at the present one; else None."""
+        here = assessment.here
+        if here is None:
+            return None
+        local = replace(assessment, joint=here, uncertainty=None)
+        return self.verdict_on(name, local, local.margin_gains, conditions, now)
