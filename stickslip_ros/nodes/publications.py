@@ -122,7 +122,7 @@ class Publications:
             self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
 
     def publish_tables(self, joints: Mapping[str, Findings], told: Sequence[str]) -> None:
-        """What is known as numbers.
+        """What is known as numbers, each table only while somebody listens: nobody else would ever get it.
 
         Parameters
         ----------
@@ -131,14 +131,17 @@ class Publications:
         """
         if not joints:
             return
-        now = {name: joints[name].assessment for name in told if name in joints}
-        if now:
-            self._friction.publish(friction_message(self._now(), now))
-        rows = array_of("d")
-        for name in joints:
-            rows.extend(self._rows[name])
-        self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
-        self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
+        if _has_listeners(self._friction):
+            now = {name: joints[name].assessment for name in told if name in joints}
+            if now:
+                self._friction.publish(friction_message(self._now(), now))
+        if _has_listeners(self._margins):
+            rows = array_of("d")
+            for name in joints:
+                rows.extend(self._rows[name])
+            self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
+        if _has_listeners(self._recommended):
+            self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
 
     def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
         statuses = [status_bytes(one, self.robot) for one in diagnoses]
@@ -151,3 +154,8 @@ class Publications:
         if advised:
             values = [float(value) for gains in advised.values() for value in (gains.stiffness, gains.damping)]
             self._recommended.publish(table(list(advised), ("p", "d"), values))
+
+
+def _has_listeners(publisher: LifecyclePublisher) -> bool:
+    """Whether anybody would get what is published now; who comes later gets none of it either way."""
+    return bool(publisher.get_subscription_count())
