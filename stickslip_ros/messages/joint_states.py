@@ -123,6 +123,9 @@ def rows_by_joint(found: list[JointRows], times: list[FloatArray]) -> dict[str, 
     for rows, time in zip(found, times, strict=True):
         tables = np.empty((len(rows.names), len(time), 1 + len(FIELDS)))
         tables[:, :, 0], tables[:, :, 1:] = time, rows.values.transpose(2, 0, 1)
+        if len(found) == 1:
+            # Most publishers send one layout, in which no name occurs twice: there is nothing to join.
+            return dict(zip(rows.names, tables, strict=True))
         for name, table in zip(rows.names, tables, strict=True):
             parts.setdefault(name, []).append((rows.index, table))
     joined = {}

@@ -8,6 +8,7 @@ import math
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 from pathlib import Path
 from time import monotonic
 
@@ -58,6 +59,7 @@ _LONGEST_TICK, _SHORTEST_TICK, _IDLE_TICK = 0.04, 0.02, 0.5  # [s]; the last whi
 _CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
 _IDLE_AFTER = 2.0  # [s] without a message, and with nothing under way
 _IDLE_PERIOD = 1.0  # [s] from one status to the next then
+_TOO_LATE, _NOT_LEARNT_FROM = attrgetter("pairing.too_late"), attrgetter("monitor.learner.skipped")
 _CONTESTED = "published by several nodes at once; remap all but one of them"
 
 
@@ -91,6 +93,7 @@ class Session:
         self._busy_at, self._came = monotonic(), 0
         self._spent = 0.0  # by a tick that publishes, on average [s]
         self._news: dict[str, tuple[object, ...]] = {}
+        self._contested: frozenset[str] = frozenset()
         self._findings: dict[str, Findings] = {}
         self._compiled = CompiledParts(self._log)
         self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
@@ -288,11 +291,8 @@ class Session:
         # References last, so that they are no older than the samples that wait for them.
         samples, references = self._states.take(until), self._references.take(until)
         contested = self._states.contested
-        for name, joint in self.joints.items():
-            if name in contested and not joint.trouble:
-                # What was taken for its motion until now was none.
-                joint.begin_anew()
-            joint.trouble = _CONTESTED if name in contested else ""
+        if contested or self._contested:
+            self._note_contested(contested)
         for name, rows in samples.items():
             heard = self.joints.welcome(name)
             if heard is not None:
@@ -306,6 +306,14 @@ class Session:
         self._following.expect(samples, references, now)
         self._following.look(now)
         self._publications.publish_cycles(self._following.found())
+
+    def _note_contested(self, contested: frozenset[str]) -> None:
+        for name, joint in self.joints.items():
+            if name in contested and not joint.trouble:
+                # What was taken for its motion until now was none.
+                joint.begin_anew()
+            joint.trouble = _CONTESTED if name in contested else ""
+        self._contested = contested
 
     def _begin_anew(self, joint: WatchedJoint) -> None:
         """Go on after an error in what follows one joint."""
@@ -434,12 +442,9 @@ class Session:
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),
             *self._inputs.values(),
-            ("references too late [1]", sum(joint.pairing.too_late for joint in self.joints.values())),
+            ("references too late [1]", sum(map(_TOO_LATE, self.joints.values()))),
             ("apply_recommendation", self._ramps.state),
-            (
-                "slips not learnt from, a study being late [1]",
-                sum(joint.monitor.learner.skipped for joint in self.joints.values()),
-            ),
+            ("slips not learnt from, a study being late [1]", sum(map(_NOT_LEARNT_FROM, self.joints.values()))),
             *(self._self.values() if self._self is not None else ()),
             *((f"refused: {reason}", count) for reason, count in self._refuse.counts.items()),
         ]

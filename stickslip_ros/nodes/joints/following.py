@@ -86,14 +86,15 @@ class Following:
 
     def expect(self, samples: Mapping[str, FloatArray], references: Iterable[str], now: float) -> None:
         """Samples, rows of time and position first, or references of these joints have come at a steady time [s]."""
+        joints, surprised, courses, since = self._joints, self._surprised, self._courses, self._since
         for name, rows in samples.items():
-            if name not in self._joints:
+            if name not in joints:
                 continue
-            self._since.setdefault(name, now)
-            if name not in self._surprised:
-                course = self._courses.get(name)
-                if course is None or course.surprised(*rows[-1, :2].tolist()):
-                    self._surprised.add(name)
+            since.setdefault(name, now)
+            if name not in surprised:
+                course = courses.get(name)
+                if course is None or course.surprised(rows.item(-1, 0), rows.item(-1, 1)):
+                    surprised.add(name)
         for name in references:
             if name in self._joints:
                 self._since.setdefault(name, now)

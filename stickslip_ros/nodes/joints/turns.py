@@ -10,6 +10,7 @@ from operator import is_not
 
 from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING, WatchedJoint
 
+_ROUNDING = 1e-6  # [s] of sums of periods
 _ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, is told of at least so often
 FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
 
@@ -18,9 +19,10 @@ class Turns:
     """Whom to tell of now: joints that have news, often those that stick or are at risk, the others in turn."""
 
     def __init__(self) -> None:
-        # The news, and how long ago they were told [s], that told longest ago first.
+        # The news that were told, that told longest ago first; and when, on a clock of the periods that were asked of.
         self._told: dict[str, tuple[object, ...]] = {}
-        self._since: dict[str, float] = {}
+        self._told_at: dict[str, float] = {}
+        self._clock = 0.0  # [s]
 
     def due(
         self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
@@ -33,10 +35,13 @@ class Turns:
         urgent : told ten times a second.
         period : until this is asked again [s].
         """
-        self._since = {name: self._since.get(name, 0.0) + period for name in news}
+        self._clock += period
         # The next time would be too late.
-        wanted = {name for name in urgent if self._since[name] + 0.5 * period > _URGENT_WITHIN}
-        wanted.update(name for name, new in news.items() if self._is_new(name, new))
+        told_before = self._clock + 0.5 * period - _URGENT_WITHIN - _ROUNDING
+        wanted = {name for name in urgent if self._told_at.get(name, -math.inf) < told_before}
+        # Most of the news are the very ones that were told, which is found without a look into them.
+        told = self._told
+        wanted.update(name for name, new in news.items() if told.get(name) is not new and self._is_new(name, new))
         others = [name for name in self._told if name in news and name not in wanted]
         share = len(news) if len(news) <= FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
         turns = set(others[:share])
@@ -45,12 +50,15 @@ class Turns:
         for name in chosen:
             self._told.pop(name, None)
             self._told[name] = news[name]
-            self._since[name] = 0.0
+            self._told_at[name] = self._clock
         return chosen, [name for name in chosen if name in turns]
 
     def _is_new(self, name: str, new: tuple[object, ...]) -> bool:
         told = self._told.get(name)
-        return told is None or any(map(is_not, told, new))
+        if told is None or any(map(is_not, told, new)):
+            return True
+        self._told[name] = new
+        return False
 
 
 def urgent(joints: Mapping[str, WatchedJoint]) -> list[str]:

@@ -68,7 +68,11 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     def __len__(self) -> int:
         return len(self._joints)
 
-    # The views of a Mapping ask for every joint by its name, many thousand times a second.
+    # A Mapping asks for every joint by its name, many thousand times a second.
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a joint is watched."""
+        return name in self._joints
 
     def items(self) -> ItemsView[str, WatchedJoint]:
         """Names and joints."""
