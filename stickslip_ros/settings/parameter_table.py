@@ -64,7 +64,7 @@ def _of_the_node() -> tuple[ParameterSpec, ...]:
         ),
         spec(
             name="publish_rate",
-            default=25.0,
+            default=30.0,
             unit="Hz",
             text="how often diagnostics and margins are published",
             read_only=True,

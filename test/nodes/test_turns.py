@@ -22,7 +22,7 @@ PERIOD = 0.04  # [s] from one publication to the next
 
 @given(
     count=st.integers(1, 200),
-    rate=st.sampled_from([1.0, 10.0, 25.0, 100.0]),
+    rate=st.sampled_from([1.0, 10.0, 25.0, 30.0, 100.0]),
     changes=st.lists(st.tuples(st.integers(0, 199), st.booleans()), max_size=60),
 )
 def test_every_joint_has_its_turn(count: int, rate: float, changes: list[tuple[int, bool]]) -> None:
