@@ -53,6 +53,17 @@ def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> N
         assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
 
 
+def test_tables_are_made_again_for_who_comes_late(ros_domain: int) -> None:
+    """Nobody listens for a while, and none are made; who comes then has the numbers of all joints, and the advice."""
+    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}):
+        for _ in range(2):
+            with probe() as one:
+                one.wait(lambda: "joint1" in one.margins, 20.0, "the margin")
+                one.wait(lambda: one.recommended is not None, 20.0, "the advice")
+                assert one.margins["joint1"]["stiffness"] == 630.0
+            time.sleep(1.0)
+
+
 def test_conditions_beyond_the_paper_enter_the_exact_verdict(ros_domain: int) -> None:
     """Issue 3: controller period and delay are parameters, off by default; bad ones are refused by name."""
     gains = {"gains.joint1.p": 2016.0, "velocity.joint1": 0.00493}
