@@ -17,6 +17,7 @@ from stickslip_ros.model._friction_law import EXPONENTIAL, HESS_SOOM
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
+from stickslip_ros.monitoring.friction.contact_knowledge import ContactKnowledge
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, slip_window, standing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -146,3 +147,15 @@ def test_a_joint_that_is_seen_to_stand_nowhere() -> None:
         reference_position=np.zeros(2), reference_velocity=np.zeros(2),
     )  # fmt: skip
     assert standing(rest, 0.1, ForceSource.EFFORT, Gains(stiffness=0.0), 0.0, np.zeros(2)) is None
+
+
+def test_the_simulation_is_compiled_once() -> None:
+    """Arrays that lay the other way round in memory had it compiled a second time, where a delay is fitted."""
+    times = np.linspace(0.0, 0.6, NODES)
+    problem = slip_problem(times, 0.01, 2.0, HESS_SOOM, 0.02).with_delay()
+    problem = problem.with_contact(ContactKnowledge(mean=0.01, std=0.003, unit=1.0 / STIFFNESS))
+    parameters = np.log([INERTIA, 0.5, STRIBECK_VELOCITY, 0.02, 1.0, 0.3])
+    several = np.tile([*parameters, 1.0, 0.01, 0.5], (3, 1))
+    positions, _, _ = problem.simulate_variants(several, np.repeat(problem.detected(1.0)[None], 3, axis=0))
+    assert np.isfinite(positions).all()
+    assert len(kernel.simulate_windows.signatures) == 1

@@ -141,3 +141,11 @@ def test_other_joints_on_springs(seed: int) -> None:
     assert estimate["inertia"].identified
     assert estimate["stribeck"].identified
     assert_right(estimate, recorded.machine, set(NAMES) - {"coulomb"})
+
+
+def test_fits_are_compared_by_what_both_of_them_observe(puma: Joint) -> None:
+    """Counts of how the joint springs back are left out of a fit: each was taken for evidence against the contact."""
+    batch = recording(yielding(puma, 300.0))
+    learnt = monitor_of(batch.where(slice(0, round(0.7 * len(batch)))), GAINS).learner.memory_of().learnt
+    assert learnt is not None
+    assert learnt.contact is not None

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
@@ -78,7 +79,7 @@ def fitted_with_more(
         found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
     except LinAlgError:
         return first
-    gain = misfit_of(first.problem, first.solution) - misfit_of(problem, found)
+    gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
     return replace(first, problem=problem, solution=found)
@@ -98,11 +99,18 @@ def _promises(first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[
     return misfit_of(without, fits[0]) - misfit_of(together, fits[1]) > more * math.log(without.count)
 
 
-def misfit_of(problem: SlipProblem, solution: Solution) -> float:
-    """Twice the negative logarithm of the likelihood, but for a constant."""
+def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64] | None = None) -> float:
+    """Twice the negative logarithm of the likelihood, but for a constant.
+
+    Parameters
+    ----------
+    nodes : the observed ones that count, of a problem of the same slips; all if None. Likelihoods of other observations
+        say nothing of each other.
+    """
     fit = solution.fit
-    used = problem.weights > 0
-    share = len(used) / max(int(used.sum()), 1)
+    counted = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
+    used = (problem.weights > 0) & counted
+    share = int(counted.sum()) / max(int(used.sum()), 1)
     total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.errors[used]).sum()))
     # Of what the slips show: F_s∞ may be anything where they all dwell as long, and must not weigh.
     least = _LEAST_BALANCE * usual_level(fit)

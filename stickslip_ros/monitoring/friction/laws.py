@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -47,12 +48,13 @@ def weighed_laws(
                 given_up.append(law)
             else:
                 fits.append(other)
-    misfits = [misfit_of(fit.problem, fit.solution) for fit in fits]
+    misfits = _misfits(fits)
     best = int(np.argmin(misfits))
     again = _again(first, fits[best], known) if best > 0 else None
-    if again is not None and misfit_of(again.problem, again.solution) < misfits[0]:
+    with_it = [] if again is None else _misfits([again, *fits])
+    if again is not None and with_it[0] < with_it[1]:
         # The first one had been caught in a wrong valley, out of which the other law's fit shows the way.
-        fits[0], misfits[0] = again, misfit_of(again.problem, again.solution)
+        fits[0], misfits = again, [with_it[0], *with_it[2:]]
         best = int(np.argmin(misfits))
     if may_hide_a_delay(fits[0]):
         # What is left of the delay may be what speaks for another law: as far as is known, each is as likely.
@@ -65,6 +67,12 @@ def weighed_laws(
         if weight > EXCLUDED
     ]
     return sorted(found, key=lambda fit: -fit.weight)
+
+
+def _misfits(fits: list[FittedLaw]) -> list[float]:
+    """What each does not explain of the observations that all of them have."""
+    nodes = reduce(np.intersect1d, [fit.problem.observed for fit in fits])
+    return [misfit_of(fit.problem, fit.solution, nodes) for fit in fits]
 
 
 def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:

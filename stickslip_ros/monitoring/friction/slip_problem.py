@@ -241,6 +241,8 @@ class SlipProblem(ObservedSlips):
                 stopped, standing = stopped / lighter, (standing - late[:, self.edges[:-1]]) / lighter
         positions, velocities = np.empty((2, len(plants), len(self.times)))
         found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
+        # What was chosen by slip lies the other way round in memory, and would have the kernel compiled once more.
+        drives, standing = np.ascontiguousarray(drives), np.ascontiguousarray(standing)
         kernel.simulate_windows(
             plants, self.law, self.directions, starts, surpluses, gains, contacts, standing, self.edges, self.times,
             drives, self._steps(plants, gains), positions, velocities, found,

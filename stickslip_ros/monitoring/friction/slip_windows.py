@@ -49,7 +49,7 @@ class Standing:
 
     Attributes
     ----------
-    position : [rad]. drive : the controller's force on it if it stood at zero [N·m]; NaN if unknown.
+    position : [rad]. drive : the controller's force on it if it stood at zero [N·m].
     """
 
     position: float
