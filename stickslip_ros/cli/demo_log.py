@@ -24,6 +24,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.spinning import turn
 from stickslip_ros.output.margin_table import MARGIN_FIELDS
 
 
@@ -74,7 +75,7 @@ class DemoListener:
             left = until - time.monotonic()
             if left <= 0:
                 break
-            rclpy.spin_once(self.node, timeout_sec=min(left, 0.05))
+            turn(self.node, min(left, 0.05))
             for message, _ in self._states.take_all():
                 if self.joint in message.name:
                     index = message.name.index(self.joint)

@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.model.margin import damping_reserve
+from stickslip_ros.nodes.spinning import turn
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.visible import visible
 
@@ -69,7 +70,7 @@ class WatchListener:
             if time.monotonic() >= self._look_at:
                 self._look_at = time.monotonic() + _LOOK_EVERY
                 self._look_for_monitors()
-            rclpy.spin_once(self.node, timeout_sec=min(left, 0.1))
+            turn(self.node, min(left, 0.1))
 
     def _look_for_monitors(self) -> None:
         """Listen to the positions that monitors publish with the friction."""

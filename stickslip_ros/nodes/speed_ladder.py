@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable
 from time import monotonic
 
-import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -22,6 +21,7 @@ from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.gains.gain_source import ControllerGains
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.spinning import turn
 from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController
 
 _QUEUE = 10_000
@@ -133,7 +133,7 @@ class LadderNode(Node):
 
     def _turn(self) -> None:
         """Let ROS work a little, and take what has come."""
-        rclpy.spin_once(self, timeout_sec=_SPIN)
+        turn(self, _SPIN)
         self._controller_gains.poll(monotonic())
         if self._controller is not None:
             self._controller.poll(monotonic())

@@ -76,9 +76,9 @@ def end(one: Probe, asked: Future, limit: float) -> str:
     return str(answer.message)
 
 
-def in_force(message: str) -> tuple[float, float]:
-    """Gains in force by a message."""
-    found = re.search(r"the gains in force are p ([\d.]+), d ([\d.e+-]+), as read", message)
+def in_force(message: str, known: str = "as read") -> tuple[float, float]:
+    """Gains in force by a message, and how they are known."""
+    found = re.search(rf"the gains in force are p ([\d.]+), d ([\d.e+-]+), {known}", message)
     assert found is not None, message
     return float(found[1]), float(found[2])
 
@@ -130,7 +130,8 @@ def test_nothing_is_written_without_permission(ros_domain: int) -> None:
                 assert one.set_parameters(MONITOR, {"limits.joint1.p_max": 640.0}) == [""]
             message = end(one, asked, 20.0)
             assert "oscillation of the effort" in message
-            assert in_force(message) == pytest.approx(gains(one), rel=1e-5)
+            # On a busy machine the controller may not answer for two seconds, which the message says then.
+            assert in_force(message, "as (?:read|confirmed)") == pytest.approx(gains(one), rel=1e-5)
             if withdraw:
                 assert "on the way back allow_apply was set to false" in message
                 assert max(writes(joint)) <= confirmed + 0.05
