@@ -4,15 +4,13 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
 
 from rich.progress import BarColumn, Progress, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.interrupts import interrupts
 
 
 @contextmanager
@@ -27,7 +25,7 @@ def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[floa
     columns += [TimeRemainingColumn()] if foretold else []
     console = Terminal(stderr=True)
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    with _interrupts() as came, bar as progress:
+    with interrupts() as came, bar as progress:
         task = progress.add_task(text, total=None)
 
         def tell(done: float, total: float) -> None:
@@ -37,23 +35,3 @@ def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[floa
             progress.update(task, completed=done, total=total)
 
         yield tell
-
-
-@contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """SIGINTs that came meanwhile: Python drops the exception of one that comes in a finalizer or a callback from C."""
-    came: list[int] = []
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield came
-        return
-
-    def note(number: int, frame: FrameType | None) -> None:
-        came.append(number)
-        before(number, frame)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield came
-    finally:
-        signal.signal(signal.SIGINT, before)

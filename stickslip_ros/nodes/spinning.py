@@ -4,11 +4,10 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-
 import rclpy
 from rclpy.node import Node
+
+from stickslip_ros.interrupts import interrupts
 
 
 def turn(node: Node, timeout: float) -> None:
@@ -21,15 +20,5 @@ def turn(node: Node, timeout: float) -> None:
     KeyboardInterrupt
         If Ctrl-C came meanwhile.
     """
-    came: list[int] = []
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
+    with interrupts(held=True):
         rclpy.spin_once(node, timeout_sec=timeout)
-        return
-    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        rclpy.spin_once(node, timeout_sec=timeout)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    for number in came[:1]:
-        before(number, None)

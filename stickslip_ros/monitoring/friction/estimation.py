@@ -108,7 +108,7 @@ def fitted_laws(
     if solution is None:
         return []
     first = with_delay(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
-    first = with_trend(first if again else with_contact(first, known), known)
+    first = with_trend(with_contact(first, known), known)
     why = _unexplained(first)
     if why and not first.problem.trend and not first.problem.normalised and not first.swings:
         first = with_surroundings(first, known, why)

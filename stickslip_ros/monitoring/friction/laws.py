@@ -98,8 +98,7 @@ def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float,
     again = _near(first, first.law, same_curve(first.law, better), better, known)
     if again is None or first.surroundings is not None:
         return again
-    again = with_delay(again, known)
-    return again if again.problem.contact is not None else with_contact(again, known)
+    return with_contact(with_delay(again, known), known)
 
 
 def _near(

@@ -10,6 +10,7 @@ are Eq. (6), from one slip's end to the next one's beginning, and the balance of
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -274,8 +275,7 @@ class SlipProblem(ObservedSlips):
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        some = [window.thinned(most) for window in self.windows]
-        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend, contact=self.contact)
+        return self._of([window.thinned(most) for window in self.windows])
 
     def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
         """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
@@ -291,34 +291,21 @@ class SlipProblem(ObservedSlips):
 
     def with_law(self, law: int) -> SlipProblem:
         """The problem of the same slips under another friction law; what was found of the stamps is kept."""
-        other = SlipProblem(
-            self.windows, self.before, law=law, delay_shows=self.delay_shows, trend=self.trend,
-            taken_off=self.taken_off, growth=self.growth, contact=self.contact,
-        )  # fmt: skip
+        other = self._with(law=law, trend=self.trend, taken_off=self.taken_off, growth=self.growth)
         other.balance = self.balance
-        other.take_up(stray=self.stray, tolerance=0.0)
         return other
 
     def with_trend(self) -> SlipProblem:
         """The problem of the same slips with friction that changes steadily; what was found of the stamps is kept."""
-        other = SlipProblem(
-            self.windows, self.before, law=self.law, delay_shows=self.delay_shows, trend=True, contact=self.contact
-        )
-        other.take_up(stray=self.stray, tolerance=0.0)
-        return other
+        return self._with(trend=True)
 
     def with_delay(self) -> SlipProblem:
         """The problem of the same slips with a controller whose delay is unknown; what was found of stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=self.law, delay_shows=True, contact=self.contact)
-        other.take_up(stray=self.stray, tolerance=0.0)
-        return other
+        return self._with(delay_shows=True)
 
     def with_contact(self, contact: ContactKnowledge) -> SlipProblem:
         """The problem of the same slips with a contact that yields; what was found of the stamps is kept."""
-        windows = [window.between_creep() for window in self.windows]
-        other = SlipProblem(windows, self.before, law=self.law, delay_shows=self.delay_shows, contact=contact)
-        other.take_up(stray=self.stray, tolerance=0.0)
-        return other
+        return self._with([window.between_creep() for window in self.windows], contact=contact)
 
     @property
     def contact_column(self) -> int:
@@ -348,12 +335,21 @@ class SlipProblem(ObservedSlips):
         ----------
         windows : of these slips, without it. growth : a column for what friction grows with beside.
         """
-        other = SlipProblem(
-            windows, self.before, law=self.law, delay_shows=self.delay_shows, taken_off=taken_off, growth=growth,
-            contact=self.contact,
-        )  # fmt: skip
+        return self._with(windows, taken_off=taken_off, growth=growth)
+
+    def _with(self, windows: list[SlipWindow] | None = None, **changes: Any) -> SlipProblem:
+        """The problem of the same slips, in other windows if given, without a trend or growth, with these changes.
+
+        What was found of the stamps is kept.
+        """
+        same = {"law": self.law, "delay_shows": self.delay_shows, "contact": self.contact}
+        other = SlipProblem(windows or self.windows, self.before, **{**same, **changes})
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
+
+    def _of(self, windows: list[SlipWindow]) -> SlipProblem:
+        """The problem of other windows, or of some of these."""
+        return SlipProblem(windows, law=self.law, delay_shows=self.delay_shows, trend=self.trend, contact=self.contact)
 
     @property
     def lasting(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -363,8 +359,7 @@ class SlipProblem(ObservedSlips):
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
-        some = [self.windows[number] for number in which]
-        return SlipProblem(some, law=self.law, delay_shows=self.delay_shows, trend=self.trend, contact=self.contact)
+        return self._of([self.windows[number] for number in which])
 
     def lateness(self, parameters: FloatArray, covariance: FloatArray) -> Lateness:
         """What the delay takes away at the latest gains, with errors, of a problem whose delay shows.

@@ -35,7 +35,8 @@ def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
     """
-    contact = None if first.problem.normalised else contact_of(first.problem.windows)
+    fitted = first.problem.contact is not None
+    contact = None if fitted or first.problem.normalised else contact_of(first.problem.windows)
     if contact is None:
         return first
     yielding = first.problem.with_contact(contact)
