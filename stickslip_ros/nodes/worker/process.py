@@ -8,6 +8,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -155,6 +156,9 @@ class SlowWork:
         for process in self._processes:
             with contextlib.suppress(OSError, ValueError):
                 process.kill()
+        if sys.version_info < (3, 12):
+            # A question that is being sent would wait for ever for the rest of it to be read; newer ones see to it.
+            self._pool._call_queue._reader.close()  # type: ignore[attr-defined]
         # While the pool closes its pipes, the end of Python would stumble over them, and hang.
         closing = Thread(target=self._pool.shutdown, kwargs={"cancel_futures": True}, daemon=True)
         closing.start()
