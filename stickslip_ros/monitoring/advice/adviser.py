@@ -64,12 +64,12 @@ class AdviceQuestion:
             and self.of_the_same_controller(other)
         )
 
-    def alike(self, other: AdviceQuestion) -> bool:
-        """Whether the answer to the one answers the other."""
+    def alike(self, other: AdviceQuestion, speeds: float = _SAME_SPEED) -> bool:
+        """Whether the answer to the one answers the other: at speeds that differ by no more than a share."""
         mine, its = self.loop, other.loop
         return (
             self.about_the_same(other)
-            and _near(self.velocity, other.velocity, _SAME_SPEED)
+            and _near(self.velocity, other.velocity, speeds)
             and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
             and (
                 math.isinf(self.limits.effort)

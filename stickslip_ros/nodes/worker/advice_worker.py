@@ -12,6 +12,8 @@ from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
 
 _ASK_EVERY = 5.0  # [s] where the speed alone has changed
+_ASK_RARELY = 60.0  # [s] where it has by no more than the mean of a few cycles scatters, of which this is most
+_SCATTER = 0.05
 
 
 class AdviceWorker:
@@ -29,8 +31,10 @@ class AdviceWorker:
             if known is not None and known[0].alike(question):
                 return known[1]
             now = monotonic()
-            speed_alone = known is not None and known[0].about_the_same(question)
-            if not speed_alone or now - self._asked_at.get(name, -math.inf) >= _ASK_EVERY:
+            rest = 0.0
+            if known is not None and known[0].about_the_same(question):
+                rest = _ASK_RARELY if known[0].alike(question, _SCATTER) else _ASK_EVERY
+            if now - self._asked_at.get(name, -math.inf) >= rest:
                 self._background.ask(name, question)
                 self._asked_at[name] = now
             # Learning changes the friction with every slip, and the speed may never be the same twice: while the
