@@ -67,7 +67,7 @@ def _changed(joint: JointComparison) -> str:
     silent = [side for side, one in (("before", joint.before), ("after", joint.after)) if not one.cycles]
     why = f"{' and '.join(silent)}: no slips to learn it from" if silent else "it was not learnt"
     why = joint.friction[0].missing if joint.friction and not silent else why
-    why = why if joint.before.settings.options.learn else "it was not to be learnt"
+    why = why if joint.before.settings.options.learn else "learning was switched off"
     return f"{told}; friction cannot be compared ({why})"
 
 

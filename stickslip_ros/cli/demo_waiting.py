@@ -14,6 +14,11 @@ from stickslip_ros.cli.demo_log import DemoListener
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
 
+_COLUMNS = (
+    "[dim]Once a second: position; cycles, which are the slips seen so far; the margin of Eq. (43) in M·x˙_s²,\n"
+    "negative where it sticks; and the monitor's verdict on the motion, not_judged until it has seen enough of it.[/]"
+)
+
 
 class Ticker:
     """One line a second on where things stand."""
@@ -31,7 +36,9 @@ class Ticker:
         if time.monotonic() < self._next or math.isnan(listener.now):
             return
         self._next = time.monotonic() + 1.0
-        self._start = listener.data.states[0][0]
+        if math.isnan(self._start):
+            self._start = listener.data.states[0][0]
+            self._console.print(_COLUMNS)
         colour = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}.get(listener.status, "dim")
         margin = listener.data.margins[-1]["energy_margin"] if listener.data.margins else math.nan
         text = f"margin {margin:+8.3g}" if math.isfinite(margin) else "no margin"
