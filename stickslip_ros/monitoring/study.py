@@ -40,6 +40,7 @@ class Learnt:
         is at the last slip.
     surroundings : what is to be taken off the forces of further slips, None if nothing.
     contact : what was known of one that yields, whose compliance is among the parameters; None else.
+    curved_at : speed at which curved viscous friction is told [rad/s], whose curvature is among them; None else.
     hopeless : laws that these slips have excluded for good.
     spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
     """
@@ -60,6 +61,7 @@ class Learnt:
     drifts: bool = False
     surroundings: Surroundings | None = None
     contact: ContactKnowledge | None = None
+    curved_at: float | None = None
     hopeless: tuple[str, ...] = ()
 
 
@@ -144,6 +146,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         drifts=problem.trend,
         surroundings=fits[0].surroundings,
         contact=problem.contact,
+        curved_at=problem.curved_at,
         hopeless=fits[0].hopeless,
     )
 

@@ -16,7 +16,7 @@ from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
-from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, ParameterEstimate
+from stickslip_ros.monitoring.friction.estimate import Curvature, FrictionEstimate, ParameterEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import dry_friction_text
@@ -119,6 +119,13 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
         ],
         "summary": dry_friction_text(dry),
     }
+
+
+def curvature_json(curvature: Curvature | None) -> dict[str, Any] | None:
+    """Curvature of viscous friction over speed, and the speed at which it is told [rad/s]; None if it is none."""
+    if curvature is None:
+        return None
+    return {"value": number(curvature.value), "std": number(curvature.std), "speed": number(curvature.speed)}
 
 
 def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] | None:

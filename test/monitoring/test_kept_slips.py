@@ -75,7 +75,9 @@ def test_more_of_the_same_does_no_harm(puma: Joint) -> None:
         monitor.finish()
         estimate = monitor.learner.estimate
         assert estimate is not None
-        assert not estimate.unidentified, (seconds, estimate.summary())
+        # Of so few slips viscous friction may be a curve as well.
+        open_still = {"viscous"} if seconds < 30.0 else set()
+        assert set(estimate.unidentified) <= open_still, (seconds, estimate.summary())
         assert estimate["stribeck"].value == pytest.approx(1.6, rel=0.02)
         assert estimate["rise_time"].value == pytest.approx(0.264, rel=0.1)
         assert np.isnan(estimate.load.value)

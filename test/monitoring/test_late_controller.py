@@ -60,8 +60,8 @@ def test_the_delay_goes_into_viscous_friction_and_into_nothing_else(puma: Joint,
     delay = (0.5 + late) / 500.0
     viscous = estimate["viscous"]
     assert viscous.value == pytest.approx(machine.viscous - 630.0 * delay, abs=3.0 * viscous.std)
-    # That the controller acts in steps repeats from slip to slip, which widens the errors.
-    assert viscous.std < 1.0
+    # The controller acts in steps, and what that makes repeats from slip to slip; viscous friction may also be a curve.
+    assert viscous.std < 1.5
     for name in set(NAMES) - {"viscous", "coulomb"}:
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
     assert estimate["inertia"].std > damping * delay / 3.0
@@ -106,3 +106,27 @@ def test_a_delay_that_takes_away_more_than_friction_gives(seed: int) -> None:
     advised = answer[Kind.LEAST_CHANGE]
     if advised.found:
         assert not sticks(machine, advised.gains, recording.speeds[0], controller_period=recording.period)
+
+
+def test_another_speed_tells_a_delay_from_friction() -> None:
+    """At breakaway the force is that of a time ago: parameters were up to 7 of their errors off, and identified."""
+    recording = random_recording(22, CONDITIONS["sampled"])
+    machine, gains = recording.machine, recording.gains
+    assert len(recording.speeds) > 1
+    estimate = learnt(recording.batch, gains)
+    assert estimate.late is not None
+    assert estimate.late.delay == pytest.approx(recording.delay, abs=3.0 * estimate.late.delay_std)
+    assert estimate.late.delay_std < 0.7 * recording.delay
+    for name in set(NAMES) - {"viscous", "coulomb"}:
+        assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
+    left = machine.viscous - float(gains.stiffness) * recording.delay
+    assert estimate["viscous"].value == pytest.approx(left, abs=3.0 * estimate["viscous"].std)
+
+
+def test_errors_have_what_a_delay_may_make() -> None:
+    """Of a delay that is known to be there, but too small for its parameter, four parameters were 3 errors off."""
+    recording = random_recording(14, CONDITIONS["sampled"])
+    estimate = learnt(recording.batch, recording.gains)
+    for name in set(NAMES) - {"viscous", "coulomb"}:
+        truth = float(getattr(recording.machine, name))
+        assert abs(estimate[name].value - truth) < 2.0 * estimate[name].std, name

@@ -228,6 +228,10 @@ def test_a_late_controller_with_gains_to_and_fro(puma: Joint) -> None:
     # One period and half of another: so much of the friction's damping the delay takes off.
     left = float(joint.friction.viscous) - 630.0 * 1.5 / RATE
     assert estimate["viscous"].value == pytest.approx(left, rel=0.1)
+    assert estimate.late is not None
+    assert estimate.late.delay == pytest.approx(1.5 / RATE, rel=0.1)
+    surer = replace(estimate, late=replace(estimate.late, spread=0.01, std=0.01))
+    assert "; the controller acts 3" in surer.summary()
 
 
 def test_the_verdict_at_other_gains_is_right_and_sure(puma: Joint) -> None:

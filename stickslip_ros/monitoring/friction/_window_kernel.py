@@ -114,19 +114,22 @@ def _weighted(history, index, weights, row):
 
 @helper()
 def _slide(
-    begin, surplus, creep, level, drive, stiffness, law, plant, step, whole, first, direction, rest, node, last, times,
-    drives, matrices, weights, back, history, positions, velocities,
+    begin, surplus, creep, level, drive, stiffness, drag, law, plant, step, whole, first, direction, rest, node, last,
+    times, drives, matrices, weights, back, history, positions, velocities,
 ):  # fmt: skip
     """One slip from ``begin``, at a speed of ``creep``, where the force is ``surplus`` beyond what holds.
+
+    ``drag`` goes with the square of the velocity.
 
     Fills the nodes that it passes.
 
     Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
     """
     points, columns = history.shape[1], matrices.shape[2]
-    vector, forces, shapes = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS)
+    vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
     unit = plant[STRIBECK_VELOCITY]
-    way, speed, acceleration = 0.0, creep, (surplus - plant[VISCOUS] * creep) / plant[INERTIA]
+    way, speed = 0.0, creep
+    acceleration = (surplus - (plant[VISCOUS] + drag * creep) * creep) / plant[INERTIA]
     cursor = node
     index = np.int64(0) if first > _NO_STEP else np.int64(1)
     while node < last and index < history.shape[0] and abs(way) < _ABSURD:
@@ -149,7 +152,10 @@ def _slide(
             else:
                 lagged = _weighted(history, before, weights[0], j)
             shapes[j] = _stribeck_friction(law, 1.0, lagged)
-            vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]))
+            if drag != 0.0:
+                # To begin with, as fast as it would be with the acceleration of the step's beginning.
+                dragged[j] = drag * (speed + acceleration * NODES[j] * size) ** 2
+            vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]) - dragged[j])
         history[index, 0] = speed / unit
         vector[0], vector[1], vector[2] = way, speed * size, acceleration * size * size
         vector[2] += (stiffness * way + plant[VISCOUS] * speed) * mobility
@@ -167,7 +173,15 @@ def _slide(
                         if abs(shape - shapes[j]) > change:
                             change = abs(shape - shapes[j])
                         shapes[j] = shape
-                        vector[2 + j] = mobility * (forces[j] + level * (1.0 - shape))
+            if drag != 0.0:
+                for j in range(1, points):
+                    now = drag * (history[index, j] * unit) ** 2
+                    if abs(now - dragged[j]) > change * level:
+                        change = abs(now - dragged[j]) / level
+                    dragged[j] = now
+            if change > 0.0:
+                for j in range(1, points):
+                    vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]) - dragged[j])
             if change < _SETTLED:
                 break
         end = 0.0
@@ -175,7 +189,8 @@ def _slide(
             end += matrix[END_POSITION, j] * vector[j]
         end_speed = history[index, POINTS - 1] * unit
         force = forces[POINTS - 1] + level * (1.0 - shapes[POINTS - 1])
-        end_acceleration = (force - stiffness * end - plant[VISCOUS] * end_speed) / plant[INERTIA]
+        resistance = (plant[VISCOUS] + drag * end_speed) * end_speed
+        end_acceleration = (force - stiffness * end - resistance) / plant[INERTIA]
         arrest = math.inf
         for j in range(1, points):
             if history[index, j] <= 0.0:
@@ -222,13 +237,14 @@ def _shape_at(time, first, law, history, weights):
 
 @compiled(nogil=True)
 def simulate_windows(
-    parameters, law, directions, starts, surpluses, gains, contacts, standing, edges, times, drives, steps,
+    parameters, law, directions, starts, surpluses, gains, drags, contacts, standing, edges, times, drives, steps,
     positions, velocities, found,
 ):  # fmt: skip
     """Simulate slip n from its start over the nodes ``edges[n]`` to ``edges[n + 1]``, by a law of ``_friction_law``.
 
     All but ``directions``, ``surpluses``, ``edges`` and ``times`` have as many rows as there are variants; gains,
-    contacts, standing and drives may have one for all. ``surpluses`` are by what the force exceeds what holds
+    drags, contacts, standing and drives may have one for all. ``drags`` are of the square of the velocity, beside
+    viscous friction. ``surpluses`` are by what the force exceeds what holds
     the joint when it breaks away, ``drives`` what the force on a joint at zero would be, without its velocity's part,
     ``standing`` its mean where the joint was seen to rest. What holds the joint at its breakaway beside the Stribeck
     friction is its kinetic friction, with any load, during the slip. It may stop and go on within the window, but does
@@ -263,6 +279,7 @@ def simulate_windows(
             rest, begin, level = starts[variant, n, POSITION], starts[variant, n, BREAKAWAY], starts[variant, n, LEVEL]
             stiffness = gains[variant % gains.shape[0], n, 0]
             damping = gains[variant % gains.shape[0], n, 1]
+            drag = drags[variant % drags.shape[0], n]
             plant[VISCOUS] = parameters[variant, VISCOUS] + damping
             if stiffness != filled_stiffness or damping != filled_damping:
                 for which in range(2):
@@ -292,8 +309,9 @@ def simulate_windows(
             level_now, surplus = level, surpluses[n] + damped
             for _ in range(_MOST_SLIPS):
                 arrest, way, shape, node = _slide(
-                    begin, surplus, creep, level_now, drive, stiffness, law, plant, step, whole, first_share, direction,
-                    rest, node, last, times, drive_at, matrices, weights, back, history, positions_at, velocities_at,
+                    begin, surplus, creep, level_now, drive, stiffness, drag, law, plant, step, whole,
+                    first_share, direction, rest, node, last, times, drive_at, matrices, weights, back, history,
+                    positions_at, velocities_at,
                 )  # fmt: skip
                 if math.isinf(arrest):
                     break

@@ -48,6 +48,7 @@ _INDEX = {
     "rise_time": RISE_TIME,
 }
 _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
+_SEEN = 3.0  # standard errors
 DRAWS = 128
 
 
@@ -83,6 +84,30 @@ class LawAlternative:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Curvature:
+    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.supplements` has it.
+
+    Attributes
+    ----------
+    value, std : c, the share that goes with the square of the speed, and its standard error; negative where friction
+        grows ever less. speed : v [rad/s], at which F_v is told.
+    """
+
+    value: float
+    std: float
+    speed: float
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        way = "more" if self.value > 0.0 else "less"
+        return (
+            f"viscous friction grows {way} than in proportion to the speed (curvature {self.value:+.2g} ± "
+            f"{self.std:.1g}); it is told at {self.speed:.2g} rad/s"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrictionEstimate:
     """What the slips say of a joint.
 
@@ -110,6 +135,7 @@ class FrictionEstimate:
         latest gains. None else.
     may_be_late : whether a delay that does not show may take away more damping than friction gives. No parameter has
         that, so that no verdict that rests on them is sure.
+    curvature : of viscous friction over speed, where it shows; the viscous friction told is then that at its speed.
     """
 
     source: ForceSource
@@ -133,6 +159,7 @@ class FrictionEstimate:
     growth: Growth | None = None
     late: Lateness | None = None
     may_be_late: bool = False
+    curvature: Curvature | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -225,6 +252,8 @@ class FrictionEstimate:
             text += f"; the law may be {others} as well"
         if self.growth is not None:
             text += f"; {self.growth.text}"
+        if self.curvature is not None:
+            text += f"; {self.curvature.text}"
         if self.may_be_late:
             text += "; there is next to no viscous friction, or a controller that acts late takes it away"
         elif self.late is not None and self.late.missing_damping > 0.0:
@@ -232,6 +261,8 @@ class FrictionEstimate:
                 f"; the controller acts late, which takes {self.late.missing_damping:.2g} N·m·s/rad more damping than "
                 "friction gives"
             )
+        elif self.late is not None and self.late.delay > _SEEN * self.late.delay_std:
+            text += f"; the controller acts {1000.0 * self.late.delay:.2g} ms late"
         if self.mismatch:
             text += f"; {self.mismatch}, so that no parameter is certain"
         return text

@@ -32,6 +32,7 @@ from stickslip_ros.monitoring.friction.estimate import (
     IDENTIFIED,
     UNKNOWN,
     USABLE_ASIDE,
+    Curvature,
     FrictionEstimate,
     LawAlternative,
     ParameterEstimate,
@@ -45,6 +46,7 @@ from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.supplements import covariance_of_supplements, with_supplements
 from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
@@ -108,7 +110,7 @@ def fitted_laws(
     if solution is None:
         return []
     first = with_delay(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
-    first = with_trend(with_contact(first, known), known)
+    first = with_supplements(with_trend(with_contact(first, known), known), known)
     why = _unexplained(first)
     if why and not first.problem.trend and not first.problem.normalised and not first.swings:
         first = with_surroundings(first, known, why)
@@ -194,6 +196,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         dry=None if problem.normalised else dry_friction_of(problem, fit),
         growth=_growth(fits[0], covariance),
         may_be_late=may_hide_a_delay(fits[0]),
+        curvature=_curvature(fits[0], covariance),
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
@@ -234,14 +237,33 @@ def _growth(fitted: FittedLaw, covariance: FloatArray) -> Growth | None:
     )
 
 
+def _curvature(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:
+    """Of viscous friction over speed; None where it is taken for a straight line."""
+    problem = fitted.problem
+    if problem.curved_at is None:
+        return None
+    column = problem.curvature_column
+    return Curvature(
+        value=float(fitted.solution.fit.parameters[column]),
+        std=math.sqrt(max(float(covariance[column, column]), 0.0)),
+        speed=problem.curved_at,
+    )
+
+
 def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
     """Covariance of the first law's parameters and kinetic friction: its own, and how far the others' are off."""
     first = fits[0]
-    covariance = honest_covariance(first.problem, first.solution.fit, first.solution.prior)
+    covariance = _covariance(first)
     for other in fits[1:]:
         off = _off(first, other)
         covariance = covariance + other.weight * np.outer(off, off)
     return covariance
+
+
+def _covariance(fitted: FittedLaw) -> FloatArray:
+    """Of one law's parameters and kinetic friction, with what was not fitted, but may make something of them."""
+    covariance = honest_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior)
+    return np.asarray(covariance + covariance_of_supplements(fitted))
 
 
 def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
@@ -266,7 +288,7 @@ def _comparable(fit: FittedLaw) -> FloatArray:
 
 def _alternative(fit: FittedLaw) -> LawAlternative:
     solution = fit.solution
-    covariance = honest_covariance(fit.problem, solution.fit, solution.prior)
+    covariance = _covariance(fit)
     parameters, covariance = fit.problem.at_the_latest_gains(solution.fit.parameters, covariance)
     return LawAlternative(
         law=fit.law,

@@ -19,7 +19,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring.friction._window_kernel import INERTIA, RISE_TIME, STRIBECK, VISCOUS
+from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
@@ -29,6 +29,7 @@ _UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
 _FEW = 8  # slips more than parameters, before their scatter says something
 _TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much more widens the errors
 _RISEN, _LONGER = 0.1, 2.0  # of the usual rest: a rise time that has long passed; a rest that is longer
+_MORE = 0.1  # of a logarithm: a level that F_s∞ is too small for
 _ANY = 1.5  # of a logarithm: an error that leaves it open
 _CONFIGURED = 0.5  # information of a prior that knows the rise time
 _HALF_A_STEP = 0.5  # of what a sample interval adds to the force
@@ -160,13 +161,16 @@ def _by_no_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
     """Covariance of F_s∞ where static friction seems to have risen before every slip, but for slips after long rests.
 
     Slips after rests that are alike are explained by friction that has risen long before, or that rises for long from
-    an arrest that leaves little of it. Slips after longer rests tell; where these do not fit, the explanation is the
-    wrong one, F_s∞ can be any more than what is seen, and least squares about the one know nothing of the other.
+    an arrest that leaves little of it. Slips after longer rests tell; where these do not fit, or more than F_s∞ held
+    them, the explanation is the wrong one, F_s∞ can be any more than what is seen, and least squares about the one know
+    nothing of the other.
     """
     variances = np.zeros(len(fit.information))
     usual = float(np.median(problem.dwells[problem.usable])) if problem.usable.any() else math.inf
     risen = fit.parameters[RISE_TIME] < math.log(_RISEN * usual)
     contradicted = np.any(problem.dwells[~problem.usable] > _LONGER * usual)
+    # What is left by a slip that was not seen is not known, and Eq. (6) ties the next one's level but loosely.
+    contradicted |= np.any(fit.unknowns[problem.usable, LEVEL] > fit.parameters[STRIBECK] + _MORE)
     if risen and contradicted and prior.information[RISE_TIME, RISE_TIME] < _CONFIGURED:
         variances[[STRIBECK, RISE_TIME]] = _ANY**2
     return np.diag(variances)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +41,16 @@ class Lateness:
     def missing_damping(self) -> float:
         """What is taken off beyond all viscous friction [N·m·s/rad]; 0 where some is left."""
         return max(-self.left, 0.0)
+
+    @property
+    def delay(self) -> float:
+        """τ [s]."""
+        return (self.viscous - self.left) / self.stiffness
+
+    @property
+    def delay_std(self) -> float:
+        """Standard error of τ [s]."""
+        return math.hypot(self.viscous * self.spread, self.std) / self.stiffness
 
     def applied_to(self, joint: Joint) -> Joint:
         """The joint with viscous friction and delay apart."""

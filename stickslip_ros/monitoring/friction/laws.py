@@ -20,6 +20,7 @@ from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of, r
 from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
 from stickslip_ros.monitoring.friction.law_look import look_at, same_curve, same_parameters
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
+from stickslip_ros.monitoring.friction.supplements import with_supplements
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import with_contact
 from stickslip_ros.monitoring.samples import FloatArray
@@ -88,9 +89,9 @@ def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
         solution = fit_near(problem, look.start, first.solution.fit, known)
     except LinAlgError:
         return None
-    # Whether a trend, a contact that yields or a delay explains more is each law's own question.
+    # Whether a delay, a contact that yields, a trend or a supplement explains more is each law's own question.
     other = with_delay(FittedLaw(law=law, problem=problem, solution=solution), known)
-    return with_trend(with_contact(other, known), known)
+    return with_supplements(with_trend(with_contact(other, known), known), known)
 
 
 def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
@@ -98,7 +99,7 @@ def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float,
     again = _near(first, first.law, same_curve(first.law, better), better, known)
     if again is None or first.surroundings is not None:
         return again
-    return with_contact(with_delay(again, known), known)
+    return with_supplements(with_contact(with_delay(again, known), known), known)
 
 
 def _near(

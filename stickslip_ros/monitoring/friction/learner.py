@@ -256,14 +256,16 @@ class FrictionLearner:
             if window.before is None or window.after is None:
                 return
             window = window.between_creep()
+        more = 2 * (state.contact is not None) + (state.curved_at is not None)
         problem = SlipProblem(
             [window],
             (state.last_window.arrest, state.remains) if follows else None,
             both_directions=len(state.kinetic) > 1,
             law=LAWS[state.estimate.law],
-            delay_shows=len(state.parameters) > PARAMETERS + 2 * (state.contact is not None),
+            delay_shows=len(state.parameters) > PARAMETERS + more,
             rougher=rougher,
             contact=state.contact,
+            curved_at=state.curved_at,
         )
         problem.take_up(stray=state.stray, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.

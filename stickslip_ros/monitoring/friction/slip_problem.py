@@ -45,6 +45,8 @@ _LATEST = 2.0  # times that, at most
 _GROWTH = 0.5  # of the Stribeck friction, by which it may grow with the load, or from place to place
 _TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
 _DAMPING_RATIO = 0.5  # of a contact that yields, mean and standard deviation
+CURVATURE = 0.5  # of viscous friction, standard deviation; 1 if it goes with the square of the speed, 0 with the speed
+_SWIFT = 1.33  # of the mean speed of a slip that is half a sine: where friction takes as much as it does on average
 _LEAST_INERTIA = 0.1  # share that a delay leaves
 _LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
 
@@ -71,10 +73,13 @@ class SlipProblem(ObservedSlips):
         those at the last one. Where only speeds are known there is none.
     contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
         between creep, see :meth:`.SlipWindow.between_creep`.
+    curved_at : speed at which the viscous friction is told [rad/s] if it may be a curve over speed, of which a share
+        goes with the square of the speed; None if it is a straight line. Where only speeds are known it is one.
 
     ``more_errors`` are prior standard deviations of what stands beyond the parameters: the reference's speeds, where
     only they are known, relative; the controller's delay, in sample intervals, where it shows; the compliance of a
-    contact that yields, in ``contact.unit``, and its damping ratio; last the share by which Stribeck and viscous
+    contact that yields, in ``contact.unit``, and its damping ratio; the share of viscous friction that goes with the
+    square of the speed, where it is a curve; last the share by which Stribeck and viscous
     friction grow in the time of the slips, if there is a trend. That of the kinetic friction is the last column of
     ``balance``. ``more_means`` are the means of that prior.
     """
@@ -92,6 +97,7 @@ class SlipProblem(ObservedSlips):
         growth: FloatArray | None = None,
         rougher: FloatArray | None = None,
         contact: ContactKnowledge | None = None,
+        curved_at: float | None = None,
     ) -> None:
         super().__init__(windows)
         # Where friction is known to be less: by what the levels of Eq. (6) are to be multiplied.
@@ -115,7 +121,6 @@ class SlipProblem(ObservedSlips):
         if delay_shows is None:
             delay_shows = windows[0].source is ForceSource.GAINS and len({window.gains for window in windows}) > 1
         self.delay_shows = delay_shows
-        self._no_surplus = np.zeros(self.count)
         self._rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
         stiffness, damping = self._gains[self._slip_of_node].T
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
@@ -123,8 +128,9 @@ class SlipProblem(ObservedSlips):
         self.more_errors = np.array([LATE]) if self.delay_shows else self.speed_errors
         self.more_means = np.zeros(len(self.more_errors))
         self.contact = contact
+        self._none = np.zeros((1, self.count))
         self._rigid = np.zeros((1, self.count, 2))
-        self._standing = np.zeros((1, self.count))
+        self._standing = self._none
         if contact is not None:
             self.more_errors = np.append(self.more_errors, [contact.std, _DAMPING_RATIO])
             self.more_means = np.append(self.more_means, [contact.mean, _DAMPING_RATIO])
@@ -135,6 +141,10 @@ class SlipProblem(ObservedSlips):
             begins, ends = self._drives[self.edges[:-1]], self._drives[self._last_observed]
             self._standing = np.where(np.isfinite(rested), rested, begins)[None]
             self._stopped = np.where(np.isfinite(stopped), stopped, ends)
+        self.curved_at = None if self.normalised else curved_at
+        if self.curved_at is not None:
+            self.more_errors = np.append(self.more_errors, CURVATURE)
+            self.more_means = np.append(self.more_means, 0.0)
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
         self.trend = trend and not self.normalised
@@ -192,9 +202,14 @@ class SlipProblem(ObservedSlips):
         self, parameters: FloatArray, unknowns: FloatArray, surpluses: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What :meth:`simulate` gives for several parameters and unknowns at once, each with its row."""
-        surpluses = self._no_surplus if surpluses is None else surpluses
+        surpluses = self._none[0] if surpluses is None else surpluses
         plants = np.exp(parameters[:, :PARAMETERS])
-        gains, drives = self._gains[None], self._drives[None]
+        gains, drives, drags = self._gains[None], self._drives[None], self._none
+        if self.curved_at is not None:
+            # What goes with the square of the speed is no part of the damping.
+            squared = parameters[:, self.curvature_column] * plants[:, VISCOUS]
+            drags = np.repeat(squared[:, None] / self.curved_at, self.count, axis=1)
+            plants[:, VISCOUS] -= squared
         if self.normalised:
             stiffness = plants[:, INERTIA].copy()
             plants[:, INERTIA] = 1.0
@@ -213,9 +228,10 @@ class SlipProblem(ObservedSlips):
             more = (self._rougher - 1.0)[None]
         if more is not None:
             starts[:, :, LEVEL] *= 1.0 + more
-        if self.trend:
-            gains = np.repeat(gains, len(plants), axis=0)
-            gains[:, :, 1] += more * plants[:, VISCOUS, None]
+            if self.trend:
+                gains = np.repeat(gains, len(plants), axis=0)
+                gains[:, :, 1] += more * plants[:, VISCOUS, None]
+                drags = drags * (1.0 + more)
         if self.delay_shows:
             # The force of a time ago is that of now less its rate; by the inertia left, all that is per inertia grows.
             delay = parameters[:, PARAMETERS, None] * self.sample_interval
@@ -230,6 +246,7 @@ class SlipProblem(ObservedSlips):
             late = (delay * stiffness)[:, self._slip_of_node] * self._rates
             drives = (self._drives - late) / lighter[:, self._slip_of_node]
             starts[:, :, LEVEL] /= lighter
+            drags = drags / lighter
         contacts, standing = self._rigid, self._standing
         if self.contact is not None:
             column, inertia = self.contact_column, plants[:, INERTIA]
@@ -244,9 +261,10 @@ class SlipProblem(ObservedSlips):
         found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
         # What was chosen by slip lies the other way round in memory, and would have the kernel compiled once more.
         drives, standing = np.ascontiguousarray(drives), np.ascontiguousarray(standing)
+        drags = np.ascontiguousarray(drags)
         kernel.simulate_windows(
-            plants, self.law, self.directions, starts, surpluses, gains, contacts, standing, self.edges, self.times,
-            drives, self._steps(plants, gains), positions, velocities, found,
+            plants, self.law, self.directions, starts, surpluses, gains, drags, contacts, standing, self.edges,
+            self.times, drives, self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
         if self.contact is not None:
             # Where the joint stands after a slip is a mean over a time in which it creeps on.
@@ -301,11 +319,20 @@ class SlipProblem(ObservedSlips):
 
     def with_delay(self) -> SlipProblem:
         """The problem of the same slips with a controller whose delay is unknown; what was found of stamps is kept."""
-        return self._with(delay_shows=True)
+        return self._with(delay_shows=True, trend=self.trend)
 
     def with_contact(self, contact: ContactKnowledge) -> SlipProblem:
         """The problem of the same slips with a contact that yields; what was found of the stamps is kept."""
         return self._with([window.between_creep() for window in self.windows], contact=contact)
+
+    def with_curvature(self) -> SlipProblem:
+        """The problem of the same slips with viscous friction that may be a curve; what was found of stamps is kept."""
+        return self._with(curved_at=_SWIFT * self.usual_speed, trend=self.trend)
+
+    @property
+    def curvature_column(self) -> int:
+        """Index of the curvature among the parameters of a problem that has one."""
+        return PARAMETERS + self.delay_shows + 2 * (self.contact is not None)
 
     @property
     def contact_column(self) -> int:
@@ -342,14 +369,26 @@ class SlipProblem(ObservedSlips):
 
         What was found of the stamps is kept.
         """
-        same = {"law": self.law, "delay_shows": self.delay_shows, "contact": self.contact}
+        same = {
+            "law": self.law,
+            "delay_shows": self.delay_shows,
+            "contact": self.contact,
+            "curved_at": self.curved_at,
+        }
         other = SlipProblem(windows or self.windows, self.before, **{**same, **changes})
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
 
     def _of(self, windows: list[SlipWindow]) -> SlipProblem:
         """The problem of other windows, or of some of these."""
-        return SlipProblem(windows, law=self.law, delay_shows=self.delay_shows, trend=self.trend, contact=self.contact)
+        return SlipProblem(
+            windows,
+            law=self.law,
+            delay_shows=self.delay_shows,
+            trend=self.trend,
+            contact=self.contact,
+            curved_at=self.curved_at,
+        )
 
     @property
     def lasting(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -381,15 +420,15 @@ class SlipProblem(ObservedSlips):
     def _slopes_of_what_is_left(self, parameters: FloatArray, size: int) -> FloatArray:
         """Of what is left of the viscous friction, over the parameters and what follows them, shape (size,)."""
         slopes = np.zeros(size)
-        slopes[[VISCOUS, PARAMETERS]] = math.exp(parameters[VISCOUS]), -self._taken_by_an_interval
+        slopes[[VISCOUS, PARAMETERS]] = math.exp(parameters[VISCOUS]), -self.taken_by_an_interval
         return slopes
 
     def _viscous_left(self, parameters: FloatArray) -> float:
         """Viscous friction less what the delay takes off at the latest gains, k_p τ; negative where that is more."""
-        return math.exp(parameters[VISCOUS]) - self._taken_by_an_interval * float(parameters[PARAMETERS])
+        return math.exp(parameters[VISCOUS]) - self.taken_by_an_interval * float(parameters[PARAMETERS])
 
     @property
-    def _taken_by_an_interval(self) -> float:
+    def taken_by_an_interval(self) -> float:
         """Damping that a delay of one sample interval takes off at the latest gains [N·m·s/rad]."""
         return float(self._gains[-1, 0]) * self.sample_interval
 

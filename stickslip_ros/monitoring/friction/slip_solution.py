@@ -54,6 +54,7 @@ HELD = 1e-6  # standard deviation of a logarithm that is not to change
 _RISE_TIME_SPREAD = 2.0
 _LONGEST_DELAY = 20.0  # sample intervals
 _MOST_DAMPING = 2.0  # damping ratio of a contact
+_MOST_CURVED = 0.95  # of viscous friction, that goes with the square of the speed; or of what is missing there
 _LEAST_VISCOUS = 0.02  # of the inertia over a slip's duration: a damping ratio of 0.2 %
 _LEAST_STRIBECK_VELOCITY = 2e-3  # of the usual speed of a slip
 _LEAST_LAG = 1e-4  # of a slip's duration
@@ -283,6 +284,8 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     if problem.contact is not None:
         both = slice(problem.contact_column, problem.contact_column + 2)
         lower[both], upper[both] = (LEAST_COMPLIANCE, 0.0), (MOST_COMPLIANCE, _MOST_DAMPING)
+    if problem.curved_at is not None:
+        lower[problem.curvature_column], upper[problem.curvature_column] = -_MOST_CURVED, _MOST_CURVED
     return lower, upper
 
 
