@@ -46,7 +46,7 @@ from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.friction.supplements import covariance_of_supplements, with_supplements
+from stickslip_ros.monitoring.friction.supplements import with_supplements
 from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
@@ -263,7 +263,7 @@ def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
 def _covariance(fitted: FittedLaw) -> FloatArray:
     """Of one law's parameters and kinetic friction, with what was not fitted, but may make something of them."""
     covariance = honest_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior)
-    return np.asarray(covariance + covariance_of_supplements(fitted))
+    return np.asarray(covariance + fitted.by_supplements)
 
 
 def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -41,6 +41,8 @@ class FittedLaw:
         grows with them in the problem grows the other way.
     hopeless : laws that were looked at and that no more slips would make as good.
     swings : whether the joint's contact yields, and it slips again before it has come to rest on it.
+    by_supplements : covariance of what :mod:`.supplements` that were not fitted may make of parameters and kinetic
+        friction, shape (p + k, p + k), or 0.
     """
 
     law: str
@@ -51,6 +53,7 @@ class FittedLaw:
     falls: bool = False
     hopeless: tuple[str, ...] = ()
     swings: bool = False
+    by_supplements: FloatArray = field(default_factory=lambda: np.zeros(()))
 
     @property
     def fits(self) -> bool:
@@ -82,7 +85,7 @@ def fitted_with_more(
     gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
-    return replace(first, problem=problem, solution=found)
+    return replace(first, problem=problem, solution=found, by_supplements=np.zeros(()))
 
 
 def _promises(first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]) -> bool:

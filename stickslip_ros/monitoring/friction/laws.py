@@ -111,4 +111,4 @@ def _near(
         solution = fit_near(problem, start, shape.solution.fit, known)
     except LinAlgError:
         return None
-    return replace(first, law=law, problem=problem, solution=solution)
+    return replace(first, law=law, problem=problem, solution=solution, by_supplements=np.zeros(()))

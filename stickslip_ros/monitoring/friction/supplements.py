@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -82,35 +82,35 @@ class Evidence:
 def with_supplements(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
     """The same law with what explains the slips better (BIC), what explains most first; else as it was.
 
+    With it goes what others may make of its parameters and kinetic friction. Where the law does not fit, what is left
+    over says nothing of them.
+
     Parameters
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
     """
-    fitted, left = first, list(SUPPLEMENTS)
-    while left:
-        asked = [(one, _evidence(fitted, one)) for one in left if one.may_be(fitted)]
-        seen = {one: said for one, said in asked if said is not None}
-        best = max(seen, key=lambda one: seen[one].gain, default=None)
+    fitted = first
+    tried: set[Supplement] = set()
+    while True:
+        asked = [one for one in SUPPLEMENTS if one.may_be(fitted)]
+        seen = {one: said for one in asked if (said := _evidence(fitted, one)) is not None}
+        best = _most_promising(fitted, [one for one in asked if one not in tried], seen)
         if best is None:
-            # With an effort that is wrong slips might be explained that should not be.
-            sure = fitted.problem.windows[0].source is ForceSource.GAINS
-            best = next((one for one, _ in asked if one.explains_misfit and sure), None)
-        elif seen[best].gain < math.log(fitted.problem.count):
-            best = None
-        if best is None:
-            break
-        left.remove(best)
+            covariance = sum((said.covariance for said in seen.values()), start=np.zeros(()))
+            return replace(fitted, by_supplements=np.asarray(covariance))
+        tried.add(best)
         fitted = fitted_with_more(fitted, best.added(fitted.problem), 1, known, promises=best in seen)
-    return fitted
 
 
-def covariance_of_supplements(fitted: FittedLaw) -> FloatArray | float:
-    """Of what supplements that were not fitted may make of parameters and kinetic friction, (p + k, p + k); 0 if none.
-
-    Where the law does not fit, what is left over says nothing of them.
-    """
-    asked = [_evidence(fitted, one) for one in SUPPLEMENTS if one.may_be(fitted)]
-    return sum((said.covariance for said in asked if said is not None), start=0.0)
+def _most_promising(
+    fitted: FittedLaw, asked: list[Supplement], seen: Mapping[Supplement, Evidence]
+) -> Supplement | None:
+    """What is worth a fit; None if nothing is."""
+    worth = [one for one in asked if one in seen and seen[one].gain > math.log(fitted.problem.count)]
+    # With an effort that is wrong slips might be explained that should not be.
+    sure = fitted.problem.windows[0].source is ForceSource.GAINS
+    unseen = [one for one in asked if one not in seen and one.explains_misfit and sure]
+    return max(worth, key=lambda one: seen[one].gain) if worth else next(iter(unseen), None)
 
 
 def _evidence(fitted: FittedLaw, supplement: Supplement) -> Evidence | None:
