@@ -2,10 +2,11 @@
 # Copyright 2026 The stickslip_ros developers
 """A controller that acts late, as every sampled one does: it holds its effort for a period, and sends it later still.
 
-A delay τ of the force of the gains is, to the first order, damping of −k_p τ and inertia of −k_v τ. With gains that
-are the same throughout, viscous friction and inertia take it up: then viscous friction is told with it, F_v − k_p τ,
-which is what counts for the margin, and the error of the inertia has it. Where it takes away more damping than friction
-gives, no friction can take it up: there it is fitted.
+A delay τ of the force of the gains is, to the first order, damping of −k_p τ and inertia of −k_v τ. With one speed,
+and gains that are the same throughout, viscous friction and inertia take it up: then viscous friction is told with
+it, F_v − k_p τ, which is what counts for the margin, and the error of the inertia has it. Where it takes away more
+damping than friction gives, no friction can take it up: there it is fitted. Where speeds differ it is one of the
+:mod:`.supplements`.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ from stickslip_ros.monitoring.friction.slip_problem import CURVATURE, LATE, PARA
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
+_LITTLE = 0.005  # of a slip, that a supplement may explain which the law leaves over
 _FARTHEST = 2.0  # standard deviations before anything is seen
 
 
@@ -107,8 +108,11 @@ def _most_promising(
 ) -> Supplement | None:
     """What is worth a fit; None if nothing is."""
     worth = [one for one in asked if one in seen and seen[one].gain > math.log(fitted.problem.count)]
-    # With an effort that is wrong slips might be explained that should not be.
-    sure = fitted.problem.windows[0].source is ForceSource.GAINS
+    # With an effort that is wrong slips might be explained that should not be; and where much is left over a look is in
+    # vain.
+    problem = fitted.problem
+    little = fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
+    sure = little and problem.windows[0].source is ForceSource.GAINS
     unseen = [one for one in asked if one not in seen and one.explains_misfit and sure]
     return max(worth, key=lambda one: seen[one].gain) if worth else next(iter(unseen), None)
 
