@@ -47,6 +47,7 @@ _LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
 _STRANGE = 9.0  # mean square of a slip's residuals that the friction known does not explain
 _FORCE_STRANGE = 6.0  # standard deviations of the kinetic friction
 _OFF = 0.01  # of the slip distance: less is no change
+_STEPS = 2.0  # of a controller's force, of the Stribeck friction: likewise
 _FORCE_OFF = 0.02  # of the Stribeck friction, likewise
 _STRANGE_IN_A_ROW = 3
 _WELL_STUDIED = 12  # slips of a study that is believed
@@ -317,7 +318,10 @@ class FrictionLearner:
         off = float(np.sqrt(np.mean((said.residuals * problem.errors) ** 2))) / float(problem.distances[0])
         force = abs(float(said.misfits[0]))
         level = math.exp(state.parameters[STRIBECK])
-        return (square > _STRANGE * max(1.0, state.estimate.mean_square) and off > _OFF) or (
+        # A controller that acts on samples begins each slip with some more or less of a step of its force.
+        step = problem.loading_rate(state.parameters) * problem.sample_interval / level if problem.may_be_late else 0.0
+        enough = max(_OFF, _STEPS * step)
+        return (square > _STRANGE * max(1.0, state.estimate.mean_square) and off > enough) or (
             force > _FORCE_STRANGE * math.hypot(state.balance_error, _FORCE_OFF * level)
         )
 
