@@ -21,6 +21,7 @@ from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.simulation import simulate_cycles
+from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
 from stickslip_ros.monitoring.friction.estimate import (
     COULOMB_AND_LOAD,
     DOES_NOT_FIT,
@@ -164,6 +165,14 @@ def test_what_is_open_rests_on_the_configured_joint(puma: Joint) -> None:
     assert estimate is not None
     assert estimate["rise_time"].value == pytest.approx(0.264, rel=0.25)
     assert "from the configuration" in estimate.summary()
+
+
+def test_what_is_known_roughly_is_no_guess(puma: Joint) -> None:
+    """Viscous friction known to 7 % was called a guess."""
+    found = estimated(two_speeds(puma, GAINS)[0], GAINS)
+    covariance = found.covariance.copy()
+    covariance[VISCOUS, VISCOUS] = 0.07**2
+    assert "; viscous to 7 % only" in replace(found, covariance=covariance).summary()
 
 
 def test_effort_alone_is_enough(puma: Joint) -> None:

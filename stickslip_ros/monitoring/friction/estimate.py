@@ -49,6 +49,7 @@ _INDEX = {
 }
 _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
 _SEEN = 3.0  # standard errors
+_ROUGHLY = 0.3  # relative standard error of what is not identified, but not a guess either
 DRAWS = 128
 
 
@@ -239,12 +240,20 @@ class FrictionEstimate:
             others.append(replace(other, logarithms=its_logarithms, covariance=its_covariance))
         return replace(self, normalised=False, logarithms=logarithms, covariance=covariance, alternatives=tuple(others))
 
+    def _not_identified(self) -> str:
+        """What is known of it roughly, and what is not known."""
+        errors = {name: self[name].std / self[name].value for name in self.unidentified}
+        roughly = [f"{name} to {100.0 * error:.0f} %" for name, error in errors.items() if error < _ROUGHLY]
+        text = f"; {', '.join(roughly)} only" if roughly else ""
+        unknown = [name for name, error in errors.items() if not error < _ROUGHLY]
+        prior = "the configuration" if self.configured else "a guess"
+        return f"{text}; {', '.join(unknown)} from {prior}" if unknown else text
+
     def summary(self) -> str:
         """One sentence on what the estimate rests on."""
         text = f"learnt from {self.slips} slips by {self.source.value}"
         if self.unidentified and not self.mismatch:
-            prior = "the configuration" if self.configured else "a guess"
-            text += f"; {', '.join(self.unidentified)} from {prior}"
+            text += self._not_identified()
         if self.law != PAPERS_LAW:
             text += f"; by the {self.law} law"
         if self.alternatives:
