@@ -153,6 +153,8 @@ def _over_laws(
     laws = []
     for weight, one in estimate.by_law():
         joint, ratios = drawn(one)
+        if one.curvature is not None:
+            joint = one.curvature.drawn(joint)
         doubt = _DOUBT if one.mismatch or one.may_be_late else 0.0
         laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=doubt))
     return replace(laws[0], others=tuple(laws[1:]))

@@ -18,6 +18,7 @@ from machines import Machine, drawn, simulate
 from random_machines import CONDITIONS, random_recording
 
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
@@ -157,6 +158,12 @@ def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
         assert off(estimate, name, float(getattr(machine, name))) < 3.0, name
     for name in ("inertia", "stribeck"):
         assert estimate[name].identified, name
+    # A verdict is about slower motion, where curved friction gives less damping, or more.
+    belief, _ = believed(estimate, None, GAINS)
+    assert belief is not None
+    assert belief.uncertainty is not None
+    drawn = float(np.median(belief.uncertainty.joint.friction.viscous)) / estimate["viscous"].value
+    assert drawn == pytest.approx(1.0 - 0.5 * estimate.curvature.value, abs=0.1)
     learnt = monitor.learner.memory_of().learnt
     assert learnt is not None
     assert len(learnt.parameters) == PARAMETERS + 1

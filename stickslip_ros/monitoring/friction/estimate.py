@@ -51,6 +51,7 @@ _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
 _SEEN = 3.0  # standard errors
 _ROUGHLY = 0.3  # relative standard error of what is not identified, but not a guess either
 DRAWS = 128
+_SLOWER = np.random.default_rng(43).permutation((np.arange(DRAWS) + 0.5) / DRAWS)  # than v, as a share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +98,14 @@ class Curvature:
     value: float
     std: float
     speed: float
+
+    def drawn(self, joint: Joint) -> Joint:
+        """Joints as one of arrays, each with the viscous friction of another speed between none and v.
+
+        A verdict is about a motion that is slower than the slips from which friction was learnt, by what is not known.
+        """
+        viscous = np.asarray(joint.friction.viscous) * (1.0 - self.value * _SLOWER)
+        return replace(joint, friction=replace(joint.friction, viscous=viscous))
 
     @property
     def text(self) -> str:
