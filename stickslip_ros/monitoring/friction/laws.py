@@ -91,7 +91,7 @@ def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
         return None
     # Whether a delay, a contact that yields, a trend or a supplement explains more is each law's own question.
     other = with_delay(FittedLaw(law=law, problem=problem, solution=solution), known)
-    return with_supplements(with_trend(with_contact(other, known), known), known)
+    return with_supplements(with_trend(with_contact(other, known), known), known, beside=first)
 
 
 def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
