@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import Machine, drawn, simulate
+from machines import Machine
 from random_joints import cut_slips
 from random_joints import random_recording as random_joint_recording
 from random_machines import CONDITIONS, random_recording
+from two_speeds import monitor_of, recording
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.belief import believed
@@ -27,37 +28,12 @@ from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.friction.supplements import Evidence
-from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 GAINS = Gains(stiffness=630.0)
-RATE, SECONDS, RESOLUTION = 1000.0, 60.0, 5e-6
-SPEEDS = (0.005, 0.003)
+RESOLUTION = 5e-6  # [rad], some thousandth of a slip
 NODES = 200
-
-
-def recording(machine: Machine) -> Batch:
-    """Half a minute at either speed, with an encoder of some thousand counts a slip."""
-    times = np.arange(int(SECONDS * RATE)) / RATE
-    velocities = np.where(times < SECONDS / 2, *SPEEDS)
-    references = drawn(machine, GAINS) + np.append(0.0, np.cumsum(velocities)[:-1]) / RATE
-    motion = simulate(machine, GAINS, references, velocities, 1.0 / RATE)
-    return Batch(
-        time=times,
-        position=RESOLUTION * np.round(motion.position / RESOLUTION),
-        effort=motion.effort,
-        reference_position=references,
-        reference_velocity=velocities,
-    )
-
-
-def monitor_of(batch: Batch, gains: Gains) -> JointMonitor:
-    """A monitor that has learnt from a recording."""
-    monitor = JointMonitor(None, gains, studies_at_once=True, at_arrest=True)
-    monitor.process(batch)
-    monitor.finish()
-    return monitor
 
 
 def learnt_from(condition: str, seed: int) -> tuple[Machine, FrictionEstimate]:
@@ -146,7 +122,7 @@ def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
     straight = Machine.of(puma)
     speed = 0.05
     machine = replace(straight, viscous=straight.viscous * (1.0 - curvature), drag=straight.viscous * curvature / speed)
-    monitor = monitor_of(recording(machine), GAINS)
+    monitor = monitor_of(recording(machine, GAINS, RESOLUTION), GAINS)
     estimate = monitor.learner.estimate
     assert estimate is not None
     assert not estimate.mismatch
@@ -198,10 +174,10 @@ def test_straight_friction_stays_straight() -> None:
 @pytest.mark.parametrize("seed", [15, 24, 39])
 def test_noise_is_no_curve(seed: int) -> None:
     """With stray stamps and lost samples each of these had a curve, and up to three of six verdicts were wrong."""
-    recording = random_joint_recording(seed)
-    windows, _ = cut_slips(recording.noisy(1), recording.gains)
+    drawn = random_joint_recording(seed)
+    windows, _ = cut_slips(drawn.noisy(1), drawn.gains)
     estimate = estimate_friction(windows)
     assert estimate is not None
     assert estimate.curvature is None
-    frequency = math.sqrt(recording.joint.inertia / estimate["inertia"].value)
+    frequency = math.sqrt(drawn.joint.inertia / estimate["inertia"].value)
     assert frequency == pytest.approx(1.0, abs=0.03)

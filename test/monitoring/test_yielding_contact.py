@@ -12,36 +12,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import Machine, drawn, simulate
+from machines import Machine
 from random_machines import CONDITIONS, random_recording
+from two_speeds import SECONDS, monitor_of, recording
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 pytestmark = pytest.mark.slow
 
 GAINS = Gains(stiffness=630.0)
-RATE, SECONDS, RESOLUTION = 1000.0, 60.0, 2e-5
-SPEEDS = (0.005, 0.003)
-
-
-def recording(machine: Machine, gains: Gains = GAINS) -> Batch:
-    """Half a minute at either speed, with an encoder of some 200 counts a slip."""
-    times = np.arange(int(SECONDS * RATE)) / RATE
-    velocities = np.where(times < SECONDS / 2, *SPEEDS)
-    references = drawn(machine, gains) + np.append(0.0, np.cumsum(velocities)[:-1]) / RATE
-    motion = simulate(machine, gains, references, velocities, 1.0 / RATE)
-    return Batch(
-        time=times,
-        position=RESOLUTION * np.round(motion.position / RESOLUTION),
-        effort=motion.effort,
-        reference_position=references,
-        reference_velocity=velocities,
-    )
+RESOLUTION = 2e-5  # [rad], some two hundredth of a slip
 
 
 def yielding(puma: Joint, ratio: float) -> Machine:
@@ -50,14 +34,6 @@ def yielding(puma: Joint, ratio: float) -> Machine:
     return replace(
         Machine.of(puma), bristle_stiffness=stiffness, bristle_damping=0.6 * math.sqrt(stiffness * puma.inertia)
     )
-
-
-def monitor_of(batch: Batch, gains: Gains | None) -> JointMonitor:
-    """A monitor that has learnt from a recording."""
-    monitor = JointMonitor(None, gains, studies_at_once=True, at_arrest=True)
-    monitor.process(batch)
-    monitor.finish()
-    return monitor
 
 
 def assert_right(estimate: FrictionEstimate, machine: Machine, names: set[str], errors: float = 3.0) -> None:
@@ -70,7 +46,7 @@ def assert_right(estimate: FrictionEstimate, machine: Machine, names: set[str], 
 def test_slips_between_creep(puma: Joint, ratio: float) -> None:
     """A third of a per cent of creep left no parameter identified: the slips did not fit by a tenth of a per cent."""
     machine = yielding(puma, ratio)
-    monitor = monitor_of(recording(machine), GAINS)
+    monitor = monitor_of(recording(machine, GAINS, RESOLUTION), GAINS)
     estimate = monitor.learner.estimate
     assert estimate is not None
     assert not estimate.mismatch
@@ -90,7 +66,7 @@ def test_slips_between_creep(puma: Joint, ratio: float) -> None:
 def test_effort_alone_tells_of_creep_too(puma: Joint) -> None:
     """The controller's gains unknown: the force is what the effort says."""
     machine = yielding(puma, 200.0)
-    batch = recording(machine)
+    batch = recording(machine, GAINS, RESOLUTION)
     nothing = np.full(len(batch), math.nan)
     batch = replace(batch, reference_position=nothing, reference_velocity=nothing)
     estimate = monitor_of(batch, None).learner.estimate
@@ -103,7 +79,7 @@ def test_effort_alone_tells_of_creep_too(puma: Joint) -> None:
 def test_gains_that_change_beside_a_contact_that_yields(puma: Joint) -> None:
     """The controller's delay is fitted then too."""
     machine = yielding(puma, 100.0)
-    first, second = (recording(machine, replace(GAINS, damping=damping)) for damping in (0.0, 30.0))
+    first, second = (recording(machine, replace(GAINS, damping=damping), RESOLUTION) for damping in (0.0, 30.0))
     monitor = JointMonitor(None, GAINS, studies_at_once=True, at_arrest=True)
     monitor.process(first)
     monitor.gains = replace(GAINS, damping=30.0)
@@ -117,7 +93,7 @@ def test_gains_that_change_beside_a_contact_that_yields(puma: Joint) -> None:
 
 def test_a_contact_that_does_not_yield_is_left_as_it_is(puma: Joint) -> None:
     """Nothing is fitted of a contact where no creep shows."""
-    monitor = monitor_of(recording(Machine.of(puma)), GAINS)
+    monitor = monitor_of(recording(Machine.of(puma), GAINS, RESOLUTION), GAINS)
     learnt = monitor.learner.memory_of().learnt
     assert learnt is not None
     assert learnt.contact is None
@@ -145,7 +121,7 @@ def test_other_joints_on_springs(seed: int) -> None:
 
 def test_fits_are_compared_by_what_both_of_them_observe(puma: Joint) -> None:
     """Counts of how the joint springs back are left out of a fit: each was taken for evidence against the contact."""
-    batch = recording(yielding(puma, 300.0))
+    batch = recording(yielding(puma, 300.0), GAINS, RESOLUTION)
     learnt = monitor_of(batch.where(slice(0, round(0.7 * len(batch)))), GAINS).learner.memory_of().learnt
     assert learnt is not None
     assert learnt.contact is not None
