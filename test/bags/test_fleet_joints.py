@@ -167,7 +167,10 @@ def test_short_recordings_are_no_history(answers: list[dict[str, Any]]) -> None:
     for bag in short[1:]:
         bag["joints"]["axis0"]["moving_time"] = 3.0
     histories = next(one for one in fleet_joints(short) if one.name == "axis0").histories
-    assert [len(history.points) for history in histories.values()] == [1] * len(histories)
+    points = {name: len(history.points) for name, history in histories.items()}
+    # The one recording that is long enough does not show whether viscous friction is a straight line.
+    assert points.pop("viscous") == int(short[0]["joints"]["axis0"]["friction"]["viscous"]["identified"])
+    assert set(points.values()) == {1}, points
     assert all(history.trend is None for history in histories.values())
 
 

@@ -33,6 +33,8 @@ def test_every_transition_again_and_again(ros_domain: int) -> None:
             one.diagnostics.clear()
             one.cycles.clear()
             one.wait_for_monitor()
+            # A busy machine learns of a node's topics a little later.
+            one.wait(lambda: "/joint_states" in one.entities()["subscriptions"], 5.0, "the node's topics")
             graphs.append(one.entities())
             play(one, "joint1", *staircase(2000), begin=100.0)
             one.wait(lambda: one.status("joint1") == "stick_slip" and len(one.cycles) >= 8, 20.0, "stick slip")

@@ -162,6 +162,9 @@ def test_nobody_elses_gains_are_overwritten(ros_domain: int) -> None:
         one.wait_for_monitor()
         for trial in range(10):
             set_anew(one, late_get=0.03 * (trial % 3), meddle=2 + trial % 4)
+            # Beside the smooth motion of a moment ago its sticking would be worse, and end the ramp.
+            before = len(one.cycles)
+            one.wait(lambda before=before: len(one.cycles) >= before + 3, 20.0, "the old motion")
             asked = ask(one)
             one.wait(asked.done, 20.0, "the answer")
             answer = asked.result()
