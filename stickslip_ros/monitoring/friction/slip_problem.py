@@ -369,26 +369,23 @@ class SlipProblem(ObservedSlips):
 
         What was found of the stamps is kept.
         """
-        same = {
-            "law": self.law,
-            "delay_shows": self.delay_shows,
-            "contact": self.contact,
-            "curved_at": self.curved_at,
-        }
-        other = SlipProblem(windows or self.windows, self.before, **{**same, **changes})
+        other = SlipProblem(windows or self.windows, self.before, **{**self._kind, **changes})
         other.take_up(stray=self.stray, tolerance=0.0)
         return other
 
     def _of(self, windows: list[SlipWindow]) -> SlipProblem:
         """The problem of other windows, or of some of these."""
-        return SlipProblem(
-            windows,
-            law=self.law,
-            delay_shows=self.delay_shows,
-            trend=self.trend,
-            contact=self.contact,
-            curved_at=self.curved_at,
-        )
+        return SlipProblem(windows, trend=self.trend, **self._kind)
+
+    @property
+    def _kind(self) -> dict[str, Any]:
+        """What all problems made of this one have in common with it."""
+        return {
+            "law": self.law,
+            "delay_shows": self.delay_shows,
+            "contact": self.contact,
+            "curved_at": self.curved_at,
+        }
 
     @property
     def lasting(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

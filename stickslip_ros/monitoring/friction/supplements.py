@@ -101,31 +101,34 @@ def with_supplements(
     fitted = first
     straight = beside is not None and beside.problem.curved_at is None
     tried: set[Supplement] = {CURVED_VISCOUS} if straight else set()
-    while True:
-        asked = [one for one in SUPPLEMENTS if one.may_be(fitted)]
-        seen = {one: said for one in asked if (said := _evidence(fitted, one)) is not None}
-        best = _most_promising(fitted, [one for one in asked if one not in tried], seen)
-        if best is None:
-            covariance = sum((said.covariance for said in seen.values()), start=np.zeros(()))
-            return replace(fitted, by_supplements=np.asarray(covariance))
+    asked = _asked(fitted)
+    while (best := _most_promising(fitted, {one: asked[one] for one in asked if one not in tried})) is not None:
         tried.add(best)
-        found = fitted_with_more(fitted, best.added(fitted.problem), 1, known, promises=best in seen)
+        found = fitted_with_more(fitted, best.added(fitted.problem), 1, known, promises=asked[best] is not None)
         if found is not fitted and not _at_its_bound(found, best):
             fitted = found
+            asked = _asked(fitted)
+    covariance = sum((said.covariance for said in asked.values() if said is not None), start=np.zeros(()))
+    return replace(fitted, by_supplements=np.asarray(covariance))
 
 
-def _most_promising(
-    fitted: FittedLaw, asked: list[Supplement], seen: Mapping[Supplement, Evidence]
-) -> Supplement | None:
-    """What is worth a fit; None if nothing is."""
-    worth = [one for one in asked if one in seen and seen[one].gain > _CLEARLY]
+def _asked(fitted: FittedLaw) -> dict[Supplement, Evidence | None]:
+    """The supplements that are a question for a fit, each with what the slips say of it, None if nothing."""
+    return {one: _evidence(fitted, one) for one in SUPPLEMENTS if one.may_be(fitted)}
+
+
+def _most_promising(fitted: FittedLaw, left: Mapping[Supplement, Evidence | None]) -> Supplement | None:
+    """What of those left is worth a fit; None if nothing is."""
+    gains = {one: said.gain for one, said in left.items() if said is not None and said.gain > _CLEARLY}
+    if gains:
+        return max(gains, key=lambda one: gains[one])
     # With an effort that is wrong slips might be explained that should not be; and where much is left over a look is in
     # vain.
     problem = fitted.problem
     little = 0.0 < fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
-    sure = little and problem.windows[0].source is ForceSource.GAINS
-    unseen = [one for one in asked if one not in seen and one.explains_misfit and sure]
-    return max(worth, key=lambda one: seen[one].gain) if worth else next(iter(unseen), None)
+    if not little or problem.windows[0].source is not ForceSource.GAINS:
+        return None
+    return next((one for one, said in left.items() if said is None and one.explains_misfit), None)
 
 
 def _at_its_bound(fitted: FittedLaw, supplement: Supplement) -> bool:
