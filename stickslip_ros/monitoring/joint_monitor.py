@@ -19,9 +19,10 @@ from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
+from stickslip_ros.monitoring.detection.motion import Swing
 from stickslip_ros.monitoring.detection.rests import Rest, RestDetector
 from stickslip_ros.monitoring.detection.reversals import ReversalMeter
-from stickslip_ros.monitoring.detection.segments import SILENCE, STATUS_OF, Segments
+from stickslip_ros.monitoring.detection.segments import STATUS_OF, Segments
 from stickslip_ros.monitoring.detection.status import (
     Finding,
     Hunting,
@@ -46,6 +47,7 @@ from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
 
 _RECENT_CYCLES = 5
+_ANOTHER_SPEED = 4.0  # times as fast: a change of the reference's speed begins a new train
 _STILL_STICKING = 2.0  # mean periods since the last breakaway
 _RECENT = 1.0  # [s] over which the largest errors are taken
 _NOW = 0.1  # [s] over which the present velocity is taken
@@ -229,19 +231,17 @@ class JointMonitor:
     def process(self, batch: Batch) -> list[Cycle]:
         """Take samples and return the cycles that they complete, oldest first; how they are batched is no matter."""
         cycles: list[Cycle] = []
-        if self._motion.goes_on(batch, silence=SILENCE, largest=LARGEST):
+        if self._motion.goes_on(batch, largest=LARGEST):
             self._filter.pass_on(batch)
             for short in _short_parts(batch):
                 cycles += self._follow(short)
             return cycles
         for restart, piece in self._filter.split(batch):
-            for number, part in enumerate(_without_silences(piece)):
-                begins = number > 0 or restart or part.time[0] - self._motion.last_time > SILENCE
-                if begins and math.isfinite(self._motion.last_time):
-                    cycles += self.finish()
-                    self._begin()
-                for short in _short_parts(part):
-                    cycles += self._follow(short)
+            if restart and math.isfinite(self._motion.last_time):
+                cycles += self.finish()
+                self._begin()
+            for short in _short_parts(piece):
+                cycles += self._follow(short)
         return cycles
 
     def finish(self) -> list[Cycle]:
@@ -260,6 +260,9 @@ class JointMonitor:
         self._samples.add(batch)
         self._note_needed_motion()
         for rest in self._rests.feed(batch):
+            if isinstance(rest, Swing):
+                cycles += self._settle(self._cycles.take_swing(rest))
+                continue
             if rest.complete:
                 self._reversals.take(rest, self._samples)
                 self._learn_presliding(rest)
@@ -274,6 +277,12 @@ class JointMonitor:
         for turned in self._motion.turns():
             self._reversals.turn(turned, self._samples)
         self._reversals.look(self._motion.last_time, self._samples)
+        if self._motion.silent is not None:
+            # What lies in a silence was not seen: what follows is followed anew.
+            unseen = batch.where(slice(self._motion.silent, None))
+            cycles += self.finish()
+            self._begin()
+            cycles += self._follow(unseen)
         return cycles
 
     def _settle(self, cycles: list[Cycle]) -> list[Cycle]:
@@ -285,14 +294,19 @@ class JointMonitor:
         for cycle in cycles:
             self._learn_from(cycle)
         self._note(new)
-        if len(new) > 1:
-            self._segments.mend(new[0].breakaway, new[-1].arrest)
         return new if self._at_arrest else cycles
 
     def _note(self, cycles: list[Cycle]) -> None:
         """Let the judgement know the cycles found, and what follows from them."""
         self._noted_until = max([self._noted_until, *(cycle.breakaway for cycle in cycles)])
-        self._recent.extend(cycles)
+        for cycle in cycles:
+            if self._recent and not _follows(cycle, self._recent[-1]):
+                self._recent.clear()
+            if self._recent:
+                # One slip may be chance. From the second one on, what lay between two slips was stick slip.
+                first = len(self._recent) == 1
+                self._segments.mend(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)
+            self._recent.append(cycle)
         self.cycle_count += len(cycles)
         self._last_cycle = cycles[-1] if cycles else self._last_cycle
         self._motion.note(self._cycles.evidence(self._recent))
@@ -477,6 +491,16 @@ class JointMonitor:
         )
 
 
+def _follows(cycle: Cycle, last: Cycle) -> bool:
+    """Whether a cycle belongs to the same train as the last one: at about its speed, and at most one between unseen."""
+    unseen = cycle.breakaway - cycle.dwell - last.arrest
+    speeds = [abs(one.reference_speed) for one in (cycle, last)]
+    if not all(speed > 0.0 for speed in speeds):  # NaN included
+        speeds = [one.mean_speed for one in (cycle, last)]
+    alike = max(speeds) < _ANOTHER_SPEED * min(speeds)
+    return unseen <= min(cycle.period, last.period) and alike and cycle.hunting is last.hunting
+
+
 def _short_parts(batch: Batch) -> Iterator[Batch]:
     """The samples in parts of bounded duration, as long as the buffer of samples needs them."""
     if batch.time[-1] - batch.time[0] <= _LONGEST_PART:
@@ -485,10 +509,3 @@ def _short_parts(batch: Batch) -> Iterator[Batch]:
     parts = np.floor((batch.time - batch.time[0]) / _LONGEST_PART)
     for begin, end in pairwise([0, *(np.flatnonzero(np.diff(parts)) + 1).tolist(), len(batch)]):
         yield batch.where(slice(begin, end))
-
-
-def _without_silences(batch: Batch) -> list[Batch]:
-    """The samples cut at long silences, after each of which the motion is followed anew."""
-    cuts = np.flatnonzero(np.diff(batch.time) > SILENCE) + 1
-    edges = [0, *cuts.tolist(), len(batch)]
-    return [batch.where(slice(begin, end)) for begin, end in pairwise(edges)]

@@ -237,14 +237,14 @@ def test_hunting_is_stick_slip_at_standstill(puma: Joint) -> None:
     """Issue 3: slips to and fro about a standing reference are `stick_slip`, reason "hunting", and are cycles."""
     gains = Gains(stiffness=630.0, damping=20.0, integral=1000.0)
     monitor = JointMonitor(puma, gains)
-    cycles = monitor.process(hold(puma, gains))
+    batch = hold(puma, gains, duration=70.0)
+    cycles = monitor.process(batch)
     assert monitor.finding() == Finding(status=Status.STICK_SLIP, reason=Hunting())
     assert len(cycles) >= 5
     assert all(cycle.hunting for cycle in cycles)
     assert all(one.slip_distance * other.slip_distance < 0 for one, other in itertools.pairwise(cycles))
     # Cut into pieces it is the same.
     pieces = JointMonitor(puma, gains)
-    batch = hold(puma, gains)
     assert [
         cycle for i in range(0, len(batch), 333) for cycle in pieces.process(batch.where(slice(i, i + 333)))
     ] == cycles

@@ -59,8 +59,10 @@ def test_openarm_climbs_stairs_for_two_minutes() -> None:
     """Issue 2: 31 ms sampling with gaps, changing speed, reversals: stick slip for most of the recording."""
     batch = recording("openarm_joint3_tracking")
     _, spent = watch(batch)
-    # The rest of the time it stands, where the reference hardly moves: for 25 s at the beginning, and at every turn.
-    assert spent[Status.STICK_SLIP] > 0.8 * (batch.time[-1] - batch.time[0] - spent[Status.AT_REST])
+    # The rest of the time it stands, where the reference hardly moves: for 25 s at the beginning, and at every turn. Twice
+    # it follows its reference for seconds.
+    others = spent[Status.AT_REST] + spent[Status.SMOOTH]
+    assert spent[Status.STICK_SLIP] > 0.8 * (batch.time[-1] - batch.time[0] - others)
 
 
 def test_fairino_is_silent() -> None:
@@ -78,7 +80,7 @@ def test_slider_sticks_at_42_and_1100_and_is_at_the_edge_at_4300() -> None:
         batch = recording(f"enslyon_slider_k168_v{speed}")
         monitor = JointMonitor()
         cycles = monitor.process(batch)
-        shares[speed] = sum(cycle.dwell for cycle in cycles) / (batch.time[-1] - batch.time[0])
+        shares[speed] = sum(cycle.dwell - cycle.creep for cycle in cycles) / (batch.time[-1] - batch.time[0])
         words = {segment.status for segment in monitor.segments}
         assert Status.SMOOTH not in words or speed == 42
         assert words & {Status.STICK_SLIP, Status.AT_RISK}

@@ -84,13 +84,14 @@ SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
 _REVERSALS_KEPT = 27  # of the 30 of a block; the three largest are left out as impulses
 _REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
 _BANDS_PER_NOISE = 5.0
+_LEAST_BAND = 1e-15
 _ROUNDING = 1e-10  # differences below this share of the position are arithmetic, not motion
 _STEPS_OF_SPEED = 3.0
 _HELD = 2.5
 _CROSSINGS_TO_LEAVE = 4
 _CROSSINGS_TO_WAIT = 128
 _NO_FASTER = 0.6  # of the fastest motion so far
-_LEAVING_SHARE = 0.2
+_LEAVING_SHARE = 0.0
 _MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
 
 
@@ -120,28 +121,47 @@ def _upper_quartile(noise, noises):
 
 
 @helper()
-def measure_block(signal):
-    """Update resolution and noise from the block of raw readings, and from these the band.
+def measure_step(step, signal):
+    """Update the resolution, and with it the band, from the size of a step between raw readings.
 
-    ``smallest`` keeps the three smallest steps ever seen; its last one is taken as the resolution, so
-    that two odd values do no harm. Noise is taken from steps that turn back at once, which steady
-    motion, however fast, does not do; the upper quartile over the last blocks, because motion hides it.
+    ``smallest`` keeps the three smallest steps ever seen; its last one is taken as the resolution, so that two odd
+    values do no harm. Before there are three, it is the largest of those seen.
     """
-    block, smallest = signal.block, signal.smallest
-    largest = signal.largest
+    smallest = signal.smallest
+    if not (_ROUNDING * signal.largest < step < smallest[2]):
+        return
+    if step < smallest[0]:
+        smallest[2], smallest[1], smallest[0] = smallest[1], smallest[0], step
+    elif step < smallest[1]:
+        smallest[2], smallest[1] = smallest[1], step
+    else:
+        smallest[2] = step
+    for i in range(3):
+        if np.isfinite(smallest[i]):
+            signal.resolution = smallest[i]
+    _set_band(signal)
+
+
+@helper()
+def _set_band(signal):
+    # As long as nothing has changed nothing is known.
+    known = signal.resolution > 0.0
+    least = max(4.0 * _ROUNDING * signal.largest, _LEAST_BAND)
+    signal.band = max(signal.resolution, _BANDS_PER_NOISE * signal.noise, least) if known else np.inf
+
+
+@helper()
+def measure_noise(signal):
+    """Update the noise from the block of raw readings, and with it the band.
+
+    Noise is taken from steps that turn back at once, which steady motion, however fast, does not do. Motion hides it:
+    a block that moves by more than its noise from one reading to the next says nothing. Of the last blocks that say
+    something the upper quartile is taken.
+    """
+    block = signal.block
     for i in range(block.shape[0]):
-        largest = max(largest, abs(block[i]))
-    signal.largest = largest
-    for i in range(1, block.shape[0]):
-        step = abs(block[i] - block[i - 1])
-        if step > _ROUNDING * largest and step > 0.0:
-            if step < smallest[0]:
-                smallest[2], smallest[1], smallest[0] = smallest[1], smallest[0], step
-            elif step < smallest[1]:
-                smallest[2], smallest[1] = smallest[1], step
-            elif step < smallest[2]:
-                smallest[2] = step
-    # Their sum without the three largest.
+        signal.largest = max(signal.largest, abs(block[i]))
+    # The sum of what turns back, without the three largest.
     total, first, second, third = 0.0, 0.0, 0.0, 0.0
     for i in range(2, block.shape[0]):
         reversal = max(0.0, -(block[i] - block[i - 1]) * (block[i - 1] - block[i - 2]))
@@ -154,10 +174,10 @@ def measure_block(signal):
             third = reversal
     kept = max(0.0, total - first - second - third)
     noise = np.sqrt(kept / _REVERSALS_KEPT / _REVERSAL_OF_UNIT_NOISE)
-    signal.noise = _upper_quartile(noise, signal.noises)
-    resolution = smallest[2]
-    signal.resolution = resolution if np.isfinite(resolution) else 0.0
-    signal.band = max(signal.resolution, _BANDS_PER_NOISE * signal.noise, 4.0 * _ROUNDING * largest, 1e-15)
+    moved = abs(block[-1] - block[0]) / (block.shape[0] - 1)
+    if _BANDS_PER_NOISE * moved <= signal.band or moved <= noise or np.isnan(signal.noises[_LATEST, 0]):
+        signal.noise = _upper_quartile(noise, signal.noises)
+    _set_band(signal)
 
 
 @helper()
@@ -225,25 +245,22 @@ def _follow_spell(detector):
     if newest < 1:
         return False
     now, gap = newest % RING, (newest - 1) % RING
-    flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
     speed = abs(detector.crossings[now, SPEED])
-    step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
-    large = step >= _STEPS_OF_SPEED * detector.position.band
-    # A flat of few updates before a large step is a sensor that repeats itself.
-    stood = flat > (_HELD - 1.0) * detector.update if large else flat > 0.0
-    slow = stood and detector.position.band < SLOW * detector.peak * flat
+    large = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION]) >= _STEPS_OF_SPEED * detector.position.band
+    stood = _time_for_a_band(newest, detector)
+    slow = detector.position.band < SLOW * detector.peak * stood
     if not detector.in_spell:
         if not slow:
             detector.peak = max(detector.peak, speed)
             return False
-        _begin_spell(newest - 1, flat, detector)
+        _begin_spell(newest - 1, stood, detector)
         return False
     time = detector.crossings[now, TIME]
     left = _has_left(time, detector)
-    if left and stood and detector.position.band < SLOW * detector.peak_after * flat:
+    if left and detector.position.band < SLOW * detector.peak_after * stood:
         return True
-    if stood and flat > detector.longest_time:
-        detector.longest_gap, detector.longest_time, detector.peak_after = newest - 1, flat, 0.0
+    if stood > detector.longest_time:
+        detector.longest_gap, detector.longest_time, detector.peak_after = newest - 1, stood, 0.0
         return False
     after = newest - detector.longest_gap
     # A speed over two gaps lies wholly after the longest gap from the third crossing on.
@@ -251,7 +268,7 @@ def _follow_spell(detector):
         detector.peak_after = max(detector.peak_after, speed)
     if not _has_left(time, detector) or after < _CROSSINGS_TO_LEAVE:
         return False
-    if speed >= 0.4 * detector.peak or speed < 0.5 * detector.peak_after:
+    if speed >= 0.4 * detector.peak:
         return True
     # To a fine encoder so many crossings are but the beginning of a slip: as long as it gets faster, it is one.
     return after >= (_CROSSINGS_TO_WAIT if speed < _NO_FASTER * detector.peak_after else RING // 2)
@@ -273,9 +290,23 @@ def _has_left(time, detector):
 
 
 @helper()
-def _begin_spell(gap, flat, detector):
+def _time_for_a_band(newest, detector):
+    """How long the joint took for a band, in the gap that a crossing has ended: for all of a stand, or at its speed."""
+    now, gap = newest % RING, (newest - 1) % RING
+    band = detector.position.band
+    step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
+    lasted = detector.crossings[now, TIME] - detector.crossings[gap, TIME]
+    flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
+    # A flat of few updates before a large step is a sensor that repeats itself.
+    if step >= _STEPS_OF_SPEED * band and flat <= (_HELD - 1.0) * detector.update:
+        flat = 0.0
+    return max(flat, lasted * band / max(step, band))
+
+
+@helper()
+def _begin_spell(gap, stood, detector):
     detector.longest_gap = gap
-    detector.longest_time = flat
+    detector.longest_time = stood
     detector.peak_after = 0.0
     detector.in_spell = True
     detector.spell_time = detector.crossings[gap % RING, TIME]
@@ -285,13 +316,12 @@ def _begin_spell(gap, flat, detector):
 def close_spell(detector):
     """Begin anew after a spell; the newest gap may be the first of the next one."""
     newest = detector.head - 1
-    gap = (newest - 1) % RING
-    flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
+    stood = _time_for_a_band(newest, detector)
     detector.motion_time = detector.crossings[detector.longest_gap % RING, FLAT_END]
     detector.peak = detector.peak_after
     detector.in_spell = False
-    if newest - 1 > detector.longest_gap and flat > 0.0 and detector.position.band < SLOW * detector.peak * flat:
-        _begin_spell(newest - 1, flat, detector)
+    if newest - 1 > detector.longest_gap and detector.position.band < SLOW * detector.peak * stood:
+        _begin_spell(newest - 1, stood, detector)
 
 
 @helper()
@@ -319,7 +349,8 @@ def take(count, now, raw, pace_now, way_now, effort_now, detector):
         else:
             complete = _follow_spell(detector)
     else:
-        detector.advance += (reference - detector.level_reference) * (time - detector.last_time)
+        meanwhile = 0.5 * (detector.last_reference + reference) - detector.level_reference
+        detector.advance += meanwhile * (time - detector.last_time)
     # The slowest that a velocity sensor saw since the last crossing, impulses left out.
     pace = abs(_median(pace_now, detector.velocity_1, detector.velocity_2)) if count >= 2 else np.nan
     detector.velocity_2, detector.velocity_1 = detector.velocity_1, pace_now

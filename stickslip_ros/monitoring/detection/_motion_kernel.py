@@ -19,14 +19,20 @@ SLICE_LENGTH = 0.05  # [s] how finely findings are dated
 PAST = 4096
 STEPS = 256
 TURNS = 256  # kept; samples that are followed at once hold no more
+LONGEST_SILENCE = 2.0  # [s]
+_SHORTEST_SILENCE = 0.25  # [s] that a network may lose now and then
+_UNSEEN_INTERVALS = 10.0  # usual ones
 _INTERVAL_WEIGHT = 0.1
 _RECENT_CROSSINGS = 64
 _GAPS_AT_REST = 3.0
+_FLICKER = 6.0  # bands: a reading that is noisy now and then goes so far to and fro
+_FEW_STEPS = 2
 _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jittered stamps make
 
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
 PAST_COLUMNS = 6
+SWING_COLUMNS = 9  # the fields of a Swing
 MOTION = np.dtype(
     [
         ("first_time", float),
@@ -69,6 +75,14 @@ MOTION = np.dtype(
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
+        # Swings about a reference that stands.
+        ("standing", float),  # way of the reference since which it stands
+        ("swing_direction", float),  # of the motion since the last turn, 0 before the first
+        ("turns_standing", np.int64),  # seen since the reference stands
+        ("turn", np.int64),  # crossing of the last turn
+        ("farthest", np.int64),  # crossing that has gone farthest since then
+        ("swing", float, SWING_COLUMNS),  # the latest complete one
+        ("swung", np.bool_),  # whether it is new
         # When to look whether the joint has come to rest.
         ("awaits_rest", np.bool_),  # whether anybody asks
         ("looked", np.int64),  # crossings there were at the last look, -1 before the first
@@ -77,7 +91,7 @@ MOTION = np.dtype(
 )
 
 # What ends a call of `follow`.
-ENDED, SPELL, STANDS = range(3)
+ENDED, SPELL, STANDS, SWUNG, SILENT = range(5)
 
 # Columns of what is reported of a slice.
 BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
@@ -102,6 +116,12 @@ _GAPS_OF_A_STEP = 4  # a slip of so few bands is too short to be seen as one
 _UNEVEN = 4.0  # times as long as the shortest gap beside it: the longest one of a joint that steps
 _NOTICED = 0.5  # of the crossings
 _ENOUGH_CROSSINGS = 3
+# Swings about a reference that stands.
+_STANDS = 0.05  # of a swing: so little a standing reference goes
+_LEAST_SWING = 3.0  # bands: less is noise and flicker
+_LEAST_SAMPLES = 5.0  # in a swing: less may be noise
+_MIDDLE = 0.1  # of a swing: where its middle begins, and ends before its end
+_TURNED_BACK = 0.3  # of a swing: so far back the joint has turned for certain
 # Whether a reference repeats what was measured.
 _COMPARED = 3.0  # bands of motion from one comparison to the next
 _SAME = 1e-3  # of a band
@@ -111,12 +131,12 @@ _FOLLOWS, _FOLLOWS_STILL = 0.95, 0.7
 
 
 @compiled()
-def unbroken(times, positions, after, silence, largest):
-    """Whether samples simply go on after a time: all usable, in strict order, with no silence before or in between."""
+def unbroken(times, positions, after, largest):
+    """Whether samples simply go on after a time: all usable, and in strict order."""
     before = after
     for n in range(times.shape[0]):
         # Comparisons with NaN are false.
-        if not (before < times[n] <= before + silence and abs(times[n]) < largest and abs(positions[n]) < largest):
+        if not (before < times[n] and abs(times[n]) < largest and abs(positions[n]) < largest):
             return False
         before = times[n]
     return times.shape[0] > 0
@@ -151,16 +171,46 @@ def _last_crossing_time(detector):
     return detector.crossings[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
 
 
+@helper()
+def _flickers_since(lasting, detector):
+    """Since when the joint has stayed within less than any slip, to and fro, if for so long or always; else NaN.
+
+    A joint that goes one way moves, however slowly; two steps are too few to tell.
+    """
+    head = detector.head
+    low, high, steps, turns, step_before, since = np.inf, -np.inf, -1, 0, 0.0, np.nan
+    n = head - 1
+    while n >= max(0, head - kernel.RING):
+        place = detector.crossings[n % kernel.RING, kernel.POSITION]
+        low, high = min(low, place), max(high, place)
+        if high - low > _FLICKER * detector.position.band:
+            break
+        steps += 1
+        if steps > 0:
+            step = detector.crossings[(n + 1) % kernel.RING, kernel.POSITION] - place
+            turns += 1 if step * step_before < 0.0 else 0
+            step_before = step
+        since = detector.crossings[n % kernel.RING, kernel.TIME]
+        if detector.last_time - since >= lasting and turns > 0:
+            return since
+        n -= 1
+    long_enough = n < 0 or detector.last_time - since >= lasting
+    return since if long_enough and (turns > 0 or steps <= _FEW_STEPS) else np.nan
+
+
 @compiled()
-def open_rest(detector):
-    """Since when the joint has been at rest, if by now that can be told from slow motion; else NaN."""
+def open_rest(lasting, detector):
+    """Since when the joint has been at rest, if by now that can be told from slow motion; else NaN.
+
+    A reading that flickers for so long [s] is at rest, too.
+    """
     head = detector.head
     last = _last_crossing_time(detector)
     if head < 2:
         return last if head else np.nan
     flat = detector.last_time - last
     if not flat > _GAPS_AT_REST * detector.update:
-        return np.nan
+        return _flickers_since(lasting, detector)
     count = min(head, _RECENT_CROSSINGS) - 1
     gaps, speeds = np.empty(count), np.empty(count)
     for n in range(count):
@@ -170,7 +220,7 @@ def open_rest(detector):
     usual = max(quantile(gaps, count, 0.5), detector.update)
     fastest = quantile(speeds, count, _FAST_SHARE)
     stands = flat > _GAPS_AT_REST * usual and detector.position.band < kernel.SLOW * fastest * flat
-    return last if stands else np.nan
+    return last if stands else _flickers_since(lasting, detector)
 
 
 @inlined()
@@ -378,7 +428,7 @@ def close_slice(slices, motion, detector):
             motion.turns[motion.turn_count % TURNS] = motion.turned
             motion.turn_count += 1
         motion.direction = sign
-    rest = open_rest(detector)
+    rest = open_rest(motion.window, detector)
     if np.isfinite(rest):
         motion.rested_at, motion.rest_began = now, rest
     code, _, _ = judge(rest, motion, detector)
@@ -413,7 +463,7 @@ def _compare(position, reference, reference_speed, motion, detector):
     ahead = (reference - position) * (1.0 if moved > 0.0 else -1.0)
     if np.isfinite(ahead):
         same = abs(ahead) <= _SAME * band
-        if not same and abs(ahead) < band:
+        if not same and -band < ahead < 0.0:
             return
         followed = same or -abs(moved) <= ahead < 0.0
     elif np.isfinite(reference_speed):
@@ -477,6 +527,67 @@ def _may_rest(motion, detector):
     return motion.awaits_rest
 
 
+@helper()
+def _time_at(place, turn, detector):
+    """When the joint passed a place after a turn, between the crossings about it."""
+    begin = detector.crossings[turn % kernel.RING, kernel.POSITION]
+    after = turn + 1
+    while abs(detector.crossings[after % kernel.RING, kernel.POSITION] - begin) < abs(place - begin):
+        after += 1
+    at, before = after % kernel.RING, (after - 1) % kernel.RING
+    since, until = detector.crossings[before, kernel.FLAT_END], detector.crossings[at, kernel.TIME]
+    reached = detector.crossings[before, kernel.POSITION]
+    share = (place - reached) / (detector.crossings[at, kernel.POSITION] - reached)
+    return since + share * (until - since)
+
+
+@helper()
+def _follow_swing(motion, detector):
+    """Follow the newest crossing from turn to turn while the reference stands; True if it completes a swing.
+
+    A turn is certain when the joint has gone back by a share of the swing. The first motion after the reference has
+    come to stand may be far longer than the swings, so that it is no measure of them.
+    """
+    newest = detector.head - 1
+    now, last = newest % kernel.RING, max(newest - 1, 0) % kernel.RING
+    place = detector.crossings[now, kernel.POSITION]
+    turn, farthest = motion.turn % kernel.RING, motion.farthest % kernel.RING
+    begin, extreme = detector.crossings[turn, kernel.POSITION], detector.crossings[farthest, kernel.POSITION]
+    band = detector.position.band
+    kept = newest - motion.turn < kernel.RING
+    if not (kept and motion.travels and abs(motion.way - motion.standing) <= max(band, _STANDS * abs(place - begin))):
+        motion.standing, motion.turns_standing = motion.way, 0
+        motion.turn, motion.farthest = max(newest - 1, 0), newest
+        motion.swing_direction = 1.0 if place > detector.crossings[last, kernel.POSITION] else -1.0
+        return False
+    back = motion.swing_direction * (extreme - place)
+    if back <= 0.0:
+        motion.farthest = newest
+        return False
+    first = motion.turns_standing == 0
+    if back < max(_LEAST_SWING * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin)):
+        return False
+    stood = detector.crossings[turn, kernel.FLAT_END] - detector.crossings[turn, kernel.TIME]
+    moved = detector.crossings[farthest, kernel.TIME] - detector.crossings[turn, kernel.FLAT_END]
+    # The first motion is a swing only if the joint stood before it.
+    swung = (not first or stood > moved) and moved > _LEAST_SAMPLES * motion.interval
+    if swung:
+        early = _time_at(begin + _MIDDLE * (extreme - begin), motion.turn, detector)
+        late = _time_at(extreme - _MIDDLE * (extreme - begin), motion.turn, detector)
+        motion.swing[0], motion.swing[1] = detector.crossings[turn, kernel.TIME], detector.crossings[turn, kernel.FLAT_END]
+        motion.swing[2] = detector.crossings[farthest, kernel.TIME]
+        motion.swing[3], motion.swing[4] = begin, extreme - begin
+        motion.swing[5] = motion.reference - begin
+        motion.swing[6] = detector.crossings[turn, kernel.EFFORT_FLAT_END]
+        motion.swing[7] = late - early
+        motion.swing[8] = detector.crossings[farthest, kernel.FLAT_END]
+        motion.swung = True
+    motion.turns_standing += 1
+    motion.turn, motion.farthest = motion.farthest, newest
+    motion.swing_direction = -motion.swing_direction
+    return swung
+
+
 @compiled()
 def replay(detector):
     """Take the first block, which had to be measured first; True whenever a spell is complete."""
@@ -489,9 +600,23 @@ def replay(detector):
     return False
 
 
+@helper()
+def _silence(motion):
+    """Time without a sample [s], from which on nothing is known of what the joint did meanwhile."""
+    usual = motion.interval if motion.interval == motion.interval else np.inf
+    return min(max(_UNSEEN_INTERVALS * usual, _SHORTEST_SILENCE), LONGEST_SILENCE)
+
+
+@helper()
+def _note_reading(reading, count, signal):
+    """Remember a raw reading, and what its step from the last one says of the resolution."""
+    kernel.measure_step(abs(reading - signal.block[(count - 1) % kernel.BLOCK]), signal)
+    signal.block[count % kernel.BLOCK] = reading
+
+
 @compiled()
 def follow(start, times, positions, velocities, efforts, references, reference_speeds, slices, motions, detectors):
-    """Take samples from ``start`` until a spell is complete, the joint may have come to rest, or the samples end.
+    """Take samples from ``start`` until a spell or a swing is complete, the joint may rest, or nothing came for long.
 
     Returns the index of the next sample, and which of these it is. The records come in arrays of one each: unpacking
     two records takes numba microseconds, and their arrays less than a tenth of that.
@@ -499,6 +624,8 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
     motion, detector = motions[0], detectors[0]
     early = detector.early
     for i in range(start, times.shape[0]):
+        if times[i] - motion.now > _silence(motion) and motion.now > -np.inf:
+            return i, SILENT
         number = np.floor(times[i] / SLICE_LENGTH)
         if number != motion.slice:
             close_slice(slices, motion, detector)
@@ -506,20 +633,26 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
             motion.slice_error, motion.slice_referenced, motion.slice_steps = np.nan, True, 0
         way = _note(times[i], positions[i], references[i], reference_speeds[i], motion, detector)
         count = detector.samples
-        detector.position.block[count % kernel.BLOCK] = positions[i]
-        detector.velocity.block[count % kernel.BLOCK] = velocities[i]
+        _note_reading(positions[i], count, detector.position)
+        _note_reading(velocities[i], count, detector.velocity)
         detector.samples = count + 1
         if (count + 1) % kernel.BLOCK == 0:
-            kernel.measure_block(detector.position)
+            kernel.measure_noise(detector.position)
             if _all_finite(detector.velocity.block):
-                kernel.measure_block(detector.velocity)
+                kernel.measure_noise(detector.velocity)
         if count < kernel.BLOCK:
             early[count, 0], early[count, 1], early[count, 2] = times[i], positions[i], velocities[i]
             early[count, 3], early[count, 4] = way, efforts[i]
             if count + 1 == kernel.BLOCK and replay(detector):
                 return i + 1, SPELL
-        elif kernel.take(count, times[i], positions[i], velocities[i], way, efforts[i], detector):
+            continue
+        head = detector.head
+        complete = kernel.take(count, times[i], positions[i], velocities[i], way, efforts[i], detector)
+        swung = detector.head > head and _follow_swing(motion, detector)
+        if complete:
             return i + 1, SPELL
-        elif _may_rest(motion, detector):
+        if swung:
+            return i + 1, SWUNG
+        if _may_rest(motion, detector):
             return i + 1, STANDS
     return times.shape[0], ENDED

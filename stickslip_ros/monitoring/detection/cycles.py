@@ -2,9 +2,12 @@
 # Copyright 2026 The stickslip_ros developers
 """Stick-slip cycles among the rests of a joint.
 
-Not every rest is a stick: a joint also stops where it is told to. A rest is driven if the reference
-went on meanwhile, and not only at its end, where the reference sets off the next motion. Slips to and fro
-about a reference that stands still are hunting. Without a reference :mod:`.spring_evidence` tells.
+Not every rest is a stick: a joint also stops where it is told to. With a reference, a rest is a stick if the
+reference went on steadily meanwhile, and a slip is a burst faster than the reference. Swings to and fro about a
+reference that stands still are hunting. Without a reference :mod:`.spring_evidence` decides.
+
+Every decision rests on the motions beside it: on the rests before and after a motion, on the motion before that, and
+on the cycles that follow one another without a break, the train. Nothing older has a say.
 """
 
 from __future__ import annotations
@@ -15,25 +18,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-from stickslip_ros.monitoring.detection.motion import Evidence
+from stickslip_ros.monitoring.detection.motion import Evidence, Swing
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvidence
 
-_DRIVEN_SHARE = 0.35  # of the mean speed of the cycle: how fast the reference must go on during a rest
-_NOT_AT_ITS_END = 0.25  # of the way that the reference goes on during a rest: what it has gone as a mean over the rest
-_STEADILY = 0.4  # likewise, if it stands beside the rest; a steady one has a half
-_LEAST_ADVANCE = 0.2  # of a band, likewise: less is noise
-_LEAST_STEP = 0.2  # of the way that the reference goes during the next rest
-_LEAST_SLIP_SHARE = 0.1  # of the usual slip; less is creep within a rest
-_LARGEST_SLIP = 2.0  # of the usual slip, likewise
-_USUAL_SLIPS = 9
+_DRIVEN_SHARE = 0.35  # of the speed beside a rest: how fast the reference must go on during it to drive the joint
+# Mean travel of the reference over a rest, in parts of its whole travel there: 0.5 if its speed is constant, next to
+# nothing if it steps at the end, next to 1 if it steps at the beginning, above 1 if it turns.
+_STEADY = (0.25, 0.8)
+_STEADY_BETWEEN_STEPS = (0.4, 0.6)  # likewise, where the reference stands while the joint moves
+_LEAST_ADVANCE = 0.2  # of a band, as a mean over a rest: less is noise
+_LEAST_STEP = 0.2  # of the travel of the reference during the rest beside it: a slip that keeps up with the reference
+_CREEP_SHARE = 0.1  # of the motions on both sides: so little is creep within a rest
+_LARGEST_SLIP = 2.0  # of the slip before: the last slip of a train is like those before it
 _LEAST_DIRECTNESS = 0.5  # a lightly damped joint bounces back before it rests; but a motion to and fro is none of it
 _LEAST_QUICKNESS = 1.3  # of the reference's speed: no more, and the joint follows it
-_WHOLE_SLIP = 0.75  # of the usual slip
+_MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
+_WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
 _STANDS = 0.05  # of a slip: a reference that goes no further stands still
 _TRAIN_OF_HUNTING = 3
-_HUNTING_SHRINKS = 0.7  # from one slip to the next: less is a motion that settles
-_BEYOND = 0.2  # of a slip: so far the reference may lie outside the places that a hunting joint slips between
+_HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles
+_SUSTAINED = 0.95  # likewise for swings without a stop: less is free oscillation that dies out
+_MIDDLE_OF_HUNTING = 0.5  # of a swing's duration, for 80 % of its way: half a cosine takes 0.59
+_BEYOND = 0.2  # of a swing: so far the reference may lie outside the places that a hunting joint swings between
+_TRAIN = 9  # cycles whose median is the usual slip
 _PENDING = 64
 
 
@@ -85,13 +93,16 @@ class CycleDetector:
     def __init__(self) -> None:
         self.last_rest: Rest | None = None
         self._rest_before: Rest | None = None
+        self._small: Rest | None = None  # ends a motion so small beside the one before that it may be creep
         self._foreseen: Cycle | None = None
         self._closed: Rest | None = None
-        self._way = 0.0
+        self._distance = 0.0  # of the motion before the last rest
         self._pending: list[Cycle] = []
-        self._told = 0  # of the pending cycles, how many are published
         self._spring = SpringEvidence()
-        self._slips: deque[float] = deque(maxlen=_USUAL_SLIPS)
+        self._train: deque[float] = deque(maxlen=_TRAIN)  # distances of the cycles that follow one another
+        self._swings: list[Cycle] = []
+        self._turned = math.nan  # when the joint left the turn that the last one ended at
+        self._reported_swings = 0  # of these, how many are published
 
     def evidence(self, recent: Sequence[Cycle]) -> Evidence:
         """What the recent cycles, oldest first, and the last rests tell of the time after them."""
@@ -102,13 +113,15 @@ class CycleDetector:
             return Evidence(last_breakaway=last_breakaway, stop_before=stop_before)
         last = recent[-1]
         in_last_rest = rest is not None and before is not None and last.breakaway == before.breakaway
+        seen = last_breakaway if in_last_rest else self._turned if last.hunting else last.arrest
         return Evidence(
             cycles=len(recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
             period=median(cycle.period for cycle in recent),
-            slip=max(cycle.slip_duration for cycle in recent),
-            dwell=max(cycle.dwell for cycle in recent),
-            evidence=last_breakaway if in_last_rest else last.arrest,
+            # A swing is known only when the joint has turned: until then its period alone speaks.
+            slip=math.inf if last.hunting else max(cycle.slip_duration for cycle in recent),
+            dwell=math.inf if last.hunting else max(cycle.dwell for cycle in recent),
+            evidence=seen,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
         )
@@ -116,7 +129,7 @@ class CycleDetector:
     @property
     def may_foresee(self) -> bool:
         """Whether :meth:`foresee` may say anything before the next rest is complete."""
-        return self._foreseen is None and self._closed is None and bool(self._slips)
+        return self._foreseen is None and self._closed is None and self._small is None and bool(self._train)
 
     def foresee(self, rest: Rest) -> Cycle | None:
         """The cycle that ends in a rest which has only begun, if that is certain already, once.
@@ -129,22 +142,18 @@ class CycleDetector:
         return self._foreseen
 
     def _certain_already(self, before: Rest, rest: Rest) -> Cycle | None:
-        cycle = self._cycle(before, rest)
-        if cycle is None or self._way * cycle.slip_distance <= 0:
+        cycle = _cycle(before, rest)
+        if cycle is None or self._distance * cycle.slip_distance <= 0:
             return None
-        # Less than usual may be the first part of a slip that goes on in a moment.
-        if abs(cycle.slip_distance) < _WHOLE_SLIP * median(self._slips):
+        if abs(cycle.slip_distance) < _WHOLE_SLIP * median(self._train):
             return None
         if math.isnan(rest.reference_advance):
             return cycle if self._spring.fits(_motion(cycle, rest)) else None
-        meanwhile = _meanwhile(before, rest)
-        # The rest that has just begun will be like the last one.
-        keeps_up = abs(cycle.slip_distance) >= _LEAST_STEP * abs(before.reference_advance)
-        if rest.slip.quickness < _LEAST_QUICKNESS:
+        if rest.slip.quickness < _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
             return None
-        return (
-            cycle if keeps_up and _is_driven(before, cycle, meanwhile) and _is_driven(rest, cycle, meanwhile) else None
-        )
+        # The rest that has just begun will be like the last one.
+        certain = _keeps_up(cycle.slip_distance, before) and _is_driven(before, cycle, before, rest) and _is_driven(rest, cycle, before, rest)
+        return cycle if certain else None
 
     def finish(self, rest: Rest | None) -> list[Cycle]:
         """The cycle that ended in a rest which still lasts (None if there is none), where the samples end there."""
@@ -157,105 +166,131 @@ class CycleDetector:
 
     def take(self, rest: Rest) -> list[Cycle]:
         """Take the next rest and return the cycles that are now certain, oldest first."""
-        before = self._rest_before = self.last_rest
-        self.last_rest = rest
+        closed, self._closed = self._closed, None
         foreseen, self._foreseen = self._foreseen, None
-        certain = self._cycles_until(before, rest)
+        before = self.last_rest
+        if before is None or (closed is not None and rest.arrest < closed.breakaway):
+            self._rest_before, self.last_rest = before, rest
+            return []
+        certain: list[Cycle] = []
+        small, self._small = self._small, None
+        distance = rest.position - before.position
+        if small is not None:
+            if abs(small.position - before.position) < _CREEP_SHARE * abs(rest.position - small.position):
+                before = self.last_rest = before.until(small)
+            else:
+                certain += self._decide(before, small)
+                before = small
+            distance = rest.position - before.position
+        if abs(distance) < _CREEP_SHARE * abs(self._distance) and not _keeps_up(distance, before):
+            self._small = rest
+            return certain
+        certain += self._decide(before, rest)
         if foreseen is not None and foreseen.breakaway not in [cycle.breakaway for cycle in certain]:
             certain.append(foreseen)
         return certain
 
-    def _cycles_until(self, before: Rest | None, rest: Rest) -> list[Cycle]:
-        closed, self._closed = self._closed, None
-        if before is None or (closed is not None and rest.arrest < closed.breakaway):
-            return []
-        distance = rest.position - before.position
-        way_before, self._way = self._way, distance
-        cycle = self._cycle(before, rest)
-        if cycle is None:
-            if rest.slip.directness < _LEAST_DIRECTNESS:
-                # What went to and fro in between was no slip.
-                self._spring.begin_anew()
-                self._end_train()
-            return []
-        self._slips.append(abs(distance))
-        # By the net way, since a lightly damped joint bounces back before it rests.
-        goes_on = rest.direction_after * distance > 0
-        went_on = way_before * distance > 0
-        if math.isnan(rest.reference_advance):
-            return self._without_reference(cycle, rest)
-        self._spring.begin_anew()
-        if _stood(before, rest, distance):
-            return self._at_standstill(cycle, before, way_before)
-        self._end_train()
-        return self._with_reference(cycle, before, rest, went_on, goes_on)
-
-    def _cycle(self, before: Rest, rest: Rest) -> Cycle | None:
-        """The slip between two rests, None if it is but creep within one, or a motion to and fro."""
-        distance = rest.position - before.position
-        usual = median(self._slips) if self._slips else 0.0
-        if rest.arrest <= before.breakaway:
-            return None
-        if distance == 0 or abs(distance) < _LEAST_SLIP_SHARE * usual or rest.slip.directness < _LEAST_DIRECTNESS:
-            return None
-        moved = rest.seen_from - before.seen_until
-        return Cycle(
-            breakaway=before.breakaway,
-            arrest=rest.arrest,
-            dwell=before.dwell,
-            creep=before.breakaway - before.stirred,
-            slip_distance=distance,
-            position=before.position,
-            effort=before.effort,
-            reference_speed=abs(_meanwhile(before, rest)) / moved if moved > 0.0 else math.nan,
-        )
-
-    def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, went_on: bool, goes_on: bool) -> list[Cycle]:
-        meanwhile = _meanwhile(before, rest)
-        # A hop that leaves the joint far behind is the start of a motion, not a step of a staircase.
-        keeps_up = abs(cycle.slip_distance) >= _LEAST_STEP * abs(rest.reference_advance)
-        if rest.slip.quickness < _LEAST_QUICKNESS:
-            return []
-        driven = keeps_up and _is_driven(rest, cycle, meanwhile)
-        # A rest where the motion turns is no evidence of its own, but may end a train.
-        if driven and (goes_on or (went_on and _is_driven(before, cycle, meanwhile))):
-            return [cycle]
-        # The last of a train, before the reference stops or turns, is like those before it.
-        usual = abs(cycle.slip_distance) <= _LARGEST_SLIP * median(self._slips)
-        return [cycle] if went_on and usual and _is_driven(before, cycle, meanwhile) else []
-
-    def _at_standstill(self, cycle: Cycle, before: Rest, way_before: float) -> list[Cycle]:
-        if way_before * cycle.slip_distance > 0 or abs(cycle.slip_distance) < _HUNTING_SHRINKS * abs(way_before):
-            self._end_train()
+    def take_swing(self, swing: Swing) -> list[Cycle]:
+        """Take a swing about a reference that stands, and return the cycles of hunting that are now certain."""
+        if self._swings:
+            last = self._swings[-1]
+            # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
+            sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
+            kept = abs(swing.distance / last.slip_distance)
+            if kept < (_HUNTING_SHRINKS if sticks else _SUSTAINED) or swing.reached != last.arrest:
+                self._end_hunting()
+        self._turned = swing.turned
         # A joint that hunts overshoots its reference; one that is moved by hand does not know of it.
-        if not -_BEYOND <= before.error / cycle.slip_distance <= 1.0 + _BEYOND:
-            self._end_train()
+        if not -_BEYOND <= swing.error / swing.distance <= 1.0 + _BEYOND:
+            self._end_hunting()
             return []
-        self._pending.append(replace(cycle, hunting=True))
-        if len(self._pending) < _TRAIN_OF_HUNTING:
+        self._swings.append(
+            Cycle(
+                breakaway=swing.left,
+                arrest=swing.arrest,
+                dwell=swing.left - swing.reached,
+                slip_distance=swing.distance,
+                position=swing.position,
+                effort=swing.effort,
+                hunting=True,
+                reference_speed=0.0,
+            )
+        )
+        if len(self._swings) < _TRAIN_OF_HUNTING:
             return []
-        certain, self._pending = self._pending[self._told :], self._pending[-_TRAIN_OF_HUNTING:]
-        self._told = len(self._pending)
+        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_HUNTING:]
+        self._reported_swings = len(self._swings)
         return certain
 
-    def _without_reference(self, cycle: Cycle, rest: Rest) -> list[Cycle]:
+    def _decide(self, before: Rest, rest: Rest) -> list[Cycle]:
+        """The cycles that are certain once the motion between two rests, the next of which is complete, is known."""
+        self._rest_before, self.last_rest = before, rest
+        distance_before, self._distance = self._distance, rest.position - before.position
+        cycle = _cycle(before, rest)
+        if math.isnan(rest.reference_advance):
+            certain = self._without_reference(cycle, rest)
+        else:
+            self._begin_anew()
+            certain = self._with_reference(cycle, before, rest, distance_before) if cycle is not None else []
+        if cycle is None or cycle not in certain:
+            self._train.clear()
+        self._train.extend(abs(one.slip_distance) for one in certain)
+        return certain
+
+    def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, distance_before: float) -> list[Cycle]:
+        if rest.slip.quickness < _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
+            return []
+        if _keeps_up(cycle.slip_distance, rest) and _is_driven(rest, cycle, before, rest):
+            return [cycle]
+        # The last one, before the reference stops or turns, is like those before it.
+        went_on = distance_before * cycle.slip_distance > 0
+        usual = not self._train or abs(cycle.slip_distance) <= _LARGEST_SLIP * self._train[-1]
+        return [cycle] if went_on and usual and _is_driven(before, cycle, before, rest) else []
+
+    def _without_reference(self, cycle: Cycle | None, rest: Rest) -> list[Cycle]:
+        if cycle is None:
+            # What went to and fro in between was no slip.
+            self._begin_anew()
+            return []
+        if rest.slip.bursts > _MOST_BURSTS:
+            return []
         motion = _motion(cycle, rest)
         was_certain, fits = self._spring.certain, self._spring.fits(motion)
         if not self._spring.take(motion):
-            self._end_train()
+            self._pending = []
         if was_certain:
             return [cycle] if fits else []
         self._pending = [*self._pending[-_PENDING:], cycle]
         if not self._spring.certain:
             return []
-        least = _LEAST_SLIP_SHARE * median(abs(other.slip_distance) for other in self._pending)
-        certain = [other for other in self._pending if abs(other.slip_distance) >= least]
-        self._end_train()
+        certain, self._pending = self._pending, []
         return certain
 
-    def _end_train(self) -> None:
+    def _begin_anew(self) -> None:
+        self._spring.begin_anew()
         self._pending = []
-        self._told = 0
+
+    def _end_hunting(self) -> None:
+        self._swings = []
+        self._reported_swings = 0
+
+
+def _cycle(before: Rest, rest: Rest) -> Cycle | None:
+    """The slip between two rests, None if it is a motion to and fro."""
+    distance = rest.position - before.position
+    if rest.arrest <= before.breakaway or distance == 0 or rest.slip.directness < _LEAST_DIRECTNESS:
+        return None
+    moved = rest.seen_from - before.seen_until
+    return Cycle(
+        breakaway=before.breakaway,
+        arrest=rest.arrest,
+        dwell=before.dwell,
+        creep=before.breakaway - before.stirred,
+        slip_distance=distance,
+        position=before.position,
+        effort=before.effort,
+        reference_speed=abs(_meanwhile(before, rest)) / moved if moved > 0.0 else math.nan,
+    )
 
 
 def _motion(cycle: Cycle, rest: Rest) -> Motion:
@@ -273,25 +308,31 @@ def _meanwhile(before: Rest, rest: Rest) -> float:
     return rest.reference - (before.reference + before.reference_advance)
 
 
-def _stood(before: Rest, rest: Rest, distance: float) -> bool:
-    """Whether the reference stood still from the beginning of one rest to the end of the next."""
-    places = [place for one in (before, rest) for place in (one.reference, one.reference + one.reference_advance)]
-    return max(places) - min(places) <= max(_STANDS * abs(distance), rest.band)
+def _keeps_up(distance: float, rest: Rest) -> bool:
+    """Whether a motion is no less than a part of the reference's travel in the rest beside it; not if that is unknown.
 
-
-def _is_driven(rest: Rest, cycle: Cycle, meanwhile: float) -> bool:
-    """Whether the reference went on while the joint rested, as in the slip beside it, and not only at the end.
-
-    ``meanwhile`` is how far it went on during that slip [rad].
+    A hop that leaves the joint far behind is the start of a motion, or creep, and no step of a staircase.
     """
-    turns = rest.direction_after * cycle.slip_distance < 0
-    sign = math.copysign(1.0, rest.reference_mean_advance if turns else cycle.slip_distance)
-    advance, mean = sign * rest.reference_advance, sign * rest.reference_mean_advance
-    share = _NOT_AT_ITS_END
-    if abs(meanwhile) <= _STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance):
-        # A reference that stands while the joint moves is one that steps, and a servo answers late.
-        share = _STEADILY
-    if rest.dwell <= 0 or mean < max(_LEAST_ADVANCE * rest.band, share * advance):
+    return abs(distance) >= _LEAST_STEP * abs(rest.reference_advance)
+
+
+def _is_driven(rest: Rest, cycle: Cycle, before: Rest, after: Rest) -> bool:
+    """Whether the reference went on while the joint rested, steadily, and the same way as in the slip beside it.
+
+    Which way the joint slips is no matter: a load may pull it past its reference, and integral action back.
+    """
+    if rest.dwell <= 0:
         return False
-    speed = max(cycle.mean_speed, abs(meanwhile) / cycle.slip_duration) if cycle.slip_duration > 0 else math.inf
-    return turns or advance >= _DRIVEN_SHARE * speed * rest.dwell
+    direction = math.copysign(1.0, rest.reference_advance)
+    advance, mean = direction * rest.reference_advance, direction * rest.reference_mean_advance
+    meanwhile = direction * _meanwhile(before, after)
+    if meanwhile < -_STANDS * abs(cycle.slip_distance):
+        return False  # it turned
+    # A reference that stands while the joint moves is one that steps, and a servo answers late.
+    stands = meanwhile <= _STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance)
+    least, most = _STEADY_BETWEEN_STEPS if stands else _STEADY
+    if mean < _LEAST_ADVANCE * rest.band or not least * advance <= mean <= most * advance:
+        return False
+    speed = max(cycle.mean_speed, meanwhile / cycle.slip_duration) if cycle.slip_duration > 0 else math.inf
+    # What the joint crept after it is not left behind.
+    return advance - direction * rest.crept >= _DRIVEN_SHARE * speed * rest.dwell

@@ -37,12 +37,41 @@ class Evidence:
     stop_before: float = math.nan
 
 
+@dataclass(frozen=True, kw_only=True)
+class Swing:
+    """A motion from one turn to the next while the reference stands.
+
+    Attributes
+    ----------
+    reached, left : when the joint came to the turn that it begins at, and when it left it [s].
+    arrest : when it reached the next turn [s].
+    position : of the turn that it begins at [rad]; distance : to the next one, signed [rad].
+    error : reference less position at the turn that it begins at [rad]; NaN if the reference has no position.
+    effort : measured there [N·m], NaN if unknown.
+    middle : time from a tenth to nine tenths of the way [s]; turned : when it left the next turn [s].
+    """
+
+    reached: float
+    left: float
+    arrest: float
+    position: float
+    distance: float
+    error: float
+    effort: float
+    middle: float
+    turned: float
+
+
 class MotionRecord:
     """The compiled path's memory, and the only one who touches it.
 
     Parameters
     ----------
     window : over which velocities are taken where none is given [s].
+
+    Attributes
+    ----------
+    silent : see :meth:`follow`.
     """
 
     def __init__(self, window: float = 1.0) -> None:
@@ -64,28 +93,37 @@ class MotionRecord:
         self._detector["peak"] = np.inf
         for signal in (self._detector["position"], self._detector["velocity"]):
             signal["smallest"] = np.inf
-            signal["noises"] = np.nan
-        self._detector["velocity"]["block"] = np.nan
+            signal["noises"] = signal["block"] = np.nan
+            signal["band"] = np.inf
         self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
         self._turns_taken = 0
+        self.silent: int | None = None
 
-    def follow(self, samples: Batch) -> Iterator[bool]:
+    def follow(self, samples: Batch) -> Iterator[bool | Swing]:
         """Take samples; stops at every stretch of slow motion that is complete (True), and where a rest may have begun.
 
-        The latter only if it is awaited, see :meth:`await_rest`.
+        The latter only if it is awaited, see :meth:`await_rest`. It stops at every complete swing, too. It ends where
+        no sample came for so long that what follows is another story: :attr:`silent` then has the number of the
+        first sample that was not taken.
 
         What is asked in between is answered as of then.
         """
         duration = float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0
         self._make_room(min(len(samples), int(duration / kernel.SLICE_LENGTH) + 2) + 1)
-        index = 0
+        index, self.silent = 0, None
         while index < len(samples):
             index, why = kernel.follow(
                 index, samples.time, samples.position, samples.velocity, samples.effort,
                 samples.reference_position, samples.reference_velocity, self._slices, self._motions, self._detectors,
             )  # fmt: skip
+            if why == kernel.SILENT:
+                self.silent = index
+                return
             if why == kernel.STANDS:
                 yield False
+            if self._motion["swung"]:
+                self._motion["swung"] = False
+                yield Swing(**dict(zip(Swing.__dataclass_fields__, self._motion["swing"].tolist(), strict=True)))
             complete = why == kernel.SPELL
             while complete:
                 yield True
@@ -133,13 +171,13 @@ class MotionRecord:
 
     def judge(self) -> tuple[int, float, float]:
         """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
-        rest = kernel.open_rest(self._detector)
+        rest = kernel.open_rest(self._motion["window"], self._detector)
         code, first, second = kernel.judge(rest, self._motion, self._detector)
         return int(code), float(first), float(second)
 
-    def goes_on(self, samples: Batch, *, silence: float, largest: float) -> bool:
-        """Whether samples simply go on: in strict order, all within ``largest``, with no silence [s] in between."""
-        return bool(kernel.unbroken(samples.time, samples.position, self.last_time, silence, largest))
+    def goes_on(self, samples: Batch, *, largest: float) -> bool:
+        """Whether samples simply go on: in strict order, and all within ``largest``."""
+        return bool(kernel.unbroken(samples.time, samples.position, self.last_time, largest))
 
     @property
     def last_time(self) -> float:
@@ -188,8 +226,9 @@ class MotionRecord:
 
     @property
     def band(self) -> float:
-        """The smallest motion told from rest [rad]: resolution or a multiple of the noise."""
-        return float(self._detector["position"]["band"])
+        """The smallest motion told from rest [rad]: resolution or a multiple of the noise; 0 before any change."""
+        band = float(self._detector["position"]["band"])
+        return band if math.isfinite(band) else 0.0
 
     @property
     def resolution(self) -> float:
@@ -237,6 +276,11 @@ class MotionRecord:
     def speed_after(self) -> float:
         """Fastest motion since the longest gap [rad/s]."""
         return float(self._detector["peak_after"])
+
+    @property
+    def update(self) -> float:
+        """How often the position changes while the joint moves by several bands at a time [s]; 0 if it never did."""
+        return float(self._detector["update"])
 
     @property
     def last_detected(self) -> float:

@@ -55,6 +55,23 @@ def rest_gaps(
     return first, last
 
 
+def slow_times(crossings: NDArray[np.float64], longest: int, fastest: float) -> tuple[float, float]:
+    """How long the motion about its longest gap was slower than a tenth, and than a half, of the fastest motion [s].
+
+    Of a speed that dips to nothing as a cosine does the first is 0.41 of the second. Of one that passes through zero,
+    or dips less far, it is less, and of one that stops it is more.
+    """
+    speeds, times = np.abs(crossings[:, kernel.SPEED]), crossings[:, kernel.TIME]
+    lasted = []
+    for level in (kernel.SLOW * fastest, 0.5 * fastest):
+        before = np.flatnonzero(speeds[: longest + 1] >= level)
+        after = np.flatnonzero(speeds[longest + 1 :] >= level)
+        begin = int(before[-1]) if len(before) else 0
+        end = longest + (int(after[0]) if len(after) else len(times) - 1 - longest)
+        lasted.append(float(times[max(end, longest + 1)] - times[begin]))
+    return lasted[0], lasted[1]
+
+
 def end_of_creep(
     crossings: NDArray[np.float64], first: int, last: int, fastest: float, direction: int
 ) -> tuple[int, float, NDArray[np.float64]]:

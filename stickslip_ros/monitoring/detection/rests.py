@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
-from stickslip_ros.monitoring.detection.motion import MotionRecord
-from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, end_of_creep, fastest, rest_ends, rest_gaps
+from stickslip_ros.monitoring.detection.motion import MotionRecord, Swing
+from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, end_of_creep, fastest, rest_ends, rest_gaps, slow_times
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
@@ -38,6 +38,9 @@ _GENTLE = (
 )
 _FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
 _CREPT = 0.2  # of the slip before: a joint at rest may creep so far
+_FEW_SAMPLES = 6.0  # of a stop: its ends cannot be extrapolated, so that its course must show it
+_SAMPLES_OF_A_COURSE = 9.0  # from half of the fastest motion to half of it again: fewer show no course
+_SHARE_OF_STOP = 0.38  # slow, of the time between half of the fastest motion: a dip to nothing has 0.41, see slow_times
 _STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
 _FEW_GAPS = 2
 _LEAST_CREEP = 0.005  # of the slip before: less is how gently a slip begins
@@ -55,7 +58,7 @@ class Rest:
     ----------
     arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
     stirred : when it began to creep towards the breakaway [s]; the breakaway itself where no creep was seen.
-    position : [rad].
+    position : [rad]; crept : how far the joint moved within the rest, signed [rad].
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
     slip : the course of the motion before.
     band : the smallest motion that is told from rest [rad].
@@ -65,7 +68,6 @@ class Rest:
     reference_advance : how far it went on while the joint was at rest, signed [rad]; NaN if unknown.
     reference_mean_advance : how far it had gone on, as a mean over the rest [rad]: half of that for a steady reference,
         next to nothing for one that steps and sets off the motion.
-    error : reference less position when the rest ended [rad]; NaN if the reference has no position.
     effort : measured effort at breakaway [N·m], NaN if unknown.
     complete : whether the joint has left it; else the breakaway is the last sample's time.
     """
@@ -74,6 +76,7 @@ class Rest:
     breakaway: float
     stirred: float
     position: float
+    crept: float
     direction_before: int
     direction_after: int
     slip: SlipShape
@@ -83,7 +86,6 @@ class Rest:
     reference: float
     reference_advance: float
     reference_mean_advance: float
-    error: float
     effort: float
     complete: bool = True
 
@@ -91,6 +93,23 @@ class Rest:
     def dwell(self) -> float:
         """Time at rest [s]."""
         return self.breakaway - self.arrest
+
+    def until(self, later: Rest) -> Rest:
+        """This rest and a later one as one rest, within which the joint crept from the place of this to the other's."""
+        lasted, lasts = self.seen_until - self.seen_from, later.seen_until - later.seen_from
+        ahead = later.reference - self.reference
+        means = self.reference_mean_advance * lasted + (ahead + later.reference_mean_advance) * lasts
+        return replace(
+            later,
+            arrest=self.arrest,
+            direction_before=self.direction_before,
+            slip=self.slip,
+            seen_from=self.seen_from,
+            crept=later.position + 0.5 * later.crept - self.position + 0.5 * self.crept,
+            reference=self.reference,
+            reference_advance=ahead + later.reference_advance,
+            reference_mean_advance=means / (lasted + lasts) if lasted + lasts > 0.0 else 0.0,
+        )
 
 
 class RestDetector:
@@ -107,8 +126,10 @@ class RestDetector:
         # When and where the joint left its last rest, and its reference then.
         self._left = (math.nan, math.nan, math.nan)
 
-    def feed(self, samples: Batch) -> Iterator[Rest]:
+    def feed(self, samples: Batch) -> Iterator[Rest | Swing]:
         """Take samples and yield each rest when it is complete, and if awaited also when it has certainly begun.
+
+        Swings about a reference that stands are yielded when they are complete.
 
         What is known by then may be changed in between. A rest that has only begun is not :attr:`Rest.complete`.
         Whether one is awaited is told to ``motion``.
@@ -118,9 +139,12 @@ class RestDetector:
         samples : in strict order of time, with finite positions; a joint whose measured velocity was never seen
             slow did not rest.
         """
-        for complete in self.motion.follow(samples):
-            rest = self._rest_in_spell() if complete else self._begun_rest()
-            if complete and rest is None:
+        for event in self.motion.follow(samples):
+            if isinstance(event, Swing):
+                yield event
+                continue
+            rest = self._rest_in_spell() if event else self._begun_rest()
+            if event and rest is None:
                 self.motion.did_not_rest()
             if rest is not None:
                 yield rest
@@ -205,10 +229,16 @@ class RestDetector:
         travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
         if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.motion.band):
             return None
+        end = last
+        if crossings[last, kernel.FLAT_END] <= before[-1, kernel.TIME]:
+            # It moved with every sample, if slowly: the gap is the rest.
+            end = last + 1
+            _stand_until(crossings[last], crossings[end])
         rest_begin, rest_end = float(before[-1, kernel.TIME]), float(crossings[last, kernel.FLAT_END])
-        moved = abs(float(crossings[last, kernel.POSITION] - before[-1, kernel.POSITION]))
+        moved = abs(float(crossings[end, kernel.POSITION] - before[-1, kernel.POSITION]))
         if not max(self.motion.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
+        flat_end = rest_end
         measured = crossings[first : last + 1, kernel.SLOWEST]
         # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
         least = self.motion.velocity_band + _STANDING * slowest
@@ -243,12 +273,18 @@ class RestDetector:
         arrest, breakaway, certain = rest_ends(
             left, right, places, rest_begin, rest_end, direction_before, direction_after
         )
-        if breakaway <= arrest:
-            return None
-        if certain:
+        stops = initial or self._stops(crossings, longest - oldest, slowest)
+        if certain and breakaway > arrest:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
-            if breakaway - arrest < _LEAST_DWELL * span:
+            certain = breakaway - arrest < _LEAST_DWELL * span
+        if certain or breakaway <= arrest:
+            # By the motion on both sides the joint only slowed down. Of a stop of few samples they say nothing.
+            short = flat_end - rest_begin < _FEW_SAMPLES * self.motion.update
+            if not (short and stops and direction_before * direction_after > 0):
                 return None
+            arrest, breakaway = rest_begin, flat_end
+        elif breakaway - arrest < _FEW_SAMPLES * self.motion.update and not stops:
+            return None
         rest = self._rest(
             before,
             crossings[first : last + 1],
@@ -264,6 +300,11 @@ class RestDetector:
             (breakaway, rest.position, rest.reference + rest.reference_advance),
         )
         return rest
+
+    def _stops(self, crossings: FloatArray, longest: int, fastest: float) -> bool:
+        """Whether the course of the speed shows a stop at the longest gap, and no dip, as far as samples can show it."""
+        slow, until_fast = slow_times(crossings, longest, fastest)
+        return slow > _SHARE_OF_STOP * until_fast and until_fast > _SAMPLES_OF_A_COURSE * self.motion.update
 
     def _rest(
         self,
@@ -303,6 +344,7 @@ class RestDetector:
             breakaway=breakaway,
             stirred=min(stirred, breakaway),
             position=position,
+            crept=float(last[kernel.POSITION] - first[kernel.POSITION]),
             direction_before=direction_before,
             direction_after=direction_after,
             slip=shape,
@@ -312,7 +354,16 @@ class RestDetector:
             reference=float(first[kernel.REFERENCE]),
             reference_advance=reference - float(first[kernel.REFERENCE]),
             reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
-            error=reference - position if self.motion.reference_has_position else math.nan,
             effort=float(last[kernel.EFFORT_FLAT_END]),
             complete=direction_after != 0,
         )
+
+
+def _stand_until(crossing: FloatArray, after: FloatArray) -> None:
+    """Let a crossing's stand last until the next one, in place."""
+    crossing[kernel.FLAT_END] = after[kernel.TIME]
+    crossing[kernel.REFERENCE_FLAT_END] = after[kernel.REFERENCE]
+    crossing[kernel.EFFORT_FLAT_END] = after[kernel.EFFORT_FLAT_END]
+    crossing[kernel.ADVANCE] = 0.5 * (after[kernel.REFERENCE] - crossing[kernel.REFERENCE]) * (
+        after[kernel.TIME] - crossing[kernel.TIME]
+    )

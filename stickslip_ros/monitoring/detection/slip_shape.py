@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _PARTS, _CROSSINGS_A_PART = 32, 2
+_BURST, _DIP = 0.5, 0.125  # of the fastest motion: what a burst reaches, and how far the speed falls between two
+_STRAIGHT = 0.43  # of a motion's duration, for its middle half: half a cosine takes 0.33, a steady slide 0.5
 _SHARES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
 
 
@@ -26,13 +28,18 @@ class SlipShape:
         is fastest early, as one that follows a step of its reference.
     directness : its way over all that it went to and fro [1]; NaN if unknown.
     quickness : its fastest speed over that of the reference [1], each over a small part of its duration; infinite if
-        the reference stood, NaN if unknown. A joint that follows has about 1, a spring that lets go more.
+        the reference stood, NaN if unknown. A joint that follows has about 1, a spring that lets go more. Of a steady
+        slide, whose fastest part may be noise, the upper quartile counts.
+    bursts : how often it got fast [1]; a slip is one burst.
+    straight : whether it is a steady slide with corners, which no spring makes.
     """
 
     middle_half: float = math.nan
     asymmetry: float = math.nan
     directness: float = math.nan
     quickness: float = math.nan
+    bursts: int = 1
+    straight: bool = False
 
 
 def slip_shape(
@@ -51,13 +58,26 @@ def slip_shape(
         tenth, quarter, half, three_quarters, nine_tenths = at.tolist()
         if quarter < three_quarters and tenth < half:
             middle_half, asymmetry = three_quarters - quarter, (nine_tenths - half) / (half - tenth)
+    straight = middle_half > _STRAIGHT * float(times[-1] - times[0])
     edges = np.linspace(times[0], times[-1], min(len(times) // _CROSSINGS_A_PART, _PARTS) + 1)
-    fastest, of_reference = (
-        float(np.max(np.abs(np.diff(np.interp(edges, times, places))))) for places in (positions, references)
-    )
+    steps, of_reference = (np.abs(np.diff(np.interp(edges, times, places))) for places in (positions, references))
+    share = 0.75 if straight else 1.0
+    fast, reference = (float(np.quantile(one, share)) for one in (steps, of_reference))
     return SlipShape(
         middle_half=middle_half,
         asymmetry=asymmetry,
         directness=abs(way) / float(np.sum(np.abs(np.diff(positions)))),
-        quickness=math.inf if of_reference == 0.0 else fastest / of_reference,
+        quickness=math.inf if reference == 0.0 else fast / reference,
+        bursts=_bursts(steps.tolist()),
+        straight=straight,
     )
+
+
+def _bursts(speeds: list[float]) -> int:
+    """How often the speed gets fast after it was slow."""
+    fastest, bursts, slow = max(speeds), 0, True
+    for speed in speeds:
+        if slow and speed >= _BURST * fastest:
+            bursts, slow = bursts + 1, False
+        slow = slow or speed < _DIP * fastest
+    return bursts

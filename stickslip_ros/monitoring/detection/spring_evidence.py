@@ -84,7 +84,7 @@ class SpringEvidence:
         if not goes_on:
             self.begin_anew()
         self._train.append(motion)
-        if self.total < _GIVEN_UP or self._is_front_loaded():
+        if self.total < _GIVEN_UP or self._is_front_loaded() or self._is_straight():
             self.certain = False
         elif self.total >= ENOUGH:
             self.certain = True
@@ -126,6 +126,9 @@ class SpringEvidence:
     def _is_front_loaded(self) -> bool:
         known = [one.shape.asymmetry for one in self._train if math.isfinite(one.shape.asymmetry)]
         return bool(known) and median(known) > _LARGEST_ASYMMETRY
+
+    def _is_straight(self) -> bool:
+        return 2 * sum(one.shape.straight for one in self._train) > len(self._train)
 
 
 def _fit(deviation: float, width: float, width_apart: float, count: int) -> float:
