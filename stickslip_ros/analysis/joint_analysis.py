@@ -24,7 +24,7 @@ from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.detection._motion_kernel import DIP_AT_RISK
+from stickslip_ros.monitoring.detection._motion_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status
 from stickslip_ros.monitoring.exact_question import ExactQuestion
@@ -226,7 +226,7 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
         finding = Finding(status=status, reason=usual)
     if status is Status.AT_RISK and not isinstance(finding.reason, SpeedFalls):
         # Of a recording only its motion makes that, whatever its end is like.
-        finding = Finding(status=status, reason=SpeedFalls(share=DIP_AT_RISK, at_most=True))
+        finding = Finding(status=status, reason=SpeedFalls(share=DIP_AGAIN, at_most=True))
     told = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
     texts = [reason_text(finding)] if told else []
     # What is wrong with the data of a joint that was judged is a warning, no reason.

@@ -29,6 +29,7 @@ from stickslip_ros.monitoring.detection.status import (
     NoSamples,
     Reason,
     Reversing,
+    SampledTooSlowly,
     Segment,
     SpeedFalls,
     Status,
@@ -36,6 +37,7 @@ from stickslip_ros.monitoring.detection.status import (
     Stuck,
     ThinReserve,
     TooCoarse,
+    TooFewCounts,
     TooFewSamples,
     TooShort,
 )
@@ -203,10 +205,15 @@ class JointMonitor:
 
     def why_not_judged(self) -> Reason | None:
         """For most of the time that was not judged, why; None where too little was seen to say it."""
-        codes = (kernel.STOPS_AND_GOES, kernel.STEPS_OF_COUNTS, kernel.REVERSING, kernel.TOO_SHORT)
+        codes = (
+            kernel.STOPS_AND_GOES, kernel.STEPS_OF_COUNTS, kernel.REVERSING, kernel.FEW_COUNTS, kernel.FEW_READINGS,
+            kernel.TOO_SHORT,
+        )  # fmt: skip
         code = max(codes, key=self._slices.__getitem__)
         if self._slices[code] == 0 or code == kernel.TOO_SHORT:
             return None
+        if code == kernel.FEW_READINGS:
+            return self._found(code, self._sample_rate(), kernel.LEAST_READINGS / self.options.least_motion).reason
         return self._found(code, math.nan, math.nan).reason
 
     @property
@@ -382,6 +389,10 @@ class JointMonitor:
             reason = TooShort(moving=first, needed=second)
         elif code == kernel.STEPS_OF_COUNTS:
             reason = TooCoarse(counts=first)
+        elif code == kernel.FEW_COUNTS:
+            reason = TooFewCounts()
+        elif code == kernel.FEW_READINGS:
+            reason = SampledTooSlowly(rate=first, needed=second)
         elif code == kernel.DIPS:
             reason = SpeedFalls(share=first)
         elif code == kernel.MOVES:

@@ -14,11 +14,13 @@ from stickslip_ros.monitoring.detection.status import (
     Hunting,
     NoSamples,
     Reversing,
+    SampledTooSlowly,
     SpeedFalls,
     StopsAndGoes,
     Stuck,
     ThinReserve,
     TooCoarse,
+    TooFewCounts,
     TooFewSamples,
     TooShort,
 )
@@ -117,6 +119,10 @@ def reason_text(finding: Finding) -> str:
             return "stops and goes; publish the reference to tell commanded stops from sticking"
         case TooCoarse(counts=counts):
             return f"the encoder is too coarse to count: {counts:.0f} counts a slip"
+        case TooFewCounts():
+            return "the joint has moved by too few counts of its encoder"
+        case SampledTooSlowly(rate=rate, needed=needed):
+            return f"sampled too slowly: {rate:.3g} Hz; {needed:.3g} Hz would do"
         case SpeedFalls(share=share, at_most=at_most):
             return f"the speed falls {'below' if at_most else 'to'} {100 * share:.0f} % of its mean"
         case ThinReserve(reserve=reserve, exactly=exactly):

@@ -266,7 +266,7 @@ def _follow_spell(detector):
     # A speed over two gaps lies wholly after the longest gap from the third crossing on.
     if after >= 3 or large:
         detector.peak_after = max(detector.peak_after, speed)
-    if not _has_left(time, detector) or after < _CROSSINGS_TO_LEAVE:
+    if not _has_left(time, detector) or (after < _CROSSINGS_TO_LEAVE and not large):
         return False
     if speed >= 0.4 * detector.peak:
         return True

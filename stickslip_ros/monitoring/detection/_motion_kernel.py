@@ -98,7 +98,9 @@ BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
 SLICE_COLUMNS = 6
 
 # What the motion shows.
-TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS = range(9)
+(
+    TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS, FEW_READINGS,
+) = range(11)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
 _OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
@@ -106,8 +108,13 @@ _CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is see
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
 _LEAST_CROSSINGS = 20
-DIP_AT_RISK = 0.2  # of the mean speed
+# Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
+_DIP, DIP_AGAIN = 0.2, 0.7
 _DEEPER = 0.5  # of the reference's own share, at most
+_BANDS_OF_A_SPEED = 10.0  # so that a band more or less is a tenth
+_BRIEFEST = 0.02  # of the motion that is judged: less than half a cycle of the fastest stick slip
+_AGAIN = 4  # times in the motion that is judged: faster than a person moves
+LEAST_READINGS = 20.0  # in the motion that is judged: stick slip has up to 10 cycles a second
 _START = 0.25  # of the motion needed: the start from rest is no dip
 _LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
 _WINDOW_CROSSINGS = 6
@@ -225,21 +232,23 @@ def open_rest(lasting, detector):
 
 @inlined()
 def slowest_share(since, detector):
-    """Slowest motion since a time over the mean there, 0 to 1; 1 if there is too little to tell."""
+    """Slowest motion since a time over the mean there, 0 to 1, and how often the speed dipped; 1 if too little to tell."""
     head = detector.head
     first = head
     while first > max(0, head - kernel.RING) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:
         first -= 1
     if head - first < 2 * _WINDOW_CROSSINGS:
-        return 1.0
+        return 1.0, 0
     begin, end = first % kernel.RING, (head - 1) % kernel.RING
     way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
     mean = way / (detector.crossings[end, kernel.TIME] - detector.crossings[begin, kernel.TIME])
     if mean == 0.0:
-        return 1.0
+        return 1.0, 0
+    least, briefest = _BANDS_OF_A_SPEED * detector.position.band, _BRIEFEST * (detector.last_time - since)
     # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. Slowing
     # down at the end is no dip before the motion has picked up again.
     recovered, slowest, candidate = False, np.inf, np.inf
+    dips, lowest, back = 0, np.inf, first
     for n in range(first + _ENOUGH_CROSSINGS, head):
         crossing, before = n % kernel.RING, (n - _ENOUGH_CROSSINGS) % kernel.RING
         way = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[before, kernel.POSITION])
@@ -248,7 +257,22 @@ def slowest_share(since, detector):
         if speed >= 0.5 * mean:
             recovered = True
             slowest = min(slowest, candidate)
-    return min(slowest / mean, 1.0) if recovered else 1.0
+        # Shallow dips count only where neither counts nor samples can make them.
+        place, now = detector.crossings[crossing, kernel.POSITION], detector.crossings[crossing, kernel.TIME]
+        while back + 1 + _ENOUGH_CROSSINGS <= n and (
+            abs(place - detector.crossings[(back + 1) % kernel.RING, kernel.POSITION]) >= least
+            and now - detector.crossings[(back + 1) % kernel.RING, kernel.TIME] >= briefest
+        ):
+            back += 1
+        way = abs(place - detector.crossings[back % kernel.RING, kernel.POSITION])
+        elapsed = now - detector.crossings[back % kernel.RING, kernel.TIME]
+        if way >= least and elapsed >= briefest:
+            speed = way / elapsed
+            lowest = min(lowest, speed)
+            if speed >= mean:
+                dips += 1 if lowest < DIP_AGAIN * mean else 0
+                lowest = np.inf
+    return (min(slowest / mean, 1.0) if recovered else 1.0), dips
 
 
 @helper()
@@ -377,13 +401,19 @@ def judge(rest, motion, detector):
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
     stops_and_goes = not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed
-    if moving < needed or detector.head < _LEAST_CROSSINGS:
+    if moving < needed:
         if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
+    if detector.head < _LEAST_CROSSINGS:
+        return FEW_COUNTS, 0.0, 0.0
+    if not motion.interval * LEAST_READINGS <= motion.window:
+        return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
     since = max(now - needed, began + _START * needed)
-    dip = slowest_share(since, detector)
-    if dip < DIP_AT_RISK:
+    dip, dips = slowest_share(since, detector)
+    if dips >= _AGAIN and dip >= _DIP:
+        return DIPS, min(dip, DIP_AGAIN), 0.0
+    if dip < _DIP:
         if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
         # Where the reference itself slows down, the joint has to.

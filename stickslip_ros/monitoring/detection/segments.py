@@ -26,6 +26,8 @@ STATUS_OF = {
     kernel.DIPS: Status.AT_RISK,
     kernel.MOVES: Status.SMOOTH,
     kernel.STEPS_OF_COUNTS: Status.NOT_JUDGED,
+    kernel.FEW_COUNTS: Status.NOT_JUDGED,
+    kernel.FEW_READINGS: Status.NOT_JUDGED,
 }
 _MENDED = (Status.NOT_JUDGED, Status.AT_REST)
 

@@ -98,6 +98,24 @@ class TooCoarse:
     counts: float
 
 
+@dataclass(frozen=True)
+class TooFewCounts:
+    """The joint has moved by too few counts of its encoder for any judgement."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledTooSlowly:
+    """Between two samples the joint could stick and slip unseen.
+
+    Attributes
+    ----------
+    rate : of the samples; needed : at least [Hz].
+    """
+
+    rate: float
+    needed: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpeedFalls:
     """The speed falls far, though not to a rest.
@@ -133,6 +151,8 @@ Reason = (
     | TooShort
     | StopsAndGoes
     | TooCoarse
+    | TooFewCounts
+    | SampledTooSlowly
     | SpeedFalls
     | ThinReserve
 )
