@@ -246,7 +246,10 @@ def _follow_spell(detector):
         return False
     now, gap = newest % RING, (newest - 1) % RING
     speed = abs(detector.crossings[now, SPEED])
-    large = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION]) >= _STEPS_OF_SPEED * detector.position.band
+    large = (
+        abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
+        >= _STEPS_OF_SPEED * detector.position.band
+    )
     stood = _time_for_a_band(newest, detector)
     slow = detector.position.band < SLOW * detector.peak * stood
     if not detector.in_spell:

@@ -604,7 +604,10 @@ def _follow_swing(motion, detector):
     if swung:
         early = _time_at(begin + _MIDDLE * (extreme - begin), motion.turn, detector)
         late = _time_at(extreme - _MIDDLE * (extreme - begin), motion.turn, detector)
-        motion.swing[0], motion.swing[1] = detector.crossings[turn, kernel.TIME], detector.crossings[turn, kernel.FLAT_END]
+        motion.swing[0], motion.swing[1] = (
+            detector.crossings[turn, kernel.TIME],
+            detector.crossings[turn, kernel.FLAT_END],
+        )
         motion.swing[2] = detector.crossings[farthest, kernel.TIME]
         motion.swing[3], motion.swing[4] = begin, extreme - begin
         motion.swing[5] = motion.reference - begin

@@ -152,7 +152,11 @@ class CycleDetector:
         if rest.slip.quickness < _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
             return None
         # The rest that has just begun will be like the last one.
-        certain = _keeps_up(cycle.slip_distance, before) and _is_driven(before, cycle, before, rest) and _is_driven(rest, cycle, before, rest)
+        certain = (
+            _keeps_up(cycle.slip_distance, before)
+            and _is_driven(before, cycle, before, rest)
+            and _is_driven(rest, cycle, before, rest)
+        )
         return cycle if certain else None
 
     def finish(self, rest: Rest | None) -> list[Cycle]:

@@ -25,7 +25,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 from stickslip_ros.monitoring.detection.motion import MotionRecord, Swing
-from stickslip_ros.monitoring.detection.rest_ends import braking_crossings, end_of_creep, fastest, rest_ends, rest_gaps, slow_times
+from stickslip_ros.monitoring.detection.rest_ends import (
+    braking_crossings,
+    end_of_creep,
+    fastest,
+    rest_ends,
+    rest_gaps,
+    slow_times,
+)
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
@@ -364,6 +371,6 @@ def _stand_until(crossing: FloatArray, after: FloatArray) -> None:
     crossing[kernel.FLAT_END] = after[kernel.TIME]
     crossing[kernel.REFERENCE_FLAT_END] = after[kernel.REFERENCE]
     crossing[kernel.EFFORT_FLAT_END] = after[kernel.EFFORT_FLAT_END]
-    crossing[kernel.ADVANCE] = 0.5 * (after[kernel.REFERENCE] - crossing[kernel.REFERENCE]) * (
-        after[kernel.TIME] - crossing[kernel.TIME]
+    crossing[kernel.ADVANCE] = (
+        0.5 * (after[kernel.REFERENCE] - crossing[kernel.REFERENCE]) * (after[kernel.TIME] - crossing[kernel.TIME])
     )

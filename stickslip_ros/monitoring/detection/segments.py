@@ -83,7 +83,11 @@ class Segments:
         if segment.end <= segment.start:
             return
         last = self.all[-1] if self.all else None
-        if last is not None and last.status is segment.status and 0.0 <= segment.start - last.end < kernel.LONGEST_SILENCE:
+        if (
+            last is not None
+            and last.status is segment.status
+            and 0.0 <= segment.start - last.end < kernel.LONGEST_SILENCE
+        ):
             velocity = (_way(last) + _way(segment)) / (segment.end - last.start)
             segment = replace(segment, start=self.all.pop().start, velocity=velocity)
         self.all.append(segment)

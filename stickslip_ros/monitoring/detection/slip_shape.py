@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 _PARTS, _CROSSINGS_A_PART = 32, 2
 _BURST, _DIP = 0.5, 0.125  # of the fastest motion: what a burst reaches, and how far the speed falls between two
+_UPPER_QUARTILE = 0.92  # of the speed in half a cosine, over the fastest
 _STRAIGHT = 0.43  # of a motion's duration, for its middle half: half a cosine takes 0.33, a steady slide 0.5
 _SHARES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
 
@@ -61,8 +62,9 @@ def slip_shape(
     straight = middle_half > _STRAIGHT * float(times[-1] - times[0])
     edges = np.linspace(times[0], times[-1], min(len(times) // _CROSSINGS_A_PART, _PARTS) + 1)
     steps, of_reference = (np.abs(np.diff(np.interp(edges, times, places))) for places in (positions, references))
-    share = 0.75 if straight else 1.0
-    fast, reference = (float(np.quantile(one, share)) for one in (steps, of_reference))
+    fast, reference = float(np.max(steps)), float(np.max(of_reference))
+    if straight:
+        fast, reference = float(np.quantile(steps, 0.75)) / _UPPER_QUARTILE, float(np.quantile(of_reference, 0.75))
     return SlipShape(
         middle_half=middle_half,
         asymmetry=asymmetry,

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Issue 33: stick slip is found where a joint does nothing else, and not where it does something else."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from conftest import RECORDINGS, recording
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ordinary_days import DayTally, is_found, ordinary_day, watch_day
+
+from stickslip_ros.bags.table import load_table
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import EventKind, simulate
+from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.detection.status import (
+    Finding,
+    Hunting,
+    SampledTooSlowly,
+    Segment,
+    SpeedFalls,
+    Status,
+    StopsAndGoes,
+)
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
+
+COUNT = 2.5e-5
+FINGER, SERVO = "tendon_finger_p6200", "bus_servo_pendulum_225108"
+
+
+def watch(batch: Batch) -> tuple[list[Cycle], list[Segment], JointMonitor]:
+    """Cycles, segments and the monitor that found them."""
+    monitor = JointMonitor(segments_kept=None)
+    cycles = monitor.process(batch)
+    return cycles + monitor.finish(), list(monitor.segments), monitor
+
+
+def spent(segments: list[Segment], status: Status, begin: float = -math.inf, end: float = math.inf) -> float:
+    """Time in a status between two times [s]."""
+    return sum(max(min(one.end, end) - max(one.start, begin), 0.0) for one in segments if one.status is status)
+
+
+def rounded(places: np.ndarray, count: float = COUNT) -> np.ndarray:
+    """As an encoder reads it."""
+    return count * np.round(places / count)
+
+
+def after_a_move(joint: Joint, way: float, *, with_reference: bool) -> tuple[Batch, list[tuple[float, float]]]:
+    """A move at 0.5 rad/s, two seconds of rest, and half a minute at 0.0058 rad/s; the slips there [s]."""
+    time = 1e-3 * np.arange(int(1e3 * (abs(way) / 0.5 + 35.0)))
+    begin = abs(way) / 0.5 + 2.5
+    velocity = np.where((time > 0.5) & (time < 0.5 + abs(way) / 0.5), math.copysign(0.5, way), 0.0)
+    velocity[time >= begin] = 0.0058
+    reference = 1e-3 * np.cumsum(velocity)
+    found = simulate(joint, Gains(stiffness=630.0, damping=20.0), reference, velocity)
+    slips = [
+        (one.time, other.time) for one, other in itertools.pairwise(found.events)
+        if one.kind is EventKind.BREAKAWAY and one.time > begin
+    ]  # fmt: skip
+    batch = Batch(
+        time=found.time, position=rounded(found.position), reference_position=reference if with_reference else ()
+    )
+    return batch, slips
+
+
+@pytest.mark.parametrize("with_reference", [True, False])
+@pytest.mark.parametrize("way", [0.0, 0.1, 0.3, -0.3, 1.0])
+def test_what_came_before_hides_nothing(puma: Joint, way: float, with_reference: bool) -> None:
+    """Found 1: after a move of a radian the same slips are found as without it."""
+    batch, slips = after_a_move(puma, way, with_reference=with_reference)
+    cycles, segments, _ = watch(batch)
+    found = [any(abs(cycle.arrest - arrest) < 0.05 for cycle in cycles) for _, arrest in slips]
+    assert len(slips) > 20
+    assert sum(found) >= len(slips) - 2
+    assert all(cycle.breakaway > slips[0][0] - 0.1 for cycle in cycles)
+    # Without a reference a dwell of unknown length comes before the first slip, which therefore is no evidence.
+    begin = slips[1 if with_reference else 2][0]
+    assert spent(segments, Status.STICK_SLIP, begin, slips[-1][1]) > 0.98 * (slips[-1][1] - begin)
+
+
+def test_ordinary_days() -> None:
+    """The short form of docs/measure_ordinary_days.py, which has the figures of 200 joints."""
+    known, unknown = DayTally(), DayTally()
+    for seed in range(24):
+        day = ordinary_day(seed)
+        known.add(watch_day(day, with_reference=True))
+        unknown.add(watch_day(day, with_reference=False))
+    assert known.recall > 0.98
+    assert unknown.recall > 0.88
+    assert known.false <= 0.005 * known.cycles
+    assert unknown.false <= 0.005 * unknown.cycles
+    assert known.right > 0.9 * known.judged
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 29), st.floats(0.0, 30.0), st.booleans())
+def test_where_a_recording_begins_does_not_matter(seed: int, later: float, with_reference: bool) -> None:
+    """Found 2: begun later, what is found a few cycles after the beginning is the same."""
+    day = ordinary_day(seed)
+    batch = day.watched(with_reference=with_reference)
+    whole, _, _ = watch(batch)
+    cut = batch.where(batch.time >= later)
+    found, _, _ = watch(cut)
+    # Without a reference a stretch that was cut may have too few slips left.
+    begins = later + 2.0 if with_reference else min([end for _, end in day.stretches if end > later], default=math.inf)
+    slips = [slip for slip in day.slips if slip.breakaway - slip.dwell > begins]
+    missed = [slip for slip in slips if is_found(slip, whole) and not is_found(slip, found)]
+    assert len(missed) <= (0.02 if with_reference else 0.1) * len(slips) + 1.0
+
+
+@pytest.mark.parametrize("name", [SERVO, "openarm_joint3_tracking", "enslyon_slider_k168_v1100"])
+def test_where_a_real_recording_begins_does_not_matter(name: str) -> None:
+    """Found 2: the same cycles, begun half a second, a second or two later."""
+    batch = recording(name)
+    whole, _, _ = watch(batch)
+    for later in (0.3, 0.5, 1.0, 2.0):
+        begin = float(batch.time[0]) + later
+        found, _, _ = watch(batch.where(batch.time >= begin))
+        expected = [cycle for cycle in whole if cycle.breakaway - cycle.dwell > begin + 1.0]
+        missed = [one for one in expected if not any(abs(one.arrest - other.arrest) < 0.02 for other in found)]
+        assert len(missed) <= 0.03 * len(expected)
+
+
+@pytest.mark.parametrize("name", [SERVO, "openarm_joint3_tracking", "enslyon_slider_k168_v1100"])
+def test_a_move_before_a_real_recording_hides_nothing(name: str) -> None:
+    """Found 1: a commanded move and a pause before it leave the cycles as they are."""
+    batch = recording(name)
+    alone, _, _ = watch(batch)
+    interval = float(np.median(np.diff(batch.time)))
+    time = np.arange(0.0, 6.0, interval)
+    share = np.clip((time - 1.0) / 2.0, 0.0, 1.0)
+    scale = 3.0 * float(np.ptp(batch.position))
+    resolution = float(np.min(np.abs(np.diff(batch.position))[np.diff(batch.position) != 0.0]))
+    move = scale * (share**3 * (10.0 - 15.0 * share + 6.0 * share**2) - 1.0)
+    offset = 6.0 - float(batch.time[0])
+    joined = Batch(
+        time=np.concatenate([time, batch.time + offset]),
+        position=np.concatenate([batch.position[0] + rounded(move, max(resolution, 1e-7)), batch.position]),
+        reference_position=np.concatenate([batch.reference_position[0] + move, batch.reference_position]),
+    )
+    found, _, _ = watch(joined)
+    first = alone[0].arrest
+    expected = [cycle for cycle in alone if cycle.breakaway > first]
+    missed = [one for one in expected if not any(abs(one.arrest + offset - other.arrest) < 0.02 for other in found)]
+    assert len(missed) <= 0.03 * len(expected) + 1
+
+
+def test_a_servo_that_leads_its_reference_sticks() -> None:
+    """Found 2: the load pulls it past its reference, and it sticks all the same."""
+    cycles, segments, _ = watch(recording(SERVO))
+    assert len(cycles) >= 4
+    assert all(cycle.breakaway > 3.9 for cycle in cycles)
+    assert spent(segments, Status.STICK_SLIP) > 1.0
+    assert spent(segments, Status.STICK_SLIP, 0.0, 3.9) == 0.0
+    cycles, segments, _ = watch(recording("bus_servo_pendulum_184014"))
+    assert not cycles
+
+
+def test_a_finger_climbs_down_a_staircase_and_hunts() -> None:
+    """Found 3, 4: stops of few samples; then swings about a reference that stands, of which each is a cycle."""
+    cycles, segments, _ = watch(recording(FINGER))
+    down = [cycle for cycle in cycles if not cycle.hunting]
+    swings = [cycle for cycle in cycles if cycle.hunting]
+    assert 4 <= len(down) <= 11
+    assert all(3.9 < cycle.breakaway and cycle.arrest < 6.2 and cycle.slip_duration < 0.7 for cycle in down)
+    assert 7 <= len(swings) <= 10
+    assert all(one.slip_distance * other.slip_distance < 0 for one, other in itertools.pairwise(swings))
+    assert spent(segments, Status.STICK_SLIP, 0.0, 3.9) == 0.0
+    assert spent(segments, Status.STICK_SLIP, 6.6, 8.3) > 1.5
+    assert spent(segments, Status.AT_REST, 8.8, 10.6) > 1.6
+    # On the way up it swings without a stop.
+    assert spent(segments, Status.AT_RISK, 2.0, 3.5) > 0.2
+
+
+def test_ripple_is_no_stick_slip() -> None:
+    """Found 5: a motor that never stops, and whose speed dips through zero for a millisecond or two."""
+    cycles, segments, _ = watch(recording("motor_cogging"))
+    assert not cycles
+    assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
+def test_what_lies_in_a_gap_was_not_seen() -> None:
+    """Found 6: of a motor only what stands was kept."""
+    path = RECORDINGS / "small" / "motor_samples_missing.csv"
+    if not path.exists():
+        pytest.skip(f"recording {path.name} is not in {RECORDINGS / 'small'} (set STICKSLIP_RECORDINGS)")
+    for batch in load_table(path).batches.values():
+        cycles, segments, _ = watch(batch)
+        assert not cycles
+        assert spent(segments, Status.NOT_JUDGED) > 0.8 * (batch.time[-1] - batch.time[0])
+
+
+@pytest.mark.parametrize("name", ["seven_axis_arm_at_rest", "winches_standing", "pendulum_flicker_at_rest"])
+def test_a_joint_that_stands_is_at_rest(name: str) -> None:
+    """Found 7: flicker of a float's last digits, of noise now and then, of one count."""
+    path = RECORDINGS / "small" / f"{name}.csv"
+    if not path.exists():
+        pytest.skip(f"recording {path.name} is not in {RECORDINGS / 'small'} (set STICKSLIP_RECORDINGS)")
+    for batch in load_table(path).batches.values():
+        _, segments, _ = watch(batch)
+        # Of the first samples, and of those after a gap, nothing is known.
+        assert spent(segments, Status.AT_REST) > 0.9 * (batch.time[-1] - batch.time[0])
+        assert {one.status for one in segments} <= {Status.AT_REST, Status.NOT_JUDGED}
+
+
+def stairs(rate: float, *, step: float = 6.6e-3, rest: float = 0.6, slip: float = 0.5, duration: float = 60.0) -> Batch:
+    """Half cosines of equal size with equal pauses, positions alone."""
+    time = np.arange(0.013, duration, 1.0 / rate)
+    within, number = time % (rest + slip), np.floor(time / (rest + slip))
+    risen = np.where(within < rest, 0.0, 0.5 * (1.0 - np.cos(math.pi * (within - rest) / slip)))
+    return Batch(time=time, position=rounded(step * (number + risen)))
+
+
+@pytest.mark.parametrize("rate", [2.3, 5.0, 7.1, 10.0, 17.0])
+def test_what_is_sampled_too_slowly_is_not_called_smooth(rate: float) -> None:
+    """Found 8: plain stairs at 5 Hz."""
+    _, segments, monitor = watch(stairs(rate))
+    assert spent(segments, Status.SMOOTH) == 0.0
+    reason = monitor.why_not_judged()
+    if isinstance(reason, SampledTooSlowly):
+        assert reason.needed == pytest.approx(20.0)
+        assert reason.rate == pytest.approx(rate, rel=0.05)
+    else:
+        assert reason == StopsAndGoes()
+        assert rate > 9.0
+    _, segments, _ = watch(stairs(50.0))
+    assert spent(segments, Status.STICK_SLIP) > 50.0
+
+
+def test_straight_ramps_are_no_slips() -> None:
+    """Found 9: equal steps with corners and equal pauses, without a reference: no spring makes them."""
+    time = np.arange(0.0, 60.0, 0.01)
+    position = 0.14 * (np.floor(time / 1.1) + np.clip(time % 1.1 / 0.55 - 1.0, 0.0, 1.0))
+    noisy = position + 1e-4 * np.random.default_rng(1).standard_normal(len(time))
+    for places in (position, noisy):
+        cycles, segments, monitor = watch(Batch(time=time, position=rounded(places, 1e-4)))
+        assert not cycles
+        assert spent(segments, Status.STICK_SLIP) == 0.0
+        assert monitor.why_not_judged() is not None
+
+
+def test_a_long_slide_is_no_slip() -> None:
+    """Found 10: a joint that slides along with a noisy reference, and stops where it is told to."""
+    time = np.arange(0.0, 30.0, 0.02)
+    generator = np.random.default_rng(2)
+    velocity = np.where((time % 10.0 > 1.0) & (time % 10.0 < 3.6), 0.13, 0.0) + np.where(time % 10.0 > 6.0, 0.3, 0.0)
+    reference = 0.02 * np.cumsum(velocity)
+    position = np.interp(time - 0.05, time, reference) + 3e-4 * generator.standard_normal(len(time))
+    jittered = time + 2e-3 * generator.uniform(-1.0, 1.0, len(time))
+    _, segments, _ = watch(Batch(time=jittered, position=rounded(position, 1e-4), reference_position=reference))
+    assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
+@pytest.mark.parametrize("amplitude", [0.19, 0.002])
+def test_oscillation_about_a_command_that_stands_is_hunting(amplitude: float) -> None:
+    """Found 11: a swing every 1.09 s, after a move of a radian; told by the third swing."""
+    time = np.arange(0.0, 60.0, 0.01)
+    share = np.clip((time - 1.0) / 2.0, 0.0, 1.0)
+    reference = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    swing = amplitude * np.where(time > 5.0, np.sin(math.pi * (time - 5.0) / 1.09), 0.0)
+    cycles, segments, monitor = watch(
+        Batch(time=time, position=rounded(reference + swing), reference_position=reference)
+    )
+    assert all(cycle.hunting for cycle in cycles)
+    assert cycles[0].breakaway < 5.0 + 2.5 * 1.09
+    assert len(cycles) > 40
+    assert spent(segments, Status.STICK_SLIP, 5.0 + 3.5 * 1.09, 58.0) > 0.97 * (53.0 - 3.5 * 1.09)
+    assert monitor.finding() == Finding(status=Status.STICK_SLIP, reason=Hunting())
+
+
+def test_free_oscillation_that_dies_out_is_no_hunting() -> None:
+    """Found 11, the other way round: a joint with little damping rings after a move, and settles."""
+    time = np.arange(0.0, 40.0, 0.005)
+    since = time % 10.0
+    reference = np.floor(time / 10.0)
+    position = reference - np.exp(-0.5 * since) * np.cos(12.0 * since)
+    cycles, segments, _ = watch(Batch(time=time, position=rounded(position), reference_position=reference))
+    assert not cycles
+    assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
+def test_slips_against_the_reference_are_found(puma: Joint) -> None:
+    """Found 12: integral action pulls the joint past its reference, and back again."""
+    time = 1e-3 * np.arange(60_000)
+    velocity = np.where(time > 1.0, 0.0015, 0.0)
+    reference = 1e-3 * np.cumsum(velocity)
+    found = simulate(puma, Gains(stiffness=630.0, damping=10.0, integral=1500.0), reference, velocity)
+    events = found.events
+    slips = [
+        (one.time, other.time, other.position - one.position) for one, other in itertools.pairwise(events)
+        if one.kind is EventKind.BREAKAWAY and one.time > 2.0 and abs(other.position - one.position) > 12 * COUNT
+    ]  # fmt: skip
+    against = [slip for slip in slips if slip[2] < 0.0]
+    assert len(slips) > 8
+    cycles, segments, _ = watch(Batch(time=found.time, position=rounded(found.position), reference_position=reference))
+    missed = [slip for slip in slips if not any(abs(slip[1] - cycle.arrest) < 0.05 for cycle in cycles)]
+    assert len(missed) <= 0.1 * len(slips)
+    assert all(any(abs(slip[1] - cycle.arrest) < 0.05 for cycle in cycles) for slip in against)
+    assert spent(segments, Status.STICK_SLIP, slips[2][0], slips[-1][1]) > 0.9 * (slips[-1][1] - slips[2][0])
+
+
+def test_speed_that_falls_again_and_again_is_at_risk() -> None:
+    """Found 8: a joint that swings at 11 Hz about its motion without a stop; a steady one and a slow change are smooth."""
+    time = np.arange(0.0, 20.0, 0.01)
+    for ripple, frequency, status in (
+        (0.45, 11.0, Status.AT_RISK),
+        (0.1, 11.0, Status.SMOOTH),
+        (0.45, 0.3, Status.SMOOTH),
+    ):
+        omega = 2.0 * math.pi * frequency
+        speed = 0.4 * np.clip(time, 0.0, 1.0)
+        position, reference = (
+            np.cumsum(0.01 * speed * (1.0 + share * np.sin(omega * time))) for share in (ripple, 0.0)
+        )
+        _, segments, monitor = watch(Batch(time=time, position=rounded(position, 1e-4), reference_position=reference))
+        assert spent(segments, status) > 17.5
+        if status is Status.AT_RISK:
+            assert isinstance(monitor.finding().reason, SpeedFalls)
+
+
+@pytest.mark.parametrize("size", [1, 7, 333])
+def test_batches_make_no_difference_to_a_day(size: int) -> None:
+    """Live and recorded alike: cycles and segments to the last digit."""
+    batch = ordinary_day(3).batch
+    batch = batch.where(slice(0, 12_000))
+    whole, segments, _ = watch(batch)
+    monitor = JointMonitor(segments_kept=None)
+    pieces = [cycle for i in range(0, len(batch), size) for cycle in monitor.process(batch.where(slice(i, i + size)))]
+    # Efforts are unknown, and NaN is equal to nothing.
+    assert repr(pieces + monitor.finish()) == repr(whole)
+    assert list(monitor.segments) == segments
