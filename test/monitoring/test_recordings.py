@@ -59,8 +59,8 @@ def test_openarm_climbs_stairs_for_two_minutes() -> None:
     """Issue 2: 31 ms sampling with gaps, changing speed, reversals: stick slip for most of the recording."""
     batch = recording("openarm_joint3_tracking")
     _, spent = watch(batch)
-    # The rest of the time it stands, where the reference hardly moves: for 25 s at the beginning, and at every turn. Twice
-    # it follows its reference for seconds.
+    # The rest of the time it stands, where the reference hardly moves: for 25 s at the beginning, and at every turn.
+    # Twice it follows its reference for seconds.
     others = spent[Status.AT_REST] + spent[Status.SMOOTH]
     assert spent[Status.STICK_SLIP] > 0.8 * (batch.time[-1] - batch.time[0] - others)
 

@@ -70,9 +70,7 @@ DETECTOR = np.dtype(
         ("sign", float),  # direction of the last crossing
         ("update", float),  # how often the position changes while the joint moves fast; sensors may be slower
         ("peak", float),  # fastest motion since the last rest
-        ("motion_time", float),  # when that motion began
         ("in_spell", np.bool_),
-        ("spell_time", float),  # when the spell began
         ("longest_gap", np.int64),  # crossing from which the spell's longest gap runs
         ("longest_time", float),
         ("peak_after", float),  # fastest motion since the longest gap
@@ -91,8 +89,7 @@ _HELD = 2.5
 _CROSSINGS_TO_LEAVE = 4
 _CROSSINGS_TO_WAIT = 128
 _NO_FASTER = 0.6  # of the fastest motion so far
-_LEAVING_SHARE = 0.0
-_MEMORY = 4.0  # of the duration of a motion: how long its speed is what the next one is held against
+_FAST_AGAIN = 0.4  # of the fastest motion before the spell
 
 
 @inlined()
@@ -240,56 +237,40 @@ def _set_crossing(time, position, step, reference, effort, detector):
 
 @inlined()
 def _follow_spell(detector):
-    """Update the spell with the gap that the newest crossing has ended; True when a spell is complete."""
+    """Update the spell with the gap that the newest crossing has ended; True when a spell is complete.
+
+    The joint is slow where it takes ten times as long for a band as in the fastest motion before, and the spell is
+    complete when it has been ten times as fast again as it was slowest. Nothing before that motion has a say.
+    """
     newest = detector.head - 1
     if newest < 1:
         return False
     now, gap = newest % RING, (newest - 1) % RING
-    speed = abs(detector.crossings[now, SPEED])
-    large = (
-        abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
-        >= _STEPS_OF_SPEED * detector.position.band
-    )
+    band, speed = detector.position.band, abs(detector.crossings[now, SPEED])
+    step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
+    large = step >= _STEPS_OF_SPEED * band
     stood = _time_for_a_band(newest, detector)
-    slow = detector.position.band < SLOW * detector.peak * stood
     if not detector.in_spell:
-        if not slow:
+        if band < SLOW * detector.peak * stood:
+            _begin_spell(newest - 1, stood, detector)
+        else:
             detector.peak = max(detector.peak, speed)
-            return False
-        _begin_spell(newest - 1, stood, detector)
         return False
-    time = detector.crossings[now, TIME]
-    left = _has_left(time, detector)
-    if left and detector.position.band < SLOW * detector.peak_after * stood:
+    if band < SLOW * detector.peak_after * min(stood, detector.longest_time):
         return True
     if stood > detector.longest_time:
-        detector.longest_gap, detector.longest_time, detector.peak_after = newest - 1, stood, 0.0
+        _begin_spell(newest - 1, stood, detector)
         return False
     after = newest - detector.longest_gap
     # A speed over two gaps lies wholly after the longest gap from the third crossing on.
     if after >= 3 or large:
         detector.peak_after = max(detector.peak_after, speed)
-    if not _has_left(time, detector) or (after < _CROSSINGS_TO_LEAVE and not large):
+    if not band < SLOW * detector.peak_after * detector.longest_time or (after < _CROSSINGS_TO_LEAVE and not large):
         return False
-    if speed >= 0.4 * detector.peak:
+    if speed >= _FAST_AGAIN * detector.peak:
         return True
     # To a fine encoder so many crossings are but the beginning of a slip: as long as it gets faster, it is one.
     return after >= (_CROSSINGS_TO_WAIT if speed < _NO_FASTER * detector.peak_after else RING // 2)
-
-
-@helper()
-def _has_left(time, detector):
-    """Whether the motion since the longest gap is much faster than that gap, and not slow beside the last motion.
-
-    The second keeps a creep at rest from passing for motion; it fades, because after a fast move the
-    joint may well stick and slip at a much lower speed.
-    """
-    if not detector.position.band < SLOW * detector.peak_after * detector.longest_time:
-        return False
-    if not np.isfinite(detector.peak):
-        return True
-    memory = _MEMORY * max(detector.spell_time - detector.motion_time, 1e-9)
-    return detector.peak_after >= _LEAVING_SHARE * detector.peak * np.exp(-(time - detector.spell_time) / memory)
 
 
 @helper()
@@ -312,7 +293,6 @@ def _begin_spell(gap, stood, detector):
     detector.longest_time = stood
     detector.peak_after = 0.0
     detector.in_spell = True
-    detector.spell_time = detector.crossings[gap % RING, TIME]
 
 
 @kernel()
@@ -320,7 +300,6 @@ def close_spell(detector):
     """Begin anew after a spell; the newest gap may be the first of the next one."""
     newest = detector.head - 1
     stood = _time_for_a_band(newest, detector)
-    detector.motion_time = detector.crossings[detector.longest_gap % RING, FLAT_END]
     detector.peak = detector.peak_after
     detector.in_spell = False
     if newest - 1 > detector.longest_gap and detector.position.band < SLOW * detector.peak * stood:

@@ -99,7 +99,8 @@ SLICE_COLUMNS = 6
 
 # What the motion shows.
 (
-    TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS, FEW_READINGS,
+    TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS,
+    FEW_READINGS,
 ) = range(11)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
@@ -232,7 +233,10 @@ def open_rest(lasting, detector):
 
 @inlined()
 def slowest_share(since, detector):
-    """Slowest motion since a time over the mean there, 0 to 1, and how often the speed dipped; 1 if too little to tell."""
+    """Slowest motion since a time over the mean there, 0 to 1, and how often the speed dipped.
+
+    1 and 0 if there is too little to tell.
+    """
     head = detector.head
     first = head
     while first > max(0, head - kernel.RING) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:

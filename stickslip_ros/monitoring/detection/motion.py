@@ -281,7 +281,7 @@ class MotionRecord:
     def update(self) -> float:
         """How often the position changes while the joint moves by several bands at a time [s]; 0 if it never did.
 
-        That is once in so many samples: what is known of it is rounded, so that it is the same wherever a record begins.
+        That is once in so many samples. It is rounded to them, so that it is the same wherever a record begins.
         """
         update, interval = float(self._detector["update"]), self.sample_interval
         return max(round(update / interval), 1) * interval if interval > 0.0 < update else update

@@ -102,7 +102,7 @@ class Rest:
         return self.breakaway - self.arrest
 
     def until(self, later: Rest) -> Rest:
-        """This rest and a later one as one rest, within which the joint crept from the place of this to the other's."""
+        """One rest of this one and a later one, between which the joint only crept."""
         lasted, lasts = self.seen_until - self.seen_from, later.seen_until - later.seen_from
         ahead = later.reference - self.reference
         means = self.reference_mean_advance * lasted + (ahead + later.reference_mean_advance) * lasts
@@ -309,7 +309,7 @@ class RestDetector:
         return rest
 
     def _stops(self, crossings: FloatArray, longest: int, fastest: float) -> bool:
-        """Whether the course of the speed shows a stop at the longest gap, and no dip, as far as samples can show it."""
+        """Whether the course of the speed shows a stop at the longest gap, and no dip; not if samples are too few."""
         slow, until_fast = slow_times(crossings, longest, fastest)
         return slow > _SHARE_OF_STOP * until_fast and until_fast > _SAMPLES_OF_A_COURSE * self.motion.update
 
