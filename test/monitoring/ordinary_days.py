@@ -7,7 +7,6 @@ Every joint follows the paper's friction law under P or PD control, as an encode
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 
@@ -237,9 +236,3 @@ def watch_day(day: OrdinaryDay, *, with_reference: bool) -> DayTally:
             if segment.status in right:
                 tally.right += max(min(segment.end, end) - max(segment.start, begin), 0.0)
     return tally
-
-
-def days_by(days: list[OrdinaryDay], key: str) -> list[tuple[object, list[OrdinaryDay]]]:
-    """Days in groups of one rate each, or of one count of slips."""
-    ordered = sorted(days, key=lambda day: getattr(day, key))
-    return [(value, list(group)) for value, group in itertools.groupby(ordered, key=lambda day: getattr(day, key))]

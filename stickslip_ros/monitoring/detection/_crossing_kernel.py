@@ -296,11 +296,15 @@ def _begin_spell(gap, stood, detector):
 
 
 @kernel()
-def close_spell(detector):
-    """Begin anew after a spell; the newest gap may be the first of the next one."""
+def close_spell(rested, detector):
+    """Begin anew after a spell, in which the joint rested or not; the newest gap may be the first of the next one.
+
+    Where it did not rest the motion goes on: a bounce on an elastic contact belongs to the slip before it.
+    """
     newest = detector.head - 1
     stood = _time_for_a_band(newest, detector)
-    detector.peak = detector.peak_after
+    goes_on = not rested and np.isfinite(detector.peak)
+    detector.peak = max(detector.peak, detector.peak_after) if goes_on else detector.peak_after
     detector.in_spell = False
     if newest - 1 > detector.longest_gap and detector.position.band < SLOW * detector.peak * stood:
         _begin_spell(newest - 1, stood, detector)

@@ -59,6 +59,7 @@ class Cycle:
     hunting : whether the reference stood still and the slip before went the other way.
     reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
     creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
+    dated : whether breakaway and arrest are known better than to a sample, so that friction can be learnt from it.
     """
 
     breakaway: float
@@ -70,6 +71,7 @@ class Cycle:
     hunting: bool = False
     reference_speed: float = math.nan
     creep: float = 0.0
+    dated: bool = True
 
     @property
     def slip_duration(self) -> float:
@@ -290,6 +292,7 @@ def _cycle(before: Rest, rest: Rest) -> Cycle | None:
         arrest=rest.arrest,
         dwell=before.dwell,
         creep=before.breakaway - before.stirred,
+        dated=before.dated and rest.dated,
         slip_distance=distance,
         position=before.position,
         effort=before.effort,

@@ -97,6 +97,7 @@ class MotionRecord:
             signal["band"] = np.inf
         self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
         self._turns_taken = 0
+        self._rested = True  # in the spell just completed
         self.silent: int | None = None
 
     def follow(self, samples: Batch) -> Iterator[bool | Swing]:
@@ -126,8 +127,9 @@ class MotionRecord:
                 yield Swing(**dict(zip(Swing.__dataclass_fields__, self._motion["swing"].tolist(), strict=True)))
             complete = why == kernel.SPELL
             while complete:
+                self._rested = True
                 yield True
-                crossing_kernel.close_spell(self._detector)
+                crossing_kernel.close_spell(self._rested, self._detector)
                 # The first block, which had to wait, may hold more than one.
                 complete = kernel.replay(self._detector)
 
@@ -157,6 +159,7 @@ class MotionRecord:
     def did_not_rest(self) -> None:
         """Let the judgement know that the joint only slowed down where it seemed to rest."""
         self._motion["rested_at"] = -math.inf
+        self._rested = False
 
     def turns(self) -> list[float]:
         """Take the times at which the joint was seen to move the other way, since the last time [s]."""

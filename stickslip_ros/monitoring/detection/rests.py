@@ -77,6 +77,7 @@ class Rest:
         next to nothing for one that steps and sets off the motion.
     effort : measured effort at breakaway [N·m], NaN if unknown.
     complete : whether the joint has left it; else the breakaway is the last sample's time.
+    dated : whether its ends follow from the motion beside it; else they are those of samples.
     """
 
     arrest: float
@@ -95,6 +96,7 @@ class Rest:
     reference_mean_advance: float
     effort: float
     complete: bool = True
+    dated: bool = True
 
     @property
     def dwell(self) -> float:
@@ -280,6 +282,7 @@ class RestDetector:
         arrest, breakaway, certain = rest_ends(
             left, right, places, rest_begin, rest_end, direction_before, direction_after
         )
+        dated = True
         stops = initial or self._stops(crossings, longest - oldest, slowest)
         if certain and breakaway > arrest:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
@@ -289,7 +292,7 @@ class RestDetector:
             short = flat_end - rest_begin < _FEW_SAMPLES * self.motion.update
             if not (short and stops and direction_before * direction_after > 0):
                 return None
-            arrest, breakaway = rest_begin, flat_end
+            arrest, breakaway, dated = rest_begin, flat_end, False
         elif breakaway - arrest < _FEW_SAMPLES * self.motion.update and not stops:
             return None
         rest = self._rest(
@@ -301,6 +304,7 @@ class RestDetector:
             direction_before,
             direction_after,
             stirred=max(stirred, arrest),
+            dated=dated,
         )
         self._rest_end, self._left = (
             oldest + last + 1,
@@ -324,6 +328,7 @@ class RestDetector:
         direction_after: int,
         *,
         stirred: float = math.inf,
+        dated: bool = True,
     ) -> Rest:
         """A rest over the flats of these crossings; with those of the slip before it, or the last of a long one."""
         shape = SlipShape()
@@ -363,6 +368,7 @@ class RestDetector:
             reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
             effort=float(last[kernel.EFFORT_FLAT_END]),
             complete=direction_after != 0,
+            dated=dated,
         )
 
 

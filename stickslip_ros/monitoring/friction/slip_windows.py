@@ -153,6 +153,8 @@ def slip_window(
     samples : of the joint, around the cycle. gains : in force during it, None if unknown.
     resolution, noise : of the position [rad].
     """
+    if not cycle.dated:
+        return None
     # What friction does as it yields is not known: a slip is fitted from where the joint stirs. One that creeps from
     # its arrest on stirs at no time of its own.
     duration = cycle.slip_duration
