@@ -170,15 +170,18 @@ def test_straight_friction_stays_straight() -> None:
         assert estimate.curvature is None
 
 
+_MORE_SLIPS = pytest.mark.xfail(reason="of twice as many slips as were found once some are dated badly: issue 38")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [15, 24, 39])
+@pytest.mark.parametrize("seed", [pytest.param(15, marks=_MORE_SLIPS), 24, pytest.param(39, marks=_MORE_SLIPS)])
 def test_noise_is_no_curve(seed: int) -> None:
-    """With stray stamps and lost samples each of these had a clear curve, and up to three of six verdicts were wrong."""
+    """With stray stamps and lost samples each of these had a curve, and up to three of six verdicts were wrong."""
     drawn = random_joint_recording(seed)
     windows, _ = cut_slips(drawn.noisy(1), drawn.gains)
     estimate = estimate_friction(windows)
     assert estimate is not None
-    assert estimate.curvature is None or abs(estimate.curvature.value) < 1.96 * estimate.curvature.std
+    assert estimate.curvature is None
     frequency = math.sqrt(drawn.joint.inertia / estimate["inertia"].value)
     assert frequency == pytest.approx(1.0, abs=0.03)
 
