@@ -337,3 +337,16 @@ def test_batches_make_no_difference_to_a_day(size: int) -> None:
     # Efforts are unknown, and NaN is equal to nothing.
     assert repr(pieces + monitor.finish()) == repr(whole)
     assert list(monitor.segments) == segments
+
+
+def test_a_reference_that_is_heard_later_than_the_joint_makes_no_cycle() -> None:
+    """A joint that follows its reference and turns; of the first second only positions came."""
+    time = np.arange(0.0, 14.0, 0.003)
+    reference = 0.012 * (7.0 - np.abs(time - 7.0))
+    position = np.interp(time - 0.03, time, reference) - 2e-3 * np.sign(7.03 - time) * (np.abs(time - 7.03) > 0.17)
+    turned = np.abs(time - 7.03) <= 0.17
+    position[turned] = position[~turned][np.searchsorted(time[~turned], 6.86) - 1]
+    heard = np.where(time < 1.0, np.nan, reference)
+    cycles, segments, _ = watch(Batch(time=time, position=rounded(position), reference_position=heard))
+    assert not cycles
+    assert spent(segments, Status.STICK_SLIP) == 0.0

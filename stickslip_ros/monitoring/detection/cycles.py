@@ -151,7 +151,7 @@ class CycleDetector:
             return None
         if math.isnan(rest.reference_advance):
             return cycle if self._spring.fits(_motion(cycle, rest)) else None
-        if rest.slip.quickness < _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
+        if not rest.slip.quickness >= _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
             return None
         # The rest that has just begun will be like the last one.
         certain = (
@@ -244,7 +244,7 @@ class CycleDetector:
         return certain
 
     def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, distance_before: float) -> list[Cycle]:
-        if rest.slip.quickness < _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
+        if not rest.slip.quickness >= _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
             return []
         if _keeps_up(cycle.slip_distance, rest) and _is_driven(rest, cycle, before, rest):
             return [cycle]
@@ -333,8 +333,8 @@ def _is_driven(rest: Rest, cycle: Cycle, before: Rest, after: Rest) -> bool:
     direction = math.copysign(1.0, rest.reference_advance)
     advance, mean = direction * rest.reference_advance, direction * rest.reference_mean_advance
     meanwhile = direction * _meanwhile(before, after)
-    if meanwhile < -_STANDS * abs(cycle.slip_distance):
-        return False  # it turned
+    if not meanwhile >= -_STANDS * abs(cycle.slip_distance):
+        return False  # it turned, or where it was is not known
     # A reference that stands while the joint moves is one that steps, and a servo answers late.
     stands = meanwhile <= _STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance)
     least, most = _STEADY_BETWEEN_STEPS if stands else _STEADY
