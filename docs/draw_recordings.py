@@ -26,6 +26,8 @@ DRAWN = (
     ("kinova", "kinova_gen3_joint7_0.03rad_s.csv", 1, 1e3, "mrad"),
     ("openarm", "openarm_joint3_tracking.csv", 4, 1e3, "mrad"),
     ("slider", "slider_1100um_per_s.npz", 4, 1e3, "mm"),
+    ("finger", "tendon_finger_p6200.npz", 3, 1e3, "mrad"),
+    ("servo", "bus_servo_pendulum_225108.npz", 2, 1e3, "mrad"),
 )
 
 
