@@ -312,7 +312,7 @@ def _motion(cycle: Cycle, rest: Rest) -> Motion:
 
 def _meanwhile(before: Rest, rest: Rest) -> float:
     """How far the reference went on between two rests [rad], NaN if unknown."""
-    return rest.reference - (before.reference + before.reference_advance)
+    return rest.reference - before.reference_left
 
 
 def _keeps_up(distance: float, rest: Rest) -> bool:

@@ -73,6 +73,7 @@ class Rest:
     reference : place of the reference at ``seen_from``, or the way that it had gone if only its velocity is given
         [rad]; NaN if unknown.
     reference_advance : how far it went on while the joint was at rest, signed [rad]; NaN if unknown.
+    reference_left : place of the reference at ``seen_until`` [rad]; it may be known when that at ``seen_from`` is not.
     reference_mean_advance : how far it had gone on, as a mean over the rest [rad]: half of that for a steady reference,
         next to nothing for one that steps and sets off the motion.
     effort : measured effort at breakaway [N·m], NaN if unknown.
@@ -93,6 +94,7 @@ class Rest:
     seen_until: float
     reference: float
     reference_advance: float
+    reference_left: float
     reference_mean_advance: float
     effort: float
     complete: bool = True
@@ -308,7 +310,7 @@ class RestDetector:
         )
         self._rest_end, self._left = (
             oldest + last + 1,
-            (breakaway, rest.position, rest.reference + rest.reference_advance),
+            (breakaway, rest.position, rest.reference_left),
         )
         return rest
 
@@ -365,6 +367,7 @@ class RestDetector:
             seen_until=float(last[kernel.FLAT_END]),
             reference=float(first[kernel.REFERENCE]),
             reference_advance=reference - float(first[kernel.REFERENCE]),
+            reference_left=reference,
             reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
             effort=float(last[kernel.EFFORT_FLAT_END]),
             complete=direction_after != 0,
