@@ -193,11 +193,6 @@ class MotionRecord:
         return float(self._motion["position"])
 
     @property
-    def reference_has_position(self) -> bool:
-        """Whether the reference's position is given, not its velocity alone."""
-        return bool(np.isfinite(self._motion["reference"]))
-
-    @property
     def reference_follows(self) -> bool:
         """Whether what is published as the reference only repeats what is measured, so that it counts as none."""
         return bool(self._motion["follows"])
