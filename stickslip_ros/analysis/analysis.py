@@ -125,6 +125,10 @@ def analyze(
 
         joints, recorded = _follow(reader, options, read, watcher)
         progress(size, size)
+        controller = options.topics.controller
+        if controller is not None and controller not in reader.controllers:
+            there = ", ".join(sorted(reader.controllers)) or "none"
+            raise RecordingError(f"bag {path}: --controller {controller}: no gains of this node; nodes there: {there}")
         warnings = [*bag.warnings, *(note for topics in robots.values() for note in topics.notes)]
         named = {*reader.joints, *(joint for _, joint in reader.joints.values())}
         warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader, joints)]

@@ -89,6 +89,11 @@ class BagReader:
                 found[f"{channel.topic}: {reason}"] += count
         return sum((events.refused for events in self._events.values()), found)
 
+    @property
+    def controllers(self) -> set[str]:
+        """The nodes whose parameter events have gains, as far as the bag was read."""
+        return set[str]().union(*(events.nodes for events in self._events.values()))
+
     def pieces(self, progress: Callable[[int], None] = lambda _: None) -> Iterator[Piece]:
         """Everything in the order of its recording."""
         for block in self._bag.blocks(self._channels, progress):

@@ -32,6 +32,9 @@ _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 _BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL)
 _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
 _BYTES_OF_A_VALUE = 8
+_NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
+_ECHOED = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
+_ECHOED_FIELDS = ("position", "velocity", "effort")
 
 
 class MissingPackageError(Exception):
@@ -98,8 +101,6 @@ def _pyarrow() -> Any:
 class _Text:
     """Values with delimiters, under a line of names; its form is told from its first lines."""
 
-    joints: Mapping[str, str] = {}
-
     def __init__(self, file: IO[bytes]) -> None:
         self._arrow = _pyarrow()
         self._file = file
@@ -110,6 +111,10 @@ class _Text:
         texts = [text for text in texts if text.strip()]
         self._delimiter = _delimiter(header, texts)
         self._columns = _cells(header, self._delimiter)
+        named = _columns_of_an_echo(self._columns)
+        if named:
+            # The message's own layout stands for the line of names that is not there.
+            self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
         if all(_is_number(cell) for cell in self._columns):
@@ -120,6 +125,9 @@ class _Text:
         self._decimal = "," if commas else "."
         self.names = tuple(dict.fromkeys(self._columns))
         firsts = dict(zip(self._columns, rows[0], strict=False))
+        self.joints: Mapping[str, str] = {
+            found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
+        }
         self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
         self.dates = frozenset(self._zones)
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
@@ -199,6 +207,20 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
         begins = re.split(r"[;,\t| ]+", text.strip())[0]
         return comment if comment is not None and _is_number(begins) else (number, text)
     raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
+
+
+def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
+    """Names of the columns that `ros2 topic echo --csv` prints of a JointState, which has no line of names: stamp,
+    frame, names, and as many positions, then velocities, then efforts; [] if it is none.
+    """
+    stamp, rest = cells[: len(_ECHOED)], cells[len(_ECHOED) :]
+    count = next((number for number, cell in enumerate(rest) if _is_number(cell)), 0)
+    kinds, more = divmod(len(rest) - count, count) if count else (0, 0)
+    numbers = [*stamp[:2], *rest[count:]]
+    if not 1 <= kinds <= len(_ECHOED_FIELDS) or more or not all(map(_is_number, numbers)) or _is_number(stamp[2]):
+        return []
+    fields = ("name", *_ECHOED_FIELDS[:kinds])
+    return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
 
 
 def _delimiter(header: str, rows: Sequence[str]) -> str:

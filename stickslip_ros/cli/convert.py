@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--start", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)")
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controllers then, to be recorded too")
-    parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then (default 0)")
+    parser.add_argument("--damping", type=float, metavar="KV", help="k_v then (default 0)")
     add_unpack_argument(parser)
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
 
@@ -66,12 +66,13 @@ def run(options: argparse.Namespace) -> int:
     refuse_inputs({"--out": options.out}, [path])
     refuse_to_overwrite("--out", options.out, force=options.force)
     gains = None
-    require_finite("damping", options.damping)
-    if options.stiffness is None and options.damping != 0.0:
+    if options.stiffness is None and options.damping is not None:
         raise InvalidParameterError("--damping", "given together with --stiffness", options.damping)
     if options.stiffness is not None:
+        damping = 0.0 if options.damping is None else options.damping
         require_finite("stiffness", options.stiffness)
-        gains = Gains(stiffness=options.stiffness, damping=options.damping)
+        require_finite("damping", damping)
+        gains = Gains(stiffness=options.stiffness, damping=damping)
     table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
     names = _names(options.names, table)
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
