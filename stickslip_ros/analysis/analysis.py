@@ -134,6 +134,7 @@ def analyze(
         warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader, joints)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
         warnings += [f"{what} ({count} messages)" for what, count in reader.replaced.items()]
+        warnings += reader.wrapped
         warnings += [f"joint {name!r} has no name" for name, (_, own) in reader.joints.items() if not own]
         _check_joints(path, options.joints, joints, reader.joints, warnings)
         # Assessed only now, that the warnings of the last block are there.

@@ -21,6 +21,7 @@ from stickslip_ros.messages.blocks import Block, Channel, Integers
 from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.messages.stamps import with_time, with_times
+from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.visible import visible
 
@@ -77,6 +78,7 @@ class BagReader:
             name: GainEvents(controller, partial(is_of_robot, topics, controller)) for name, topics in robots.items()
         }
         self._refused: Counter[str] = Counter()
+        self._wholes, self._reference_wholes = WholeTurns(), WholeTurns()
         self.replaced: Counter[str] = Counter()
         self.joints: dict[str, tuple[str, str]] = {}
 
@@ -93,6 +95,11 @@ class BagReader:
     def controllers(self) -> set[str]:
         """The nodes whose parameter events have gains, as far as the bag was read."""
         return set[str]().union(*(events.nodes for events in self._events.values()))
+
+    @property
+    def wrapped(self) -> list[str]:
+        """What is to be said of joints whose positions wrap."""
+        return [f"{joint}: {WRAPS} ({count} times)" for joint, count in self._wholes.counts.items()]
 
     def pieces(self, progress: Callable[[int], None] = lambda _: None) -> Iterator[Piece]:
         """Everything in the order of its recording."""
@@ -155,6 +162,8 @@ class BagReader:
                     name = _full_name(robot, joint)
                     known = references.get(name)
                     references[name] = values if known is None else np.concatenate([known, values])
+        samples = {name: self._wholes.removed(name, rows) for name, rows in samples.items()}
+        references = {name: self._reference_wholes.removed(name, rows) for name, rows in references.items()}
         return Piece(gains=gains, samples=samples, references=references, clock=clock)
 
     def _known(self, robot: str, joint: str) -> str | None:
