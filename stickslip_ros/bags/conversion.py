@@ -4,16 +4,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from stickslip_ros.bags.simulated import GAINS, REFERENCES, STATES
-from stickslip_ros.bags.writing import BagWriter
+from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch
+
+FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
+
+
+def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str, Iterator[tuple[int, bytes]]]:
+    """Joint states and, if there are any, references of joints as serialized JointStates, by topic: time [ns], message.
+
+    Parameters
+    ----------
+    batches : of each joint, all of the same times; samples without a time are left out.
+    start : what is added to the times [s].
+    """
+    names = tuple(batches)
+    time = batches[names[0]].time
+    known = np.isfinite(time)
+    times = time[known] + start
+    parts = [batch.where(known) for batch in batches.values()]
+    nothing = np.full(len(times), np.nan)
+    states = np.stack([np.stack([one.position, one.velocity, one.effort], axis=1) for one in parts], axis=2)
+    references = np.stack(
+        [np.stack([one.reference_position, one.reference_velocity, nothing], axis=1) for one in parts], axis=2
+    )
+    streams = {STATES: serialized_joint_states(names, times, states)}
+    if np.isfinite(references).any():
+        # Before the samples that they are the references of.
+        streams = {REFERENCES: serialized_joint_states(names, times, references), **streams}
+    return streams
 
 
 def write_recording(
@@ -33,17 +60,10 @@ def write_recording(
     """
     names = tuple(batches)
     time = batches[names[0]].time
-    known = np.isfinite(time)
-    times = time[known] + start
-    parts = [batch.where(known) for batch in batches.values()]
-    nothing = np.full(len(times), np.nan)
-    states = np.stack([np.stack([one.position, one.velocity, one.effort], axis=1) for one in parts], axis=2)
-    references = np.stack(
-        [np.stack([one.reference_position, one.reference_velocity, nothing], axis=1) for one in parts], axis=2
-    )
-    topics = {STATES: JOINT_STATE}
-    if np.isfinite(references).any():
-        topics[REFERENCES] = JOINT_STATE
+    times = time[np.isfinite(time)] + start
+    streams = joint_state_streams(batches, start)
+    # The states' channel is the first in the file.
+    topics = {topic: JOINT_STATE for topic in (STATES, REFERENCES) if topic in streams}
     if gains is not None:
         topics[GAINS] = "std_msgs/msg/Float64MultiArray"
     with BagWriter(path, topics, compression) as writer:
@@ -51,8 +71,5 @@ def write_recording(
             values = np.tile([float(gains.stiffness), float(gains.damping)], (len(names), 1))
             table = writer.table(",".join(names), "p,d", values)
             writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
-        streams = [writer.joint_states(STATES, names, times, states)]
-        if REFERENCES in topics:
-            streams.insert(0, writer.joint_states(REFERENCES, names, times, references))
-        writer.write(*streams)
+        writer.write(*([(stamp, topic, data) for stamp, data in stream] for topic, stream in streams.items()))
     return len(times)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stickslip_ros.bags.lerobot import episode_of, open_episode
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table_columns import POSITION, TIME, TRANSLATION, UNITS, USUAL_UNIT, Column, Named, assign
 from stickslip_ros.bags.table_files import SUFFIXES, FloatArray, MissingPackageError, TableFile, open_table
@@ -61,6 +62,7 @@ class Table:
     name : of the file, without its ending. form : how it is written, in words.
     time : the columns whose sum it is. joints : of each joint the columns of its fields. unused : the other columns.
     batches : the samples of each joint, all of the same times.
+    notes : what of the file is not used, or not known, a sentence each.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Table:
     joints: dict[str, dict[str, Use]]
     unused: tuple[str, ...]
     batches: dict[str, Batch]
+    notes: tuple[str, ...] = ()
 
     def unit(self, joint: str) -> str:
         """Of a joint's position: "rad" or "m"."""
@@ -84,7 +87,7 @@ def find_recording(name_or_path: str) -> Path:
         If there is none, or more than one; the message lists those that are there.
     """
     path = Path(name_or_path)
-    if path.suffix in SUFFIXES:
+    if path.suffix in SUFFIXES or episode_of(path) is not None:
         return path
     if path.is_file():
         raise RecordingError(
@@ -120,7 +123,8 @@ def load_table(path: Path, named: Sequence[Named] = (), limit: UnpackLimit | Non
         If the file cannot be read, has no time or position column, or a column or unit named is not there.
     """
     try:
-        with open_table(path, limit or UnpackLimit()) as file:
+        opened = open_table if episode_of(path) is None else open_episode
+        with opened(path, limit or UnpackLimit()) as file:
             return _read(path, file, named)
     except MissingPackageError as error:
         raise RecordingError(f"recording {path}: {error}") from error
@@ -155,7 +159,8 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
 
 
 def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
-    found = assign(file.names, named)
+    fields = {one.field for one in named}
+    found = assign(file.names, [*named, *(one for one in file.named if one.field not in fields)])
     columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
     time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]
@@ -164,9 +169,11 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
         raise ValueError("it has no rows")
     joints: dict[str, dict[str, Use]] = {}
     batches: dict[str, Batch] = {}
-    for label, fields in found.joints.items():
+    for label, columns_of in found.joints.items():
         name = file.joints.get(label.removeprefix("joint"), label or ONLY)
-        uses = {field: _use(one, values[one.name]) for field, one in fields.items()}
+        uses = {
+            field: _use(one, values[one.name], unit=file.units.get(one.name, "")) for field, one in columns_of.items()
+        }
         if name in joints:
             raise ValueError(f"two joints would have the name {name!r}: columns {joints[name][POSITION].column} and "
                              f"{uses[POSITION].column}; name the right one with --column")  # fmt: skip
@@ -174,14 +181,26 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
         batches[name] = Batch(
             time=stamps, **{field: values[use.column] * UNITS[field][use.unit] for field, use in uses.items()}
         )
-    return Table(name=path.stem, form=file.form, time=tuple(time), joints=joints, unused=found.unused, batches=batches)
+    return Table(
+        name=path.stem,
+        form=file.form,
+        time=tuple(time),
+        joints=joints,
+        unused=found.unused,
+        batches=batches,
+        notes=tuple(file.notes),
+    )
 
 
-def _use(column: Column, values: FloatArray, is_date: bool = False) -> Use:
+def _use(column: Column, values: FloatArray, is_date: bool = False, unit: str = "") -> Use:
     if is_date:
         return Use(column=column.name, unit="s", assumed=False)
-    unit = column.unit or USUAL_UNIT[column.field] or _unit_of_time(values)
-    return Use(column=column.name, unit=unit, assumed=not column.unit)
+    known = column.unit or unit
+    return Use(
+        column=column.name,
+        unit=known or USUAL_UNIT[column.field] or _unit_of_time(values),
+        assumed=not known,
+    )
 
 
 def _unit_of_time(values: FloatArray) -> str:

@@ -125,7 +125,7 @@ class Assignment:
 def meaning(name: str) -> Column | None:
     """What a column means by its name; None if it is no field's."""
     rest, bracketed = _UNIT_IN_BRACKETS.sub("", name, count=1), _UNIT_IN_BRACKETS.search(name)
-    said = _spelled(bracketed[1]) if bracketed else ""
+    said = spelled_unit(bracketed[1]) if bracketed else ""
     words = list(_WORD.finditer(rest))
     lower = [word[0].lower() for word in words]
     found = _time(lower, said)
@@ -198,14 +198,14 @@ def _unit_at(words: Sequence[str], taken: set[int], field: str) -> tuple[str, se
             places = set(range(begin, begin + length))
             if begin < 0 or begin + length > len(words) or places & taken:
                 continue
-            unit = _spelled(" ".join(words[begin : begin + length]))
+            unit = spelled_unit(" ".join(words[begin : begin + length]))
             if unit in UNITS[field]:
                 return unit, places
     return "", set()
 
 
-def _spelled(text: str) -> str:
-    """A unit as :data:`UNITS` has it, if it is one."""
+def spelled_unit(text: str) -> str:
+    """A unit as :data:`UNITS` has it, if it is one; else the text in lower case."""
     words = "_".join(text.lower().replace("/", " per ").replace("·", "").replace("*", "").split())
     return _OTHER_SPELLINGS.get(words, words)
 

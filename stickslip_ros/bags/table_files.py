@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
+from stickslip_ros.bags.table_columns import Named
 from stickslip_ros.regular_files import open_regular
 
 FloatArray = NDArray[np.float64]
@@ -49,12 +50,17 @@ class TableFile(Protocol):
     names : of the columns. dates : names of those that are dates; they are read as seconds since 1970.
     joints : names of the joints that numbers in the columns' names stand for, as far as the file has them.
     form : how it is written, in words; "" where there is only one way.
+    named : what columns are, where the file's layout says it. units : of columns, where the file has them.
+    notes : what of the file is not used, or not known, a sentence each.
     """
 
     names: tuple[str, ...]
     dates: frozenset[str]
     joints: Mapping[str, str]
     form: str
+    named: Sequence[Named]
+    units: Mapping[str, str]
+    notes: Sequence[str]
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """Columns as numbers, NaN for what is empty.
@@ -83,7 +89,7 @@ def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
         if path.suffix == ".npz":
             yield _Npz(file, limit.of_table(path.stat().st_size))
         elif path.suffix == ".parquet":
-            yield _Parquet(file, limit.of_table(path.stat().st_size))
+            yield ParquetFile(file, limit.of_table(path.stat().st_size))
         else:
             yield _Text(file)
 
@@ -98,7 +104,18 @@ def _pyarrow() -> Any:
     return pyarrow
 
 
-class _Text:
+class _Plain:
+    """A table whose columns have nothing but their names."""
+
+    joints: Mapping[str, str] = {}
+    dates: frozenset[str] = frozenset()
+    form = ""
+    named: Sequence[Named] = ()
+    units: Mapping[str, str] = {}
+    notes: Sequence[str] = ()
+
+
+class _Text(_Plain):
     """Values with delimiters, under a line of names; its form is told from its first lines."""
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -125,7 +142,7 @@ class _Text:
         self._decimal = "," if commas else "."
         self.names = tuple(dict.fromkeys(self._columns))
         firsts = dict(zip(self._columns, rows[0], strict=False))
-        self.joints: Mapping[str, str] = {
+        self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
         }
         self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
@@ -267,11 +284,8 @@ def _plain(column: Any) -> FloatArray:
     return np.asarray(column.to_numpy(zero_copy_only=False) if hasattr(column, "chunks") else column, dtype=float)
 
 
-class _Parquet:
+class ParquetFile(_Plain):
     """A Parquet file; parts of structures are columns `a.b`, lists of numbers columns `a[0]`, `a[1]` and so on."""
-
-    joints: Mapping[str, str] = {}
-    form = ""
 
     def __init__(self, file: IO[bytes], largest: int) -> None:
         self._arrow = arrow = _pyarrow()
@@ -281,6 +295,7 @@ class _Parquet:
         except (arrow.ArrowException, OSError) as error:
             raise ValueError(f"it is no Parquet file that can be read: {error}") from error
         self._largest = largest
+        self._chosen = list(range(self._groups.num_row_groups))
         self._kinds: dict[str, Any] = {}
         self._lengths: dict[str, int] = {}
         for field in schema:
@@ -313,16 +328,29 @@ class _Parquet:
         except (self._arrow.ArrowException, OSError, KeyError) as error:
             raise ValueError(f"column {name!r} cannot be read: {error}") from error
 
+    def choose_groups(self, name: str, value: int) -> None:
+        """Read only the groups of rows in which a column may have a value, as far as the file says it."""
+        place = self._file.schema_arrow.get_field_index(name)
+        if place < 0:
+            return
+        numbers = range(self._groups.num_row_groups)
+        known = {number: self._groups.row_group(number).column(place).statistics for number in numbers}
+        self._chosen = [
+            number for number, one in known.items() if one is None or not one.has_min_max or one.min <= value <= one.max
+        ]
+
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """See :class:`TableFile`."""
         arrow = self._arrow
         chosen = {name: _list_of(name, self._lengths) for name in names}
         # What a few bytes stand for is told by the file itself.
-        told = sum(self._groups.row_group(number).total_byte_size for number in range(self._groups.num_row_groups))
-        if max(told, self._groups.num_rows * len(names) * _BYTES_OF_A_VALUE) > self._largest:
+        groups = [self._groups.row_group(number) for number in self._chosen]
+        told = sum(group.total_byte_size for group in groups)
+        if max(told, sum(group.num_rows for group in groups) * len(names) * _BYTES_OF_A_VALUE) > self._largest:
             raise TooMuchUnpackedError("it", self._largest)
         columns = sorted({found[0] for found in chosen.values()})
         try:
-            table = self._file.read(columns=columns, use_threads=False)
+            table = self._file.read_row_groups(self._chosen, columns=columns, use_threads=False)
             found = {}
             for name, (column, number) in chosen.items():
                 values = _part(arrow, table, column)
@@ -356,11 +384,8 @@ def _part(arrow: Any, table: Any, name: str) -> Any:
     return arrow.compute.struct_field(column, name[len(outer) + 1 :].split("."))
 
 
-class _Npz:
+class _Npz(_Plain):
     """An archive of numpy's: rows of numbers, tables of one column a joint, names of joints."""
-
-    dates: frozenset[str] = frozenset()
-    form = ""
 
     def __init__(self, file: IO[bytes], largest: int) -> None:
         # What the archive says of its members is what is unpacked of them at most.
@@ -372,7 +397,6 @@ class _Npz:
             found = {name: np.atleast_1d(archive[name]) for name in archive.files}
         texts = [array for array in found.values() if array.dtype.kind == "U" and array.ndim == 1]
         self._columns: dict[str, NDArray[Any]] = {}
-        self.joints: Mapping[str, str] = {}
         for name, array in found.items():
             if array.dtype.kind not in "fiub":
                 continue

@@ -6,9 +6,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 from support_bags import JOINT_STATE, joint_state, simulated_bag, write_mcap
 
@@ -65,3 +69,100 @@ def test_whole_turns_are_removed_alike_in_batches_of_any_size(size: int) -> None
         parts = [turns.removed("a", rows[begin : begin + size])[:, 1] for begin in range(0, len(rows), size)]
         np.testing.assert_allclose(np.concatenate(parts), right, atol=1e-9)
         assert bool(turns.counts) == (number == 0)
+
+
+ARM = ("shoulder_pan", "elbow", "wrist", "x", "y", "z", "gripper")
+
+
+def write_data_set(
+    folder: Path,
+    version: str,
+    *,
+    names: Any = tuple(f"{joint}.pos" for joint in ARM),
+    actions: Any = tuple(f"{joint}.pos" for joint in ARM[::-1] if joint != "gripper"),
+    units: Any = "rad",
+    lengths: Sequence[int] = (900, 600),
+) -> Path:
+    """A LeRobot data set of seven states and six actions in another order, as version 2.1 or 3.0 lays it out."""
+    tables = []
+    for episode, length in enumerate(lengths):
+        times = np.arange(length) / 30.0
+        steps, part = np.divmod(0.02 * times / 0.02, 1.0)
+        ramp = np.clip(part / 0.3, 0.0, 1.0)
+        stairs = 0.02 * (steps + ramp**2 * (3.0 - 2.0 * ramp))
+        state = np.stack([stairs + number for number in range(7)], axis=1).astype(np.float32)
+        action = np.stack([0.02 * times + number for number in range(5, -1, -1)], axis=1).astype(np.float32)
+        tables.append(
+            pa.table(
+                {
+                    "observation.state": pa.array(list(state), pa.list_(pa.float32(), 7)),
+                    "action": pa.array(list(action), pa.list_(pa.float32(), 6)),
+                    "timestamp": pa.array(times.astype(np.float32)),
+                    "frame_index": pa.array(np.arange(length)),
+                    "episode_index": pa.array(np.full(length, episode)),
+                    "observation.images.top": pa.array([{"bytes": b"x", "path": None}] * length),
+                }
+            )
+        )
+    data = folder / "data" / "chunk-000"
+    data.mkdir(parents=True)
+    if version.startswith("v2"):
+        for episode, table in enumerate(tables):
+            pyarrow.parquet.write_table(table, data / f"episode_{episode:06d}.parquet")
+    else:
+        pyarrow.parquet.write_table(pa.concat_tables(tables), data / "file-000.parquet")
+    features = {
+        "observation.state": {"dtype": "float32", "shape": [7], "names": names} | ({"units": units} if units else {}),
+        "action": {"dtype": "float32", "shape": [6], "names": actions} | ({"units": units} if units else {}),
+        "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+    }
+    (folder / "meta").mkdir()
+    info = {"codebase_version": version, "fps": 30, "features": features}
+    (folder / "meta" / "info.json").write_text(json.dumps(info), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_lerobot_data_sets(version: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Episodes are recordings; actions are references of the states of the same names, in whatever order they are."""
+    folder = write_data_set(tmp_path / "set", version)
+    assert main(["analyze", str(folder), "--no-learning", "--json"]) == 0
+    bags = json.loads(capsys.readouterr().out)["bags"]
+    assert [Path(one["path"]).name for one in bags] == ["episode_000000", "episode_000001"]
+    for bag in bags:
+        assert list(bag["joints"]) == list(ARM)
+        assert bag["joints"]["shoulder_pan"]["status"] == "stick_slip"
+        assert bag["warnings"] == []
+    batch = read_joint(folder / "episode_000001", "elbow")
+    assert len(batch) == 600
+    np.testing.assert_allclose(batch.reference_position, 1.0 + 0.02 * np.arange(600) / 30.0, atol=1e-6)
+    assert np.isnan(read_joint(folder / "episode_000001", "gripper").reference_position).all()
+    columns = ["--column", "position=observation.state.*:deg"]
+    assert main(["convert", str(folder / "episode_000000"), "--out", str(tmp_path / "a.mcap"), *columns]) == 0
+    converted = read_joint(tmp_path / "a.mcap", "elbow").position
+    np.testing.assert_allclose(converted, np.deg2rad(read_joint(folder / "episode_000000", "elbow").position))
+
+
+def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without names of its values no action is paired; a unit that is missing or unknown is said to be."""
+    for number, (names, actions, units, said) in enumerate(
+        (
+            ({"motors": list(ARM)}, {"motors": list(ARM[:6])}, None, "gives observation.state no unit: read as rad"),
+            (["state"], ["actions"], "rad", "does not name the values of observation.state: action is not used"),
+            (list(ARM), ["dx", "dy", "dz", "droll", "dpitch", "dyaw"], "ticks", "the unit 'ticks', which is unknown"),
+        )
+    ):
+        folder = write_data_set(tmp_path / str(number), "v3.0", names=names, actions=actions, units=units)
+        assert main(["analyze", str(folder / "episode_000000"), "--no-learning", "--json"]) == 0
+        bag = json.loads(capsys.readouterr().out)["bags"][0]
+        assert said in " ".join(bag["warnings"])
+        assert len(bag["joints"]) == 7
+        assert any("joint_references" in str(topic) for topic in bag["topics"].values()) == (number == 0)
+    assert main(["analyze", str(tmp_path / "0" / "episode_000007")]) == 2
+    assert "has no episode 7" in capsys.readouterr().err
+    (tmp_path / "0" / "meta" / "info.json").write_text("{", encoding="utf-8")
+    assert main(["analyze", str(tmp_path / "0" / "episode_000000")]) == 2
+    assert "info.json is damaged" in capsys.readouterr().err
+    (tmp_path / "1" / "data" / "chunk-000" / "file-000.parquet").write_bytes(b"PAR1")
+    assert main(["analyze", str(tmp_path / "1")]) == 2
+    assert "no bags in" in capsys.readouterr().err

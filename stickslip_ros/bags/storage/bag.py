@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.bags.lerobot import episode_of, episodes, files_of_episode, is_data_set
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
+from stickslip_ros.bags.storage.episodes import EpisodeStorage
 from stickslip_ros.bags.storage.formats import FORMATS, format_of
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
@@ -83,6 +85,13 @@ class Bag:
 
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
         try:
+            if episode_of(self.path) is not None:
+                episode = EpisodeStorage(self.path, self._limit, self.warnings.append)
+                return [(files_of_episode(self.path)[0], episode, episode.channels())]
+            if is_data_set(self.path):
+                example = next(iter(episodes(self.path)), None)
+                also = f"; name one of its episodes, as in {example}" if example else ""
+                raise RecordingError(f"bag {self.path}: is a LeRobot data set{also or ' without episodes'}")
             if not self.path.exists():
                 raise RecordingError(f"bag {self.path}: there is no such file or directory")
             files = self._files() if self.path.is_dir() else [self.path]
