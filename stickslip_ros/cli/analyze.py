@@ -2,11 +2,11 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip analyze`: what recordings show of their joints; no ROS is needed.
 
-A bag is an MCAP file, a rosbag2 directory, a .db3 file or an episode of a LeRobot data set (DATASET/episode_000012); a
-folder stands for every bag in it. Of several bags a
-table of the fleet is printed, and --html writes a page for triage instead of one bag's report. Exit status: 0 done,
-1 with --fail-on-stick-slip if a joint sticks and slips, for however short a part of the recording, or if an --alarm
-rings, 2 a bag could not be analysed, or none of its joints be judged.
+A bag is an MCAP file, a rosbag2 directory, a .db3 file, a .bag file of ROS 1 or an episode of a LeRobot data set
+(DATASET/episode_000012); a folder stands for every bag in it. Of several bags a table of the fleet is printed, and
+--html writes a page for triage instead of one bag's report. Exit status: 0 done, 1 with --fail-on-stick-slip if a joint
+sticks and slips, for however short a part of the recording, or if an --alarm rings, 2 a bag could not be analysed, or
+none of its joints be judged.
 """
 
 from __future__ import annotations

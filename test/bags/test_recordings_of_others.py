@@ -166,3 +166,159 @@ def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[s
     (tmp_path / "1" / "data" / "chunk-000" / "file-000.parquet").write_bytes(b"PAR1")
     assert main(["analyze", str(tmp_path / "1")]) == 2
     assert "no bags in" in capsys.readouterr().err
+
+
+CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
+POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
+
+
+def controller_state_definition(*points: str) -> str:
+    """A definition of JointTrajectoryControllerState that has some points."""
+    fields = "\n".join(f"trajectory_msgs/JointTrajectoryPoint {point}" for point in points)
+    rule = "=" * 80
+    return (
+        f"Header header\nstring[] joint_names\n{fields}\n{rule}\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\n"
+        f"string frame_id\n{rule}\nMSG: trajectory_msgs/JointTrajectoryPoint\nfloat64[] positions\n"
+        "float64[] velocities\nfloat64[] accelerations\nfloat64[] effort\nduration time_from_start\n"
+    )
+
+
+def _damage(path: Path, random: np.random.Generator, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whatever bytes are wrong, what comes is an answer or an error in one line."""
+    sound = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    for _ in range(30):
+        broken = sound.copy()
+        broken[random.integers(0, len(broken), 40)] = random.integers(0, 256, 40)
+        (path.parent / "broken.bag").write_bytes(broken.tobytes())
+        assert main(["analyze", str(path.parent / "broken.bag"), "--no-learning"]) in (0, 2)
+        assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+def test_bags_of_ros_1(compression: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Joint states and a controller's state with desired, actual and error, as rosbag wrote them."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    plain = read_joint(simulated_bag(tmp_path / "plain.mcap", duration=8.0), "joint1")
+    store = get_typestore(Stores.ROS1_NOETIC)
+    text = controller_state_definition("desired", "actual", "error")
+    store.register({CONTROLLER_STATE: get_types_from_msg(text, CONTROLLER_STATE)[CONTROLLER_STATE]})
+    types = store.types
+    path = tmp_path / "a.bag"
+    writer = Writer(path)
+    if compression != "none":
+        writer.set_compression(Writer.CompressionFormat[compression.upper()])
+    nothing = np.zeros(0)
+    with writer:
+        states = writer.add_connection("/joint_states", JOINT_STATE, typestore=store)
+        wanted = writer.add_connection("/arm_controller/state", CONTROLLER_STATE, typestore=store)
+        for number, time in enumerate(plain.time.tolist()):
+            nanoseconds = round(time * 1e9)
+            seconds, rest = divmod(nanoseconds, 10**9)
+            stamp = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
+            header = types["std_msgs/msg/Header"](seq=number, stamp=stamp, frame_id="base")
+            duration = types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
+
+            def point(position: float, duration: Any = duration) -> Any:
+                more = dict.fromkeys(("velocities", "accelerations", "effort"), nothing)
+                return types[POINT](positions=np.array([position]), time_from_start=duration, **more)
+
+            position = float(plain.position[number])
+            reference = types[CONTROLLER_STATE](
+                header=header, joint_names=["joint1"], desired=point(float(plain.reference_position[number])),
+                actual=point(position), error=point(0.0),
+            )  # fmt: skip
+            state = types[JOINT_STATE](header=header, name=["joint1"], position=np.array([position]),
+                                       velocity=nothing, effort=nothing)  # fmt: skip
+            writer.write(wanted, nanoseconds, store.serialize_ros1(reference, CONTROLLER_STATE))
+            writer.write(states, nanoseconds, store.serialize_ros1(state, JOINT_STATE))
+    batch = read_joint(path, "joint1")
+    np.testing.assert_allclose(batch.time, plain.time, atol=2e-9)
+    np.testing.assert_array_equal(batch.position, plain.position)
+    np.testing.assert_array_equal(batch.reference_position, plain.reference_position)
+    assert main(["analyze", str(tmp_path / "a.bag"), "--no-learning", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["bags"][0]["joints"]["joint1"]["status"] == "stick_slip"
+    _damage(path, np.random.default_rng(34), capsys)
+    if compression != "none":
+        assert main(["analyze", str(path), "--largest-unpacked", "0.001"]) == 2
+        assert "--largest-unpacked MB allows more" in capsys.readouterr().err
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert main(["analyze", str(path)]) == 2
+    assert "not a sound bag of ROS 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("kind", "nanoseconds"), [(JOINT_STATE, "nanosec"), ("sensor_msgs/JointState", "nsec")])
+def test_joint_states_in_json(kind: str, nanoseconds: str, tmp_path: Path) -> None:
+    """MCAP whose messages are JSON, as Foxglove's and other programs write it; null is a value that is missing."""
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("", "test")
+        schema = writer.register_schema(kind, "jsonschema", b'{"type": "object"}')
+        channel = writer.register_channel("/joint_states", "json", schema)
+        for number in range(50):
+            message = {
+                "header": {"stamp": {"sec": 100, nanoseconds: 20_000_000 * number}, "frame_id": ""},
+                "name": ["hip", "knee"],
+                "position": [0.1 * number, None if number == 3 else 1.0],
+                "effort": [1, 2],
+            }
+            writer.add_message(channel, round(1e9) + number, json.dumps(message).encode(), round(1e9))
+        writer.add_message(channel, round(2e9), b"{", round(2e9))
+        writer.finish()
+    batch = read_joint(path, "hip")
+    np.testing.assert_allclose(batch.time, 100.0 + 0.02 * np.arange(50))
+    np.testing.assert_allclose(batch.position, 0.1 * np.arange(50))
+    assert batch.effort.tolist() == [1.0] * 50
+    assert np.isnan(batch.velocity).all()
+    assert np.flatnonzero(np.isnan(read_joint(path, "knee").position)).tolist() == [3]
+
+
+@pytest.mark.parametrize(
+    ("points", "filled"),
+    [
+        (("desired", "actual"), "desired"),
+        (("reference", "desired"), "desired"),
+        (("reference", "desired"), "reference"),
+    ],
+)
+def test_controllers_fill_one_reference_or_the_other(points: tuple[str, ...], filled: str, tmp_path: Path) -> None:
+    """JointTrajectoryControllerState with only desired and actual, and with both of which one is filled."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    text = controller_state_definition(*points).replace("uint32 seq\n", "")
+    text = text.replace("time stamp", "builtin_interfaces/Time stamp").replace(
+        "Header header", "std_msgs/Header header"
+    )
+    text = text.replace("duration time", "builtin_interfaces/Duration time")
+    store = get_typestore(Stores.ROS2_JAZZY)
+    definition = get_types_from_msg(text, CONTROLLER_STATE)[CONTROLLER_STATE]
+    store.fielddefs.pop(CONTROLLER_STATE, None)
+    store.register({CONTROLLER_STATE: definition})
+    types, messages = store.types, []
+    nothing = np.zeros(0)
+    for number in range(100):
+        time = 1.0 + 0.01 * number
+        state = joint_state(time, ["joint1"], position=[0.2 * time])
+        more = dict.fromkeys(("velocities", "accelerations", "effort"), nothing)
+        duration = types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
+        fields = {
+            name: types[POINT](
+                positions=np.array([0.3 * time]) if name == filled else nothing, time_from_start=duration, **more
+            )
+            for name in points
+        }
+        message = types[CONTROLLER_STATE](header=state.header, joint_names=["joint1"], **fields)
+        messages.append(
+            ("/controller_state", CONTROLLER_STATE, time, bytes(store.serialize_cdr(message, CONTROLLER_STATE)))
+        )
+        messages.append(("/joint_states", JOINT_STATE, time, state))
+    rule = "=" * 80
+    text += f"{rule}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    text += f"{rule}\nMSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n"
+    path = write_mcap(tmp_path / "a.mcap", messages, schemas={CONTROLLER_STATE: ("ros2msg", text)})
+    batch = read_joint(path, "joint1")
+    np.testing.assert_allclose(batch.reference_position, 0.3 * batch.time)
