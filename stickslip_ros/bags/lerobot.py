@@ -10,6 +10,7 @@ same names; `observation.velocity.<joint>` and `observation.effort.<joint>`, whe
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from typing import IO, Any
 import numpy as np
 
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
-from stickslip_ros.bags.table_columns import POSITION, UNITS, Named, spelled_unit
+from stickslip_ros.bags.table_columns import POSITION, Named, factor_of, spelled_unit
 from stickslip_ros.bags.table_files import FloatArray, ParquetFile
 from stickslip_ros.regular_files import open_regular, read_regular
 
@@ -135,7 +136,7 @@ class EpisodeFile(ParquetFile):
         known = {
             f"{key}.{name}": unit
             for name, text in zip(names, units, strict=False)
-            if (unit := spelled_unit(str(text))) in UNITS[field]
+            if _is_known(field, unit := spelled_unit(str(text)))
         }
         self.units = {**self.units, **known}
         if field == POSITION and len(known) < len(names):
@@ -149,6 +150,14 @@ class EpisodeFile(ParquetFile):
         found = super().read(list(dict.fromkeys([_INDEX, *columns.values()])))
         mine = found[_INDEX] == self._number
         return {name: found[column][mine] for name, column in columns.items()}
+
+
+def _is_known(field: str, unit: str) -> bool:
+    try:
+        # Of counts it takes the number that makes a turn, as in counts/4096.
+        return not math.isnan(factor_of(field, unit))
+    except ValueError:
+        return False
 
 
 def _joints(feature: Mapping[str, Any], count: int) -> list[str] | None:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -15,7 +16,18 @@ import numpy as np
 
 from stickslip_ros.bags.lerobot import episode_of, open_episode
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
-from stickslip_ros.bags.table_columns import POSITION, TIME, TRANSLATION, UNITS, USUAL_UNIT, Column, Named, assign
+from stickslip_ros.bags.table_columns import (
+    POSITION,
+    TIME,
+    TRANSLATION,
+    UNITS,
+    USUAL_UNIT,
+    Column,
+    Named,
+    assign,
+    factor_of,
+    hint,
+)
 from stickslip_ros.bags.table_files import SUFFIXES, FloatArray, MissingPackageError, TableFile, open_table
 from stickslip_ros.errors import StickSlipError, reason
 from stickslip_ros.monitoring.samples import Batch
@@ -25,6 +37,7 @@ from stickslip_ros.settings.parameter_names import nearest_joint
 # What a damaged table makes its readers raise.
 _DAMAGE = (ValueError, EOFError, KeyError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 FOLDER_VARIABLE = "STICKSLIP_RECORDINGS"
+_MOSTLY = 0.9  # share of the steps between rows
 ONLY = "joint1"  # the joint of a table whose columns name none
 # Stamps since 1970 are of this size in each unit; times from zero are told by their steps.
 _SINCE_1970 = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
@@ -160,13 +173,18 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
 
 def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
     fields = {one.field for one in named}
-    found = assign(file.names, [*named, *(one for one in file.named if one.field not in fields)])
+    wanted = [*named, *(one for one in file.named if one.field not in fields)]
+    found = assign(file.names, wanted, file.days, file.clocks)
     columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
     time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]
     stamps = np.sum([values[use.column] * UNITS[TIME][use.unit] for use in time], axis=0)
     if not len(stamps):
         raise ValueError("it has no rows")
+    notes = list(file.notes)
+    if _newest_first(stamps):
+        notes.append("its rows are newest first: they are read from the last one to the first")
+        stamps, values = stamps[::-1], {name: column[::-1] for name, column in values.items()}
     joints: dict[str, dict[str, Use]] = {}
     batches: dict[str, Batch] = {}
     for label, columns_of in found.joints.items():
@@ -179,7 +197,7 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
                              f"{uses[POSITION].column}; name the right one with --column")  # fmt: skip
         joints[name] = uses
         batches[name] = Batch(
-            time=stamps, **{field: values[use.column] * UNITS[field][use.unit] for field, use in uses.items()}
+            time=stamps, **{field: _in_si(field, use, values[use.column]) for field, use in uses.items()}
         )
     return Table(
         name=path.stem,
@@ -188,8 +206,21 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
         joints=joints,
         unused=found.unused,
         batches=batches,
-        notes=tuple(file.notes),
+        notes=tuple(notes),
     )
+
+
+def _newest_first(stamps: FloatArray) -> bool:
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    return len(steps) > 0 and float((steps < 0.0).mean()) > _MOSTLY
+
+
+def _in_si(field: str, use: Use, values: FloatArray) -> FloatArray:
+    factor = factor_of(field, use.unit)
+    if math.isnan(factor):
+        what = hint(field, {"": (use.column, use.unit)})
+        raise ValueError(f"column {use.column!r} is in counts: say how many make a turn, as in {what}")
+    return values * factor
 
 
 def _use(column: Column, values: FloatArray, is_date: bool = False, unit: str = "") -> Use:

@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from stickslip_ros.settings.nearest_name import did_you_mean
 
@@ -21,7 +22,10 @@ TIME, POSITION = "time", "position"
 _REFERENCES = {POSITION: "reference_position", "velocity": "reference_velocity"}
 FIELDS = (TIME, POSITION, "velocity", "effort", *_REFERENCES.values())
 
-_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0}
+# Whose factor is only known with the counts that make a turn: `counts/4096`.
+COUNTS = "counts"
+_COUNTS_A_TURN = re.compile(rf"{COUNTS}_per_(\d+(?:\.\d+)?)(_per_s)?")
+_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0, COUNTS: math.nan}
 TRANSLATION = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _EFFORT = {"nm": 1.0, "n": 1.0, "mnm": 1e-3}
@@ -42,6 +46,7 @@ _OTHER_SPELLINGS = {
     "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
     "°_per_s": "deg_per_s", "rads": "rad_per_s", "rad_s": "rad_per_s", "degs": "deg_per_s", "deg_s": "deg_per_s",
     "rad_per_sec": "rad_per_s", "deg_per_sec": "deg_per_s", "µm": "um", "mm_s": "mm_per_s", "m_s": "m_per_s",
+    "count": COUNTS, "ticks": COUNTS, "tick": COUNTS,
     "n_m": "nm", "newton_meter": "nm", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
     "millisecond": "ms", "milliseconds": "ms", "msec": "ms", "msecs": "ms",
     "microsecond": "us", "microseconds": "us", "usec": "us", "usecs": "us", "µs": "us",
@@ -185,6 +190,44 @@ def _kind(words: Sequence[str]) -> tuple[str | None, set[int]]:
     return None, set()
 
 
+def factor_of(field: str, unit: str) -> float:
+    """What a value in a unit is multiplied with, to have SI units; NaN of counts whose number a turn is not known.
+
+    Raises
+    ------
+    ValueError
+        If the unit is none of the field's; the text lists them.
+    """
+    counts = _COUNTS_A_TURN.fullmatch(unit)
+    if counts is not None and bool(counts[2]) == field.endswith("velocity") and UNITS[field] in (_PLACE, _SPEED):
+        return 2.0 * math.pi / max(float(counts[1]), 1e-9)
+    if unit not in UNITS[field]:
+        raise ValueError(f"a unit of {', '.join(shown_unit(one) for one in UNITS[field])}")
+    return UNITS[field][unit]
+
+
+def shown_unit(unit: str) -> str:
+    """A unit as people write it; it may be typed so."""
+    shown = unit.replace("_per_", "/").replace("nm", "N·m")
+    return shown.replace(COUNTS, f"{COUNTS}/4096") if unit in (COUNTS, f"{COUNTS}_per_s") else shown
+
+
+def hint(field: str, columns: Mapping[str, tuple[str, str]]) -> str:
+    """Options that say of a field which columns it has, and in which units, by joint: one with a * where that does."""
+    names = [name for name, _ in columns.values()]
+    units = [shown_unit(unit) for _, unit in columns.values()]
+    before, after = _common_start(names), _common_start([name[::-1] for name in names])[::-1]
+    stars = [name[len(before) : len(name) - len(after)] for name in names]
+    joints = [f"joint{star}" if star.isdigit() else star for star in stars]
+    if len(names) > 1 and len(set(units)) == 1 and joints == list(columns):
+        names, units = [f"{before}{_STAR}{after}"], units[:1]
+    return " ".join(f"--column '{field}={name}:{unit}'" for name, unit in zip(names, units, strict=True))
+
+
+def _common_start(texts: Sequence[str]) -> str:
+    return "".join(letters[0] for letters in takewhile(lambda some: len(set(some)) == 1, zip(*texts, strict=False)))
+
+
 def _where(words: Sequence[str], wanted: Iterable[str]) -> list[int]:
     return [number for number, word in enumerate(words) if word in wanted]
 
@@ -227,8 +270,17 @@ def _joint(name: str, words: Sequence[re.Match[str]], taken: set[int]) -> str:
     return f"joint{text}" if text.isdigit() else text
 
 
-def assign(names: Sequence[str], named: Sequence[Named] = ()) -> Assignment:
+def assign(
+    names: Sequence[str],
+    named: Sequence[Named] = (),
+    days: AbstractSet[str] = frozenset(),
+    clocks: AbstractSet[str] = frozenset(),
+) -> Assignment:
     """Which columns serve, by what the user says and else by their names.
+
+    Parameters
+    ----------
+    days, clocks : columns of dates without a time, and of times of the day.
 
     Raises
     ------
@@ -245,7 +297,7 @@ def assign(names: Sequence[str], named: Sequence[Named] = ()) -> Assignment:
     columns = [*(column for _, column in said), *told]
     if not any(one.field == POSITION for one in columns):
         columns += _joints_alone([name for name in free if name not in {one.name for one in told}])
-    times = sorted((one for one in columns if one.field == TIME), key=lambda one: one.rank)
+    times = sorted((one for one in columns if one.field == TIME), key=lambda one: (one.name in days, one.rank))
     joints: dict[str, dict[str, Column]] = {}
     for one in columns:
         if one.field != TIME:
@@ -258,7 +310,7 @@ def assign(names: Sequence[str], named: Sequence[Named] = ()) -> Assignment:
             wanted = " or ".join(f"{field}_{unit}" for unit in UNITS[field])
             every = "; if every other column is a joint's position: --column 'position=*'" if field == POSITION else ""
             raise ValueError(f"needs a column {wanted}, or one named with --column; has {_listed(names)}{every}")
-    time = tuple(times[:1]) if fields & {TIME} else _seconds_and_rest(times)
+    time = _parts_of_time(times, days, clocks)
     used = {one.name for one in time} | {one.name for found in joints.values() for one in found.values()}
     for wish in named:
         if not any(column.name in used for by, column in said if by is wish):
@@ -305,9 +357,11 @@ def _joints_alone(names: Sequence[str]) -> list[Column]:
     return [Column(name=name, field=POSITION, joint=name) for name in names]
 
 
-def _seconds_and_rest(times: Sequence[Column]) -> tuple[Column, ...]:
-    """The column of time, or the two of a stamp: whole seconds, and the nanoseconds beyond them."""
+def _parts_of_time(times: Sequence[Column], days: AbstractSet[str], clocks: AbstractSet[str]) -> tuple[Column, ...]:
+    """The column of time, or the two of a stamp: whole seconds and the nanoseconds beyond them, or day and time."""
     first = times[0]
+    if first.name in clocks:
+        return (first, *[one for one in times if one.name in days][:1])
     if _last_word(first.name) in ("sec", "secs"):
         rest = [one for one in times if one.unit == "ns" and _stem(one.name) == _stem(first.name)]
         return (first, *rest[:1])

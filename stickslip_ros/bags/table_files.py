@@ -10,6 +10,7 @@ import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any, Protocol
 
@@ -29,10 +30,13 @@ _ROWS_LOOKED_AT = 50
 _LARGEST_CELL = 1_000_000  # characters
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
+_CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?")
 _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 _BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL)
 _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
 _BYTES_OF_A_VALUE = 8
+_LONGEST_PREAMBLE = 100  # lines
 _NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
 _ECHOED = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
 _ECHOED_FIELDS = ("position", "velocity", "effort")
@@ -48,6 +52,7 @@ class TableFile(Protocol):
     Attributes
     ----------
     names : of the columns. dates : names of those that are dates; they are read as seconds since 1970.
+    days, clocks : of those the ones without a time, and without a day, which are read as seconds since midnight.
     joints : names of the joints that numbers in the columns' names stand for, as far as the file has them.
     form : how it is written, in words; "" where there is only one way.
     named : what columns are, where the file's layout says it. units : of columns, where the file has them.
@@ -56,6 +61,8 @@ class TableFile(Protocol):
 
     names: tuple[str, ...]
     dates: frozenset[str]
+    days: frozenset[str]
+    clocks: frozenset[str]
     joints: Mapping[str, str]
     form: str
     named: Sequence[Named]
@@ -109,6 +116,8 @@ class _Plain:
 
     joints: Mapping[str, str] = {}
     dates: frozenset[str] = frozenset()
+    days: frozenset[str] = frozenset()
+    clocks: frozenset[str] = frozenset()
     form = ""
     named: Sequence[Named] = ()
     units: Mapping[str, str] = {}
@@ -124,6 +133,10 @@ class _Text(_Plain):
         begin = file.read(_LOOKED_AT)
         lines = begin.splitlines(keepends=True)
         self._skipped, header = _header_of(lines)
+        self._above = 0
+        below = _below_a_preamble(lines, self._skipped)
+        if below is not None:
+            self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
         self._delimiter = _delimiter(header, texts)
@@ -146,19 +159,17 @@ class _Text(_Plain):
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
         }
         self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
-        self.dates = frozenset(self._zones)
+        self.days = frozenset(name for name, cell in firsts.items() if _DAY.fullmatch(cell))
+        self.clocks = frozenset(name for name, cell in firsts.items() if _CLOCK.fullmatch(cell))
+        self.dates = frozenset(self._zones) | self.days | self.clocks
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
-        self.form = f"values between {shown}{', decimal commas' if commas else ''}"
+        above = f", below {self._above} other lines" if self._above else ""
+        self.form = f"values between {shown}{', decimal commas' if commas else ''}{above}"
         self._start = sum(len(line) for line in lines[: self._skipped + 1])
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         arrow = self._arrow
-        kinds = {
-            name: arrow.timestamp("ns", "UTC" if self._zones[name] else None)
-            if name in self._zones
-            else arrow.float64()
-            for name in names
-        }
+        kinds = {name: self._kind(name) for name in names}
         # Of two columns of a name the first serves.
         seen: set[str] = set()
         unique = []
@@ -183,12 +194,20 @@ class _Text(_Plain):
             raise ValueError(self._in_words(str(error))) from error
         return {name: _numbers(arrow, table.column(name)) for name in names}
 
+    def _kind(self, name: str) -> Any:
+        if name in self.clocks:
+            return self._arrow.time64("ns")
+        if name in self.dates:
+            return self._arrow.timestamp("ns", "UTC" if self._zones.get(name) else None)
+        return self._arrow.float64()
+
     def _in_words(self, text: str) -> str:
         """What pyarrow says, with the line and the column as an editor shows them."""
         value, row = _BAD_VALUE.search(text), _BAD_ROW.search(text)
         if value is not None:
             name, line = self._columns[int(value[1])], self._line(int(value[2]))
             wanted = "a date like 2026-01-31 12:00:00.125" if name in self.dates else "a number"
+            wanted = "a time like 12:00:00.125" if name in self.clocks else wanted
             return f"line {line}, column {name!r}: must be {wanted}: {value[3]!r}"
         if row is not None:
             return f"line {self._line(int(row[1]))}: must have the header's {row[2]} values: it has {row[3]}"
@@ -224,6 +243,29 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
         begins = re.split(r"[;,\t| ]+", text.strip())[0]
         return comment if comment is not None and _is_number(begins) else (number, text)
     raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
+
+
+def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
+    """The line of names, and its number, where others stand above it: as many names as there are values below, while
+    the first line has another number of them. None if there are no such lines.
+    """
+    texts = {number: line.decode("utf-8", "replace").strip("\r\n") for number, line in enumerate(lines[:-1], 0)}
+    texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
+    numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
+    for delimiter in (*_DELIMITERS, " "):
+        counts = {number: len(_cells(texts[number], delimiter)) for number in numbers}
+        if not numbers or counts[numbers[-1]] < 2 or counts[first] == counts[numbers[-1]]:
+            continue
+        for number, after in pairwise(numbers):
+            values = _cells(texts[after], delimiter)
+            if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
+                names = _cells(texts[number], delimiter)
+                return None if any(map(_is_value, names)) else (number, texts[number])
+    return None
+
+
+def _is_value(cell: str) -> bool:
+    return _is_number(cell) or _DATE.match(cell) is not None or bool(_DAY.fullmatch(cell) or _CLOCK.fullmatch(cell))
 
 
 def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
@@ -271,7 +313,9 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(arrow: Any, column: Any) -> FloatArray:
-    """A column of pyarrow's as numbers; dates as seconds."""
+    """A column of pyarrow's as numbers; dates and times of the day as seconds."""
+    if arrow.types.is_time(column.type):
+        return 1e-9 * _plain(column.cast(arrow.int64()).cast(arrow.float64()))
     if arrow.types.is_timestamp(column.type):
         whole = column.cast(arrow.timestamp("ns", column.type.tz)).cast(arrow.int64())
         seconds, rest = arrow.compute.divide(whole, 10**9), whole

@@ -19,7 +19,17 @@ from rich.table import Table as Grid
 
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.table import Table, Use, find_recording, load_table
-from stickslip_ros.bags.table_columns import FIELDS, POSITION, TIME, UNITS, Named
+from stickslip_ros.bags.table_columns import (
+    COUNTS,
+    FIELDS,
+    POSITION,
+    TIME,
+    Named,
+    factor_of,
+    hint,
+    shown_unit,
+    spelled_unit,
+)
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
@@ -27,10 +37,11 @@ from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _WIDTH = 160
 _MOST_UNUSED = 12
+_PLACES = (POSITION, "reference_position")
 _MANY_TURNS = 40.0  # [rad] that a joint hardly spans: more than six turns
 
 
@@ -122,9 +133,11 @@ def _show(table: Table, names: list[str]) -> None:
     if assumed:
         console.print(
             "[dim]?: the column's name has no unit; of time it is told by the values, else it is the usual one. "
-            "Another: --column 'position=q*:deg'[/]",
+            f"Another: {escape(_hints(table, POSITION, 'deg'))}[/]",
             soft_wrap=True,
         )
+    for note in table.notes:
+        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
     if table.unused:
         more = len(table.unused) - _MOST_UNUSED
         listed = ", ".join(table.unused[:_MOST_UNUSED]) + (f" and {more} more" if more > 0 else "")
@@ -132,25 +145,43 @@ def _show(table: Table, names: list[str]) -> None:
 
 
 def _shown(use: Use) -> str:
-    unit = use.unit.replace("_per_", "/").replace("nm", "N·m")
-    return escape(f"{use.column} [{unit}{'?' if use.assumed else ''}]")
+    return escape(f"{use.column} [{shown_unit(use.unit)}{'?' if use.assumed else ''}]")
 
 
 def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
-    for (name, batch), (own, uses) in zip(batches.items(), table.joints.items(), strict=True):
+    for name, own in zip(batches, table.joints, strict=True):
         unit = table.unit(own)
         if unit != "rad":
             console.print(
                 f"[yellow]note:[/] positions of {escape(name)} are in {unit}; wherever rad is said, read {unit}"
             )
-        known = batch.position[np.isfinite(batch.position)]
-        span = float(known.max() - known.min()) if len(known) else 0.0
-        if uses[POSITION].assumed and span > _MANY_TURNS:
-            column = escape(uses[POSITION].column)
-            console.print(
-                f"[yellow]warning:[/] {escape(name)} spans {span:.3g} rad: is {column} in degrees? Then: "
-                f"--column 'position={column}:deg'"
-            )
+    uses_of = dict(zip(batches, table.joints.items(), strict=True))
+    spans = {name: _span(batches[name]) for name, (_, uses) in uses_of.items() if uses[POSITION].assumed}
+    suspect = max(spans, key=lambda name: spans[name], default="")
+    if suspect and spans[suspect] > _MANY_TURNS:
+        counts = all(np.array_equal(known, np.round(known)) for name in spans if len(known := _known(batches[name])))
+        # What is named of a field stands for all of it: the other joints are named too.
+        hints = [one for field in _PLACES if (one := _hints(table, field, COUNTS if counts else "deg"))]
+        console.print(
+            f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
+            f"{escape(uses_of[suspect][1][POSITION].column)} in {'encoder counts' if counts else 'degrees'}? Then: "
+            + escape(" ".join(hints))
+        )
+
+
+def _known(batch: Batch) -> FloatArray:
+    return batch.position[np.isfinite(batch.position)]
+
+
+def _span(batch: Batch) -> float:
+    known = _known(batch)
+    return float(known.max() - known.min()) if len(known) else 0.0
+
+
+def _hints(table: Table, field: str, unit: str) -> str:
+    """Options that give the columns of a field a unit, where they have none of their own."""
+    of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
+    return hint(field, {own: (use.column, unit if use.assumed else use.unit) for own, use in of_field.items()})
 
 
 def _column(text: str) -> Named:
@@ -163,6 +194,12 @@ def _column(text: str) -> Named:
         raise InvalidParameterError("--column", wanted, text)
     if field == TIME and "*" in name:
         raise InvalidParameterError("--column", "of one column, where it is of the time", text)
-    if unit and unit not in UNITS[field]:
-        raise InvalidParameterError(f"--column {text}", f"a unit of {', '.join(UNITS[field])}", unit)
-    return Named(field=field, column=name, unit=unit)
+    spelled = spelled_unit(unit)
+    try:
+        factor = factor_of(field, spelled) if unit else 1.0
+    except ValueError as error:
+        raise InvalidParameterError(f"--column {text}", str(error), unit) from error
+    if math.isnan(factor):
+        example = f"{name}:{shown_unit(spelled)}"
+        raise InvalidParameterError(f"--column {text}", f"with the counts that make a turn, as in {example}", unit)
+    return Named(field=field, column=name, unit=spelled)

@@ -322,3 +322,14 @@ def test_controllers_fill_one_reference_or_the_other(points: tuple[str, ...], fi
     path = write_mcap(tmp_path / "a.mcap", messages, schemas={CONTROLLER_STATE: ("ros2msg", text)})
     batch = read_joint(path, "joint1")
     np.testing.assert_allclose(batch.reference_position, 0.3 * batch.time)
+
+
+def test_metadata_that_name_another_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that was renamed is read all the same; both are named."""
+    folder = tmp_path / "bag"
+    simulated_bag(folder, duration=4.0)
+    (folder / "bag_0.mcap").rename(folder / "renamed.mcap")
+    assert main(["analyze", str(folder), "--no-learning", "--json"]) == 0
+    bag = json.loads(capsys.readouterr().out)["bags"][0]
+    assert "bag_0.mcap: missing; the bag's metadata name it" in bag["warnings"]
+    assert "renamed.mcap: read, although the bag's metadata do not name it" in bag["warnings"]

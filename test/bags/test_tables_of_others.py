@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -142,3 +143,110 @@ def test_names_of_joints_in_a_message(tmp_path: Path) -> None:
     header = "%time,field.header.stamp,field.name0,field.name1,field.position0,field.position1"
     (tmp_path / "b.csv").write_text(f"{header}\n1,2,hip,knee,0.1,0.2\n2,3,hip,knee,0.1,0.2\n", encoding="utf-8")
     assert list(load_table(tmp_path / "b.csv").batches) == ["hip", "knee"]
+
+
+def write_rows(path: Path, header: str, rows: Sequence[str], above: str = "") -> Path:
+    """A table of text."""
+    path.write_text(above + "\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_date_and_time_in_two_columns(tmp_path: Path) -> None:
+    """A date and a time of the day are one time; a date that is read in no one way leaves the time of the day."""
+    clocks = [f"12:00:{number // 10:02d}.{number % 10}00" for number in range(30)]
+    rows = [f"2026-01-31,{clock},{number}" for number, clock in enumerate(clocks)]
+    table = load_table(write_rows(tmp_path / "a.csv", "date,time,q1", rows))
+    expected = 1769860800.0 + 0.1 * np.arange(30)
+    np.testing.assert_allclose(table.batches["joint1"].time, expected, atol=1e-6)
+    named = [Named(field="time", column="a"), Named(field="time", column="b")]
+    table = load_table(write_rows(tmp_path / "b.csv", "a,b,q1", rows), named)
+    np.testing.assert_allclose(table.batches["joint1"].time, expected, atol=1e-6)
+    rows = [f"31/01/2026,{clock},{number}" for number, clock in enumerate(clocks)]
+    table = load_table(write_rows(tmp_path / "c.csv", "Date,Time,q1", rows))
+    np.testing.assert_allclose(table.batches["joint1"].time, 43200.0 + 0.1 * np.arange(30))
+    assert table.unused == ("Date",)
+
+
+def test_newest_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rows in the other order are turned round, and that is said."""
+    rows = [f"{0.1 * number:.3f},{number}" for number in range(299, -1, -1)]
+    path = write_rows(tmp_path / "a.csv", "time_s,q1", rows)
+    assert load_table(path).batches["joint1"].position.tolist() == list(range(300))
+    assert main(["convert", str(path), "--out", str(tmp_path / "a.mcap")]) == 0
+    assert "its rows are newest first" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+def test_lines_above_the_names(delimiter: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a logger writes above its table is passed over; lines of errors are still counted from the top."""
+    above = "Logger 3.1 of today\nSerial: 123\nOperator, me, and, others\n\nSampling rate: 10 Hz\n"
+    rows = [delimiter.join((f"{0.1 * number:.3f}", f"{number}", "4")) for number in range(30)]
+    header = delimiter.join(("time_s", "q1", "x"))
+    table = load_table(write_rows(tmp_path / "a.csv", header, rows, above))
+    assert table.batches["joint1"].position.tolist() == list(range(30))
+    assert "below 5 other lines" in table.form
+    rows[20] = rows[20].replace("20", "20x")
+    path = write_rows(tmp_path / "b.csv", header, rows, above)
+    assert main(["convert", str(path), "--out", str(tmp_path / "b.mcap")]) == 2
+    assert "line 27, column 'q1': must be a number: '20x'" in capsys.readouterr().err
+
+
+def test_units_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`rad/s` and N·m may be typed; an error lists units as they may be typed."""
+    rows = [f"{0.1 * number:.3f},{number},90,2" for number in range(30)]
+    path = write_rows(tmp_path / "a.csv", "time_s,q1,v1,tau1", rows)
+    out = ["--out", str(tmp_path / "a.mcap"), "--force"]
+    columns = ["--column", "velocity=v1:deg/s", "--column", "effort=tau1:N·m"]
+    assert main(["convert", str(path), *out, *columns]) == 0
+    np.testing.assert_allclose(read_joint(tmp_path / "a.mcap", "joint1").velocity, np.pi / 2)
+    assert main(["convert", str(path), *out, "--column", "velocity=v1:furlong"]) == 2
+    said = capsys.readouterr().err
+    assert "must be a unit of rad/s, deg/s" in said
+    listed = said.rpartition("a unit of ")[2].partition(": furlong")[0].split(", ")
+    for unit in listed:
+        assert main(["convert", str(path), *out, "--column", f"velocity=v1:{unit}"]) == 0, unit
+
+
+def test_encoder_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Counts are a unit whose number a turn is asked for; whole numbers over many turns are suspected to be counts."""
+    rows = [f"{0.1 * number:.3f},{7 * number},{number},{number},{number}" for number in range(300)]
+    header = "time_s,pos (5),pos (7),target pos (5),target pos (7)"
+    path = write_rows(tmp_path / "a.csv", header, rows)
+    out = ["--out", str(tmp_path / "a.mcap"), "--force"]
+    assert main(["convert", str(path), *out]) == 0
+    said = capsys.readouterr().err
+    assert "is pos (5) in encoder counts? Then: " in said
+    # The hint, followed to the letter, keeps every joint.
+    options = shlex.split(said.rpartition("Then: ")[2].strip())
+    assert main(["convert", str(path), *out, *options]) == 0
+    batch = read_joint(tmp_path / "a.mcap", "joint7")
+    np.testing.assert_allclose(batch.position, 2 * np.pi * np.arange(300) / 4096)
+    np.testing.assert_allclose(batch.reference_position, batch.position)
+    np.testing.assert_allclose(read_joint(tmp_path / "a.mcap", "joint5").position, 7 * batch.position)
+    path = write_rows(tmp_path / "b.csv", "time_s,pos_ticks", [",".join(row.split(",")[:2]) for row in rows])
+    for more, told in (
+        ([], "say how many make a turn, as in --column 'position=pos_ticks:counts/4096'"),
+        (["--column", "position=pos_ticks:counts"], "with the counts that make a turn, as in pos_ticks:counts/4096"),
+    ):
+        assert main(["convert", str(path), *out, *more]) == 2
+        assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("names", "joints"),
+    [(("q1", "q2"), ("joint1", "joint2")), (("elbow_pos", "wrist_pos"), ("elbow", "wrist")),
+     (("hip_pos", "q2_rad"), ("hip", "joint2"))],
+)  # fmt: skip
+def test_hints_keep_every_joint(
+    names: tuple[str, str], joints: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Degrees without a unit are asked about, and the options that are suggested name all joints."""
+    rows = [f"{0.1 * number:.3f},{0.5 * number},{0.001 * number}" for number in range(300)]
+    path = write_rows(tmp_path / "a.csv", ",".join(("time_s", *names)), rows)
+    out = ["--out", str(tmp_path / "a.mcap"), "--force"]
+    assert main(["convert", str(path), *out]) == 0
+    said = capsys.readouterr().err
+    assert main(["convert", str(path), *out, *shlex.split(said.rpartition("Then: ")[2].strip())]) == 0
+    factor = 1.0 if "rad" in names[1] else np.pi / 180.0
+    np.testing.assert_allclose(read_joint(tmp_path / "a.mcap", joints[1]).position, 0.001 * np.arange(300) * factor)
+    np.testing.assert_allclose(read_joint(tmp_path / "a.mcap", joints[0]).position, np.deg2rad(0.5 * np.arange(300)))

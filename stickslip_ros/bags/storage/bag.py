@@ -130,7 +130,11 @@ class Bag:
         missing = [name for name in names if not (self.path / name).exists()]
         for name in missing:
             self.warnings.append(f"{name}: missing; the bag's metadata name it")
-        return [self.path / name for name in names if name not in missing]
+        # What was renamed or copied here by hand is read in place of what is missing.
+        others = [file for file in by_name if file.name not in names] if missing else []
+        for file in others:
+            self.warnings.append(f"{file.name}: read, although the bag's metadata do not name it")
+        return [*(self.path / name for name in names if name not in missing), *others]
 
     def _metadata(self) -> Any:
         path = self.path / METADATA
