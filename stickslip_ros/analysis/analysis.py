@@ -137,6 +137,9 @@ def analyze(
         warnings += reader.wrapped
         warnings += [f"joint {name!r} has no name" for name, (_, own) in reader.joints.items() if not own]
         _check_joints(path, options.joints, joints, reader.joints, warnings)
+        if not reader.with_positions:
+            # One line says it all: nothing else can be said of such joints.
+            raise RecordingError(f"bag {path}: its joint states have no positions, without which nothing can be judged")
         # Assessed only now, that the warnings of the last block are there.
         found = {name: joint.analysis() for name, joint in joints.items()}
     for name, joint in found.items():

@@ -97,6 +97,11 @@ class BagReader:
         return set[str]().union(*(events.nodes for events in self._events.values()))
 
     @property
+    def with_positions(self) -> bool:
+        """Whether any joint state has positions, whatever they are worth, as far as the bag was read."""
+        return any("position" in self._fast[topics.states].fields for topics in self._robots.values())
+
+    @property
     def wrapped(self) -> list[str]:
         """What is to be said of joints whose positions wrap."""
         return [f"{joint}: {WRAPS} ({count} times)" for joint, count in self._wholes.counts.items()]

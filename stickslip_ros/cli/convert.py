@@ -42,7 +42,7 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 _WIDTH = 160
 _MOST_UNUSED = 12
 _PLACES = (POSITION, "reference_position")
-_MANY_TURNS = 40.0  # [rad] that a joint hardly spans: more than six turns
+_MORE_THAN_A_TURN = 7.0  # [rad] that few joints span; more is asked about where the unit is only assumed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -158,7 +158,7 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
     uses_of = dict(zip(batches, table.joints.items(), strict=True))
     spans = {name: _span(batches[name]) for name, (_, uses) in uses_of.items() if uses[POSITION].assumed}
     suspect = max(spans, key=lambda name: spans[name], default="")
-    if suspect and spans[suspect] > _MANY_TURNS:
+    if suspect and spans[suspect] > _MORE_THAN_A_TURN:
         counts = all(np.array_equal(known, np.round(known)) for name in spans if len(known := _known(batches[name])))
         # What is named of a field stands for all of it: the other joints are named too.
         hints = [one for field in _PLACES if (one := _hints(table, field, COUNTS if counts else "deg"))]
