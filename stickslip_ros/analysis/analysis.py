@@ -21,7 +21,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.output.wording import friction_change_text
+from stickslip_ros.output.wording import friction_change_text, in_metres_text
 from stickslip_ros.settings.parameter_file import Parameters
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded
@@ -135,6 +135,7 @@ def analyze(
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
         warnings += [f"{what} ({count} messages)" for what, count in reader.replaced.items()]
         warnings += reader.wrapped
+        warnings += [in_metres_text(reader.prismatic)] if reader.prismatic else []
         warnings += [f"joint {name!r} has no name" for name, (_, own) in reader.joints.items() if not own]
         _check_joints(path, options.joints, joints, reader.joints, warnings)
         if not reader.with_positions:

@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from stickslip_ros.bags.robot_description import DESCRIPTION, description
 from stickslip_ros.bags.simulated import GAINS, REFERENCES, STATES
 from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
@@ -44,7 +45,13 @@ def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str,
 
 
 def write_recording(
-    path: Path, batches: Mapping[str, Batch], start: float, gains: Gains | None = None, compression: str = "zstd"
+    path: Path,
+    batches: Mapping[str, Batch],
+    start: float,
+    gains: Gains | None = None,
+    compression: str = "zstd",
+    *,
+    prismatic: Sequence[str] = (),
 ) -> int:
     """Write samples of joints as a bag; returns how many of each.
 
@@ -52,6 +59,7 @@ def write_recording(
     ----------
     batches : of each joint, all of the same times; samples without a time are left out.
     start : what is added to the times [s]. gains : of each joint's controller then, None if unknown.
+    prismatic : joints whose positions are in metres, which the bag says by a description of the robot.
 
     Raises
     ------
@@ -66,7 +74,12 @@ def write_recording(
     topics = {topic: JOINT_STATE for topic in (STATES, REFERENCES) if topic in streams}
     if gains is not None:
         topics[GAINS] = "std_msgs/msg/Float64MultiArray"
+    if prismatic:
+        topics[DESCRIPTION] = "std_msgs/msg/String"
     with BagWriter(path, topics, compression) as writer:
+        if prismatic and len(times):
+            text = writer.message("std_msgs/msg/String", data=description(names, prismatic))
+            writer.write([writer.serialized(round(float(times[0]) * 1e9), DESCRIPTION, text)])
         if gains is not None and len(times):
             values = np.tile([float(gains.stiffness), float(gains.damping)], (len(names), 1))
             table = writer.table(",".join(names), "p,d", values)

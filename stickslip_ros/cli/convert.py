@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -38,6 +39,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.output.wording import in_metres_text
 
 _WIDTH = 160
 _MOST_UNUSED = 12
@@ -94,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     _show(table, names)
     batches = dict(zip(names, table.batches.values(), strict=True))
-    count = write_recording(options.out, batches, start, gains, options.compression)
+    in_metres = _in_metres(table, names)
+    count = write_recording(options.out, batches, start, gains, options.compression, prismatic=in_metres)
     console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: stickslip analyze {options.out}")
     left = len(next(iter(batches.values()))) - count
     if left:
@@ -149,12 +152,8 @@ def _shown(use: Use) -> str:
 
 
 def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
-    for name, own in zip(batches, table.joints, strict=True):
-        unit = table.unit(own)
-        if unit != "rad":
-            console.print(
-                f"[yellow]note:[/] positions of {escape(name)} are in {unit}; wherever rad is said, read {unit}"
-            )
+    if in_metres := _in_metres(table, list(batches)):
+        console.print(f"[yellow]note:[/] {escape(in_metres_text(in_metres))}")
     uses_of = dict(zip(batches, table.joints.items(), strict=True))
     spans = {name: _span(batches[name]) for name, (_, uses) in uses_of.items() if uses[POSITION].assumed}
     suspect = max(spans, key=lambda name: spans[name], default="")
@@ -167,6 +166,10 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
             f"{escape(uses_of[suspect][1][POSITION].column)} in {'encoder counts' if counts else 'degrees'}? Then: "
             + escape(" ".join(hints))
         )
+
+
+def _in_metres(table: Table, names: Sequence[str]) -> list[str]:
+    return [name for name, own in zip(names, table.joints, strict=True) if table.unit(own) == "m"]
 
 
 def _known(batch: Batch) -> FloatArray:

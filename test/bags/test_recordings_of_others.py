@@ -14,11 +14,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from support_bags import JOINT_STATE, joint_state, simulated_bag, write_mcap
+from support_bags import JOINT_STATE, STORE, joint_state, simulated_bag, write_mcap
 
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.messages.whole_turns import WholeTurns
+from stickslip_ros.output.wording import with_prefix
 
 TURN = 2.0 * math.pi
 
@@ -405,3 +406,31 @@ def test_a_bag_without_positions(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert status == 2
     assert error.count("\n") == 1
     assert "its joint states have no positions" in error
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(395.2, "395 rad"), (0.0123, "12.3 mrad"), (4.2e-6, "4.2 µrad"), (0.0, "0 rad")]
+)
+def test_numbers_have_a_prefix_that_fits(error: float, said: str) -> None:
+    """What falls behind by much is not said in thousands of milliradians."""
+    assert with_prefix(error, "rad") == said
+
+
+def test_prismatic_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A robot's description says which joints are prismatic; a table in metres becomes a bag that says it too."""
+    motion = _messages(SWING)
+    text = '<robot name="a"><joint type="prismatic" name="joint1"/><joint name="other" type="revolute"/></robot>'
+    description = STORE.types["std_msgs/msg/String"](data=text)
+    messages = [("/robot_description", "std_msgs/msg/String", 1.0, description), *motion]
+    _, warnings, _ = _warnings(tmp_path / "a.mcap", messages, capsys)
+    assert warnings == "positions of joint1 are in m; wherever rad is said, read m, and N for N·m"
+    assert _warnings(tmp_path / "b.mcap", motion, capsys)[1] == ""
+    rows = "\n".join(f"{0.02 * number:.4f},{1e3 * value},0.5" for number, value in enumerate(SWING.tolist()))
+    (tmp_path / "c.csv").write_text(f"time_s,slide_pos_mm,elbow_pos_rad\n{rows}\n", encoding="utf-8")
+    assert main(["convert", str(tmp_path / "c.csv"), "--out", str(tmp_path / "c.mcap")]) == 0
+    assert "positions of slide are in m" in capsys.readouterr().err
+    assert main(["analyze", str(tmp_path / "c.mcap"), "--no-learning", "--json"]) == 0
+    bag = json.loads(capsys.readouterr().out)["bags"][0]
+    assert [one for one in bag["warnings"] if "are in m" in one] == [
+        "positions of slide are in m; wherever rad is said, read m, and N for N·m"
+    ]
