@@ -47,7 +47,7 @@ def episode_of(path: Path) -> tuple[Path, int] | None:
 
 
 def episodes(folder: Path) -> list[Path]:
-    """The paths of all episodes of a data set, in their order; those of damaged files are missing.
+    """The paths of all episodes of a data set, in their order, and after them the files that are damaged.
 
     Raises
     ------
@@ -55,10 +55,13 @@ def episodes(folder: Path) -> list[Path]:
         If a folder or file of it cannot be read.
     """
     numbers: set[int] = set()
+    damaged = []
     for file in _data_files(folder):
         found = _EPISODE.fullmatch(file.stem)
-        numbers |= {int(found[1])} if found is not None else _numbers_in(file)
-    return [folder / f"episode_{number:06d}" for number in sorted(numbers)[:_MOST_EPISODES]]
+        there = {int(found[1])} if found is not None else _numbers_in(file)
+        numbers |= there
+        damaged += [] if there else [file]
+    return [*(folder / f"episode_{number:06d}" for number in sorted(numbers)[:_MOST_EPISODES]), *damaged]
 
 
 def files_of_episode(path: Path) -> list[Path]:

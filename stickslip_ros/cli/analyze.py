@@ -81,6 +81,10 @@ def run(options: argparse.Namespace) -> int:
     """Analyse and print."""
     if options.jobs < 1:
         raise InvalidParameterError("--jobs", ">= 1", options.jobs)
+    if options.jobs > 1 and options.scheduler is not None:
+        raise InvalidParameterError(
+            "--jobs", "left out with --scheduler, whose workers are as many as it has", options.jobs
+        )
     options.alarm = [parse_alarm(text) for text in options.alarm]
     bags = find_bags(options.bags)
     if not bags:

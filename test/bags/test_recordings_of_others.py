@@ -166,7 +166,7 @@ def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "info.json is damaged" in capsys.readouterr().err
     (tmp_path / "1" / "data" / "chunk-000" / "file-000.parquet").write_bytes(b"PAR1")
     assert main(["analyze", str(tmp_path / "1")]) == 2
-    assert "no bags in" in capsys.readouterr().err
+    assert "file-000.parquet: neither an MCAP file" in capsys.readouterr().err
 
 
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
@@ -247,6 +247,32 @@ def test_bags_of_ros_1(compression: str, tmp_path: Path, capsys: pytest.CaptureF
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert main(["analyze", str(path)]) == 2
     assert "not a sound bag of ROS 1" in capsys.readouterr().err
+
+
+def test_messages_of_ros_1_in_mcap(tmp_path: Path) -> None:
+    """As `rosbag` bags that were converted into MCAP have them."""
+    from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros1", "test")
+        text = store.generate_msgdef(JOINT_STATE, ros_version=1)[0]
+        schema = writer.register_schema("sensor_msgs/JointState", "ros1msg", text.encode())
+        channel = writer.register_channel("/joint_states", "ros1", schema)
+        for number in range(20):
+            stamp = store.types["builtin_interfaces/msg/Time"](sec=100 + number, nanosec=5)
+            header = store.types["std_msgs/msg/Header"](seq=number, stamp=stamp, frame_id="base")
+            message = store.types[JOINT_STATE](
+                header=header, name=["hip"], position=np.array([0.5 * number]), velocity=np.zeros(0), effort=np.zeros(0)
+            )
+            writer.add_message(channel, number, bytes(store.serialize_ros1(message, JOINT_STATE)), number)
+        writer.finish()
+    batch = read_joint(path, "hip")
+    np.testing.assert_allclose(batch.time, 100.0 + np.arange(20))
+    assert batch.position.tolist() == [0.5 * number for number in range(20)]
 
 
 @pytest.mark.parametrize(("kind", "nanoseconds"), [(JOINT_STATE, "nanosec"), ("sensor_msgs/JointState", "nsec")])

@@ -232,6 +232,12 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {path.stem: str(path) for path in folder.iterdir()}
 
 
+def test_options_that_exclude_each_other(inputs: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Processes here and workers elsewhere cannot both do the work."""
+    assert main(["analyze", inputs["bag"], inputs["second"], "--jobs=2", "--scheduler=tcp://localhost:1"]) == 2
+    assert "'--jobs' must be left out with --scheduler" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("command", "option"), list(_cases()))
 def test_an_option_has_an_effect_or_is_refused(
     command: str, option: str, tmp_path: Path, inputs: dict[str, str], capsys: pytest.CaptureFixture[str]

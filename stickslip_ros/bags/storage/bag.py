@@ -22,6 +22,7 @@ from stickslip_ros.bags.storage.formats import FORMATS, format_of
 from stickslip_ros.bags.storage.transcoding import Transcode, transcoded
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
+from stickslip_ros.bags.table_files import SUFFIXES as TABLES
 from stickslip_ros.errors import reason
 from stickslip_ros.messages.blocks import Block, Channel, Storage
 from stickslip_ros.messages.content import MessageError
@@ -111,6 +112,8 @@ class Bag:
             except (OSError, ValueError, EOFError, ImportError) as error:
                 why = f"it needs the package {error.name}" if isinstance(error, ImportError) else reason(error)
                 reasons.append(f"{file.name}: {why}" if self.path.is_dir() else why)
+        if not opened and self.path.suffix in TABLES:
+            reasons.append(f"a table becomes one by stickslip convert {self.path} --out {self.path.stem}.mcap")
         if not opened:
             raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or f'no {_ANY} file is in it'}")
         self.warnings += reasons
