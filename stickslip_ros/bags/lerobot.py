@@ -40,6 +40,18 @@ def is_data_set(folder: Path) -> bool:
     return (folder / _INFO).is_file()
 
 
+def name_an_episode(folder: Path) -> str:
+    """Why a data set is no recording, and what is: for errors.
+
+    Raises
+    ------
+    OSError
+        If a file of it cannot be read.
+    """
+    first = next(iter(episodes(folder)), None)
+    return "is a LeRobot data set" + (f"; name one of its episodes, as in {first}" if first else " without episodes")
+
+
 def episode_of(path: Path) -> tuple[Path, int] | None:
     """The data set and the number of an episode, of a path that names one; else None."""
     found = _EPISODE.fullmatch(path.name)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.lerobot import episode_of, open_episode
+from stickslip_ros.bags.lerobot import episode_of, is_data_set, name_an_episode, open_episode
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table_columns import (
     POSITION,
@@ -102,6 +102,8 @@ def find_recording(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.suffix in SUFFIXES or episode_of(path) is not None:
         return path
+    if is_data_set(path):
+        raise RecordingError(f"recording {path}: {name_an_episode(path)}")
     if path.is_file():
         raise RecordingError(
             f"recording {path}: must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; a spreadsheet is saved as CSV"

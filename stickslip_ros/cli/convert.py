@@ -136,7 +136,7 @@ def _show(table: Table, names: list[str]) -> None:
     if assumed:
         console.print(
             "[dim]?: the column's name has no unit; of time it is told by the values, else it is the usual one. "
-            f"Another: {escape(_hints(table, POSITION, 'deg'))}[/]",
+            f"Another: {escape(_hints(table, 'deg'))}[/]",
             soft_wrap=True,
         )
     for note in table.notes:
@@ -160,11 +160,10 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
     if suspect and spans[suspect] > _MORE_THAN_A_TURN:
         counts = all(np.array_equal(known, np.round(known)) for name in spans if len(known := _known(batches[name])))
         # What is named of a field stands for all of it: the other joints are named too.
-        hints = [one for field in _PLACES if (one := _hints(table, field, COUNTS if counts else "deg"))]
         console.print(
             f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
             f"{escape(uses_of[suspect][1][POSITION].column)} in {'encoder counts' if counts else 'degrees'}? Then: "
-            + escape(" ".join(hints))
+            + escape(_hints(table, COUNTS if counts else "deg"))
         )
 
 
@@ -181,10 +180,15 @@ def _span(batch: Batch) -> float:
     return float(known.max() - known.min()) if len(known) else 0.0
 
 
-def _hints(table: Table, field: str, unit: str) -> str:
-    """Options that give the columns of a field a unit, where they have none of their own."""
-    of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
-    return hint(field, {own: (use.column, unit if use.assumed else use.unit) for own, use in of_field.items()})
+def _hints(table: Table, unit: str) -> str:
+    """Options that give positions and their references a unit, where they have none of their own."""
+    texts = []
+    for field in _PLACES:
+        of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
+        if any(use.assumed for use in of_field.values()):
+            columns = {own: (use.column, unit if use.assumed else use.unit) for own, use in of_field.items()}
+            texts.append(hint(field, columns))
+    return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 
 
 def _column(text: str) -> Named:

@@ -159,6 +159,9 @@ def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert said in " ".join(bag["warnings"])
         assert len(bag["joints"]) == 7
         assert any("joint_references" in str(topic) for topic in bag["topics"].values()) == (number == 0)
+    for command in (["convert", "--out", str(tmp_path / "a.mcap")], ["compare", str(tmp_path / "1")]):
+        assert main([*command, str(tmp_path / "0")]) == 2
+        assert "is a LeRobot data set; name one of its episodes, as in" in capsys.readouterr().err
     assert main(["analyze", str(tmp_path / "0" / "episode_000007")]) == 2
     assert "has no episode 7" in capsys.readouterr().err
     (tmp_path / "0" / "meta" / "info.json").write_text("{", encoding="utf-8")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.lerobot import episode_of, episodes, files_of_episode, is_data_set
+from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set, name_an_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
 from stickslip_ros.bags.storage.episodes import EpisodeStorage
@@ -95,9 +95,7 @@ class Bag:
                 episode = EpisodeStorage(self.path, self._limit, self.warnings.append)
                 return [(files_of_episode(self.path)[0], episode, episode.channels())]
             if is_data_set(self.path):
-                example = next(iter(episodes(self.path)), None)
-                also = f"; name one of its episodes, as in {example}" if example else ""
-                raise RecordingError(f"bag {self.path}: is a LeRobot data set{also or ' without episodes'}")
+                raise RecordingError(f"bag {self.path}: {name_an_episode(self.path)}")
             if not self.path.exists():
                 raise RecordingError(f"bag {self.path}: there is no such file or directory")
             files = self._files() if self.path.is_dir() else [self.path]
