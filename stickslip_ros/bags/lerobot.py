@@ -124,7 +124,7 @@ class EpisodeFile(ParquetFile):
 
     def __init__(self, file: IO[bytes], largest: int, number: int, features: Mapping[str, Mapping[str, Any]]) -> None:
         super().__init__(file, largest)
-        self._number = number
+        self._number, self._indexed = number, _INDEX in self.names
         self.form = "an episode of a LeRobot data set"
         self._column_of: dict[str, str] = {}
         lists = {key: [name for name in self.names if name.startswith(f"{key}[")] for key in _FIELDS}
@@ -161,6 +161,10 @@ class EpisodeFile(ParquetFile):
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """See :class:`~stickslip_ros.bags.table_files.TableFile`."""
         columns = {name: self._column_of.get(name, name) for name in names}
+        if not self._indexed:
+            # A file of one episode need not say which.
+            found = super().read(list(dict.fromkeys(columns.values())))
+            return {name: found[column] for name, column in columns.items()}
         self.choose_groups(_INDEX, self._number)
         found = super().read(list(dict.fromkeys([_INDEX, *columns.values()])))
         mine = found[_INDEX] == self._number

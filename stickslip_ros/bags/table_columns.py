@@ -295,8 +295,10 @@ def assign(
     told = [one for name in free if name not in gains and (one := meaning(name)) is not None]
     told = [one for one in told if one.field not in fields]
     columns = [*(column for _, column in said), *told]
-    if not any(one.field == POSITION for one in columns):
-        columns += _joints_alone([name for name in free if name not in {one.name for one in told}])
+    if all(one.field == TIME for one in columns):
+        # Where nothing else is told, columns that are named after joints and nothing else are their positions.
+        joints_alone = [name for name in free if _JOINT_ALONE.fullmatch(name)]
+        columns += [Column(name=name, field=POSITION, joint=name) for name in joints_alone]
     times = sorted((one for one in columns if one.field == TIME), key=lambda one: (one.name in days, one.rank))
     joints: dict[str, dict[str, Column]] = {}
     for one in columns:
@@ -348,13 +350,6 @@ def _derivative_gains(names: Sequence[str]) -> set[str]:
     """`position_d` beside `position_p` is a gain, not what is desired."""
     stems = {_stem(name) for name in names if _last_word(name) == "p"}
     return {name for name in names if _last_word(name) == _DERIVATIVE_GAIN and _stem(name) in stems}
-
-
-def _joints_alone(names: Sequence[str]) -> list[Column]:
-    """The positions of a table whose columns are named after joints and nothing else."""
-    if not all(_JOINT_ALONE.fullmatch(name) for name in names):
-        return []
-    return [Column(name=name, field=POSITION, joint=name) for name in names]
 
 
 def _parts_of_time(times: Sequence[Column], days: AbstractSet[str], clocks: AbstractSet[str]) -> tuple[Column, ...]:

@@ -374,9 +374,10 @@ class ParquetFile(_Plain):
 
     def choose_groups(self, name: str, value: int) -> None:
         """Read only the groups of rows in which a column may have a value, as far as the file says it."""
-        place = self._file.schema_arrow.get_field_index(name)
-        if place < 0:
+        paths = [self._file.schema.column(number).path for number in range(self._groups.num_columns)]
+        if name not in paths:
             return
+        place = paths.index(name)
         numbers = range(self._groups.num_row_groups)
         known = {number: self._groups.row_group(number).column(place).statistics for number in numbers}
         self._chosen = [

@@ -44,7 +44,8 @@ _ANNOTATED_EVERY = 1.0  # [s]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="MCAP file, rosbag2 directory or .db3 file")
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG",
+        help="MCAP file, rosbag2 directory, .db3 or .bag file, LeRobot data set or episode")  # fmt: skip
     add_bag_arguments(parser)
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")

@@ -53,6 +53,22 @@ def test_a_continuous_joint_that_wraps(least: float, tmp_path: Path, capsys: pyt
     assert "wraps" not in " ".join(found["plain"]["warnings"])
 
 
+def test_servo_counts_that_wrap(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A servo whose count starts again at 4096 moves on."""
+    counts = np.mod(np.floor(40.0 * np.arange(600)), 4096).astype(int)
+    rows = "\n".join(f"{0.02 * number:.3f},{count}" for number, count in enumerate(counts.tolist()))
+    (tmp_path / "a.csv").write_text(f"time_s,pos_counts\n{rows}\n", encoding="utf-8")
+    out = tmp_path / "a.mcap"
+    command = ["convert", str(tmp_path / "a.csv"), "--out", str(out), "--column", "position=pos_counts:counts/4096"]
+    assert main(command) == 0
+    assert main(["analyze", str(out), "--no-learning", "--json"]) == 0
+    bag = json.loads(capsys.readouterr().out)["bags"][0]
+    assert "position wraps at a whole turn; it is read on as a continuous one (5 times)" in bag["warnings"][0]
+    assert bag["joints"]["joint1"]["status"] == "smooth"
+    batch = read_joint(out, "joint1")
+    np.testing.assert_allclose(np.diff(batch.position), TURN * 40 / 4096)
+
+
 @pytest.mark.parametrize("size", [1, 7, 400])
 def test_whole_turns_are_removed_alike_in_batches_of_any_size(size: int) -> None:
     """Three turns forwards and back, with gaps; a joint that counts its turns, or is wrong once, is left alone."""
@@ -96,12 +112,12 @@ def write_data_set(
         tables.append(
             pa.table(
                 {
+                    "observation.images.top": pa.array([{"bytes": b"x", "path": None}] * length),
                     "observation.state": pa.array(list(state), pa.list_(pa.float32(), 7)),
                     "action": pa.array(list(action), pa.list_(pa.float32(), 6)),
                     "timestamp": pa.array(times.astype(np.float32)),
                     "frame_index": pa.array(np.arange(length)),
                     "episode_index": pa.array(np.full(length, episode)),
-                    "observation.images.top": pa.array([{"bytes": b"x", "path": None}] * length),
                 }
             )
         )
@@ -111,7 +127,7 @@ def write_data_set(
         for episode, table in enumerate(tables):
             pyarrow.parquet.write_table(table, data / f"episode_{episode:06d}.parquet")
     else:
-        pyarrow.parquet.write_table(pa.concat_tables(tables), data / "file-000.parquet")
+        pyarrow.parquet.write_table(pa.concat_tables(tables), data / "file-000.parquet", row_group_size=400)
     features = {
         "observation.state": {"dtype": "float32", "shape": [7], "names": names} | ({"units": units} if units else {}),
         "action": {"dtype": "float32", "shape": [6], "names": actions} | ({"units": units} if units else {}),

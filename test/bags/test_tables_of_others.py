@@ -55,6 +55,8 @@ def used(names: Sequence[str], *named: Named) -> dict[str, dict[str, str]]:
          {"joint1": {"position": "q1", "reference_position": "goal_position"}}),
         ("columns named after joints", ["timestamp", "joint1", "joint2"],
          {"joint1": {"position": "joint1"}, "joint2": {"position": "joint2"}}),
+        ("others beside joints", ["timestamp", "seq", "j1", "j2", "temperature"],
+         {"j1": {"position": "j1"}, "j2": {"position": "j2"}}),
         ("joints as in a URDF", ["timestamp", "shoulder_pan_joint", "elbow_joint"],
          {"shoulder_pan_joint": {"position": "shoulder_pan_joint"}, "elbow_joint": {"position": "elbow_joint"}}),
     ],
