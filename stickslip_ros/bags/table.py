@@ -174,9 +174,7 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
 
 
 def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
-    fields = {one.field for one in named}
-    wanted = [*named, *(one for one in file.named if one.field not in fields)]
-    found = assign(file.names, wanted, file.days, file.clocks)
+    found = assign(file.names, named, file.days, file.clocks, file.named)
     columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
     time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]

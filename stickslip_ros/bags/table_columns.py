@@ -24,7 +24,7 @@ FIELDS = (TIME, POSITION, "velocity", "effort", *_REFERENCES.values())
 
 # Whose factor is only known with the counts that make a turn: `counts/4096`.
 COUNTS = "counts"
-_COUNTS_A_TURN = re.compile(rf"{COUNTS}_per_(\d+(?:\.\d+)?)(_per_s)?")
+_COUNTS_A_TURN = re.compile(rf"{COUNTS}_per_([1-9]\d*(?:\.\d+)?)(_per_s)?")
 _ROTATION = {"rad": 1.0, "deg": math.pi / 180.0, COUNTS: math.nan}
 TRANSLATION = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -200,7 +200,7 @@ def factor_of(field: str, unit: str) -> float:
     """
     counts = _COUNTS_A_TURN.fullmatch(unit)
     if counts is not None and bool(counts[2]) == field.endswith("velocity") and UNITS[field] in (_PLACE, _SPEED):
-        return 2.0 * math.pi / max(float(counts[1]), 1e-9)
+        return 2.0 * math.pi / float(counts[1])
     if unit not in UNITS[field]:
         raise ValueError(f"a unit of {', '.join(shown_unit(one) for one in UNITS[field])}")
     return UNITS[field][unit]
@@ -275,12 +275,14 @@ def assign(
     named: Sequence[Named] = (),
     days: AbstractSet[str] = frozenset(),
     clocks: AbstractSet[str] = frozenset(),
+    layout: Sequence[Named] = (),
 ) -> Assignment:
     """Which columns serve, by what the user says and else by their names.
 
     Parameters
     ----------
     days, clocks : columns of dates without a time, and of times of the day.
+    layout : what the file itself says of columns; the user's word counts more.
 
     Raises
     ------
@@ -288,13 +290,17 @@ def assign(
         If a column named is not there, has no effect, or its unit is none of the field's, or there is no time or no
         position.
     """
-    said = _said(names, named)
     fields = {one.field for one in named}
-    free = [name for name in names if name not in {column.name for _, column in said}]
+    known = _said(names, layout)
+    said = _said(names, named, {column.name: column.joint for _, column in known})
+    own = [column for one, column in known if one.field not in fields]
+    fields |= {column.field for column in own}
+    taken = {column.name for _, column in said} | {column.name for column in own}
+    free = [name for name in names if name not in taken]
     gains = _derivative_gains(names)
     told = [one for name in free if name not in gains and (one := meaning(name)) is not None]
     told = [one for one in told if one.field not in fields]
-    columns = [*(column for _, column in said), *told]
+    columns = [*(column for _, column in said), *own, *told]
     if all(one.field == TIME for one in columns):
         # Where nothing else is told, columns that are named after joints and nothing else are their positions.
         joints_alone = [name for name in free if _JOINT_ALONE.fullmatch(name)]
@@ -372,8 +378,10 @@ def _stem(name: str) -> str:
     return "_".join(word.lower() for word in _WORD.findall(name)[:-1])
 
 
-def _said(names: Sequence[str], named: Sequence[Named]) -> list[tuple[Named, Column]]:
-    """The columns that the user names."""
+def _said(
+    names: Sequence[str], named: Sequence[Named], joints: Mapping[str, str] | None = None
+) -> list[tuple[Named, Column]]:
+    """The columns that somebody names, whose joints may be known."""
     found: list[tuple[Named, Column]] = []
     alone = [one for one in named if one.field == POSITION and _STAR not in one.column]
     only = _own_joint(alone[0]) if len(alone) == 1 and not any(_STAR in one.column for one in named) else None
@@ -396,7 +404,7 @@ def _said(names: Sequence[str], named: Sequence[Named]) -> list[tuple[Named, Col
         if column not in names:
             near = did_you_mean(one.column, names)
             raise ValueError(f"no column {one.column!r} for {one.field}{near or '; has ' + _listed(names)}")
-        joint = only if only is not None else _own_joint(one) or column
+        joint = (joints or {}).get(column) or (only if only is not None else _own_joint(one) or column)
         found.append((one, _column(one, column, "" if one.field == TIME else joint)))
     return found
 

@@ -160,6 +160,16 @@ def test_lerobot_data_sets(version: str, tmp_path: Path, capsys: pytest.CaptureF
     np.testing.assert_allclose(converted, np.deg2rad(read_joint(folder / "episode_000000", "elbow").position))
 
 
+def test_one_column_of_a_data_set(tmp_path: Path) -> None:
+    """A column that is named keeps its joint, and its action."""
+    path = write_data_set(tmp_path / "set", "v2.1") / "episode_000000"
+    columns = ["--column", "position=observation.state.elbow:deg"]
+    assert main(["convert", str(path), "--out", str(tmp_path / "a.mcap"), *columns]) == 0
+    batch = read_joint(tmp_path / "a.mcap", "elbow")
+    np.testing.assert_allclose(batch.position, np.deg2rad(read_joint(path, "elbow").position))
+    np.testing.assert_allclose(batch.reference_position, read_joint(path, "elbow").reference_position)
+
+
 def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without names of its values no action is paired; a unit that is missing or unknown is said to be."""
     for number, (names, actions, units, said) in enumerate(
