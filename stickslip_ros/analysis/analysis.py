@@ -21,7 +21,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.output.wording import friction_change_text
+from stickslip_ros.output.wording import friction_change_text, in_metres_text
 from stickslip_ros.settings.parameter_file import Parameters
 
 _MOST_JOINTS = 256  # names come from the file; their number is bounded
@@ -125,13 +125,22 @@ def analyze(
 
         joints, recorded = _follow(reader, options, read, watcher)
         progress(size, size)
+        controller = options.topics.controller
+        if controller is not None and controller not in reader.controllers:
+            there = ", ".join(sorted(reader.controllers)) or "none"
+            raise RecordingError(f"bag {path}: --controller {controller}: no gains of this node; nodes there: {there}")
         warnings = [*bag.warnings, *(note for topics in robots.values() for note in topics.notes)]
         named = {*reader.joints, *(joint for _, joint in reader.joints.values())}
         warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader, joints)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
         warnings += [f"{what} ({count} messages)" for what, count in reader.replaced.items()]
+        warnings += reader.wrapped
+        warnings += [in_metres_text(reader.prismatic)] if reader.prismatic else []
         warnings += [f"joint {name!r} has no name" for name, (_, own) in reader.joints.items() if not own]
         _check_joints(path, options.joints, joints, reader.joints, warnings)
+        if not reader.with_positions:
+            # One line says it all: nothing else can be said of such joints.
+            raise RecordingError(f"bag {path}: its joint states have no positions, without which nothing can be judged")
         # Assessed only now, that the warnings of the last block are there.
         found = {name: joint.analysis() for name, joint in joints.items()}
     for name, joint in found.items():

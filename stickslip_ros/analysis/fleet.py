@@ -24,7 +24,8 @@ import stickslip_ros
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.report.report import write_report
-from stickslip_ros.bags.storage.bag_paths import is_bag_file, is_bag_folder
+from stickslip_ros.bags.lerobot import episodes, is_data_set
+from stickslip_ros.bags.storage.bag_paths import files_of, is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.regular_files import read_regular
@@ -95,7 +96,9 @@ def _no_answer(task: BagTask) -> TimedAnswer:
 
 
 def find_bags(paths: Sequence[Path]) -> list[Path]:
-    """The bags that paths name; a folder that is no bag itself stands for the bags anywhere in it."""
+    """The bags that paths name; a folder that is no bag itself stands for the bags anywhere in it, and a LeRobot data
+    set for its episodes.
+    """
     found: list[Path] = []
     for path in paths:
         try:
@@ -107,6 +110,8 @@ def find_bags(paths: Sequence[Path]) -> list[Path]:
 
 
 def _bags_in(folder: Path) -> list[Path]:
+    if is_data_set(folder):
+        return episodes(folder)
     found: list[Path] = []
     for path in sorted(folder.iterdir()):
         if path.is_dir():
@@ -128,9 +133,9 @@ class Answers:
         if self._folder is None:
             return None
         try:
-            files = sorted(task.path.iterdir()) if task.path.is_dir() else [task.path]
+            files = files_of(task.path)
             states = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
-        except OSError:
+        except (OSError, ValueError):
             return None
         basis = (
             stickslip_ros.__version__,

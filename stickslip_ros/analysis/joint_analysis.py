@@ -19,6 +19,7 @@ from stickslip_ros.analysis.judgement import (
     time_in,
     worst_status,
 )
+from stickslip_ros.analysis.sample_checks import SampleChecks
 from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
@@ -124,6 +125,7 @@ class FollowedJoint:
         self.cycles: list[Cycle] = []
         self.with_reference = False  # whether any sample had one
         self._pairing = ReferencePairing()
+        self._checks = SampleChecks()
         self._samples = 0
         self._start = math.nan
         self._traces = JointTraces() if with_traces else None
@@ -162,6 +164,7 @@ class FollowedJoint:
             usable = (np.abs(batch.time) < LARGEST) & (np.abs(batch.position) < LARGEST)
             self._start = float(batch.time[usable][0]) if usable.any() else math.nan
         self._samples += len(batch)
+        self._checks.add(batch)
         self.with_reference = self.with_reference or bool(np.isfinite(batch.reference_position).any())
         found = self.monitor.process(batch)
         if self._traces is not None:
@@ -189,10 +192,11 @@ class FollowedJoint:
             exact = question.verdict()
             if assessment.here is not None:
                 exact_here = replace(question, joint=assessment.here, uncertainty=None).verdict()
-        problems = tuple(
-            data_problems(
+        problems = (
+            *data_problems(
                 assessment.dropped, assessment.restarts, self._samples, reference_follows=assessment.reference_follows
-            )
+            ),
+            *self._checks.problems(),
         )
         start, end = self._start, assessment.time
         if assessment.restarts:

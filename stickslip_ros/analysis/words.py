@@ -13,7 +13,7 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.output.wording import dry_friction_text, presliding_text, reversals_text
+from stickslip_ros.output.wording import dry_friction_text, presliding_text, reversals_text, with_prefix
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
@@ -150,7 +150,9 @@ def reversals(joint: JointAnalysis, subject: str = "It") -> str:
         return ""
     times = "once" if record.count == 1 else f"{record.count} times"
     text = f"{subject} turned round {times}: {reversals_text(record)}"
-    return f"{text}, as a rule; at most by {1e3 * record.largest_error:.3g} mrad." if record.count > 1 else f"{text}."
+    return (
+        f"{text}, as a rule; at most by {with_prefix(record.largest_error, 'rad')}." if record.count > 1 else f"{text}."
+    )
 
 
 def presliding(joint: JointAnalysis, subject: str = "It") -> str:

@@ -11,6 +11,7 @@ from stickslip_ros.messages.blocks import Channel
 from stickslip_ros.messages.content import MessageError
 
 _DEFINITIONS_KEPT = 64
+_OF_ROS_1 = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 _LONGEST_DEFINITION = 1_000_000  # characters; the longest that is known has thirty thousand
 
 
@@ -28,9 +29,9 @@ class Decoder:
         if channel.encoding != "cdr":
             raise MessageError(f"its encoding is {channel.encoding!r}, not 'cdr'")
         if not channel.schema.strip():
-            self._store = _types_of_ros()
+            self._store = types_of_ros()
         else:
-            found = _types_of(channel.type, channel.schema_encoding, channel.schema)
+            found = types_of(channel.type, channel.schema_encoding, channel.schema)
             if found is None:
                 raise MessageError(f"its definition of {channel.type} cannot be read")
             self._store = found
@@ -57,7 +58,7 @@ class Decoder:
 
 
 @lru_cache(maxsize=1)
-def _types_of_ros() -> Any:
+def types_of_ros() -> Any:
     """All that a distribution defines, and those before it; it takes a tenth of a second to load."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -65,7 +66,7 @@ def _types_of_ros() -> Any:
 
 
 @lru_cache(maxsize=_DEFINITIONS_KEPT)
-def _types_of(kind: str, encoding: str, schema: str) -> Any:
+def types_of(kind: str, encoding: str, schema: str) -> Any:
     """The types that a definition holds, None if it cannot be read: once for all channels that have it."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
@@ -73,6 +74,9 @@ def _types_of(kind: str, encoding: str, schema: str) -> Any:
         return None
     try:
         types = get_types_from_idl(schema) if encoding == "ros2idl" else get_types_from_msg(schema, kind)
+        if encoding == "ros1msg":
+            # Times are no types of their own there, and a header has a number that ROS 2's has not.
+            types |= {name: types_of_ros().fielddefs[name] for name in _OF_ROS_1}
         store = get_typestore(Stores.EMPTY)
         store.register(types)
     except Exception:

@@ -52,8 +52,11 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit:
     return batch
 
 
-def joint_names(path: Path, choice: TopicChoice, limit: UnpackLimit | None = None) -> Iterator[set[str]]:
-    """Names of a bag's joints, those of all robots, as they turn up; with the robot's and without it.
+def joint_names(
+    path: Path, choice: TopicChoice, limit: UnpackLimit | None = None
+) -> Iterator[tuple[set[str], set[str]]]:
+    """Names of a bag's joints, those of all robots, as they turn up; with the robot's and without it. Then the same of
+    those that have no gains by their first sample.
 
     Raises
     ------
@@ -62,11 +65,14 @@ def joint_names(path: Path, choice: TopicChoice, limit: UnpackLimit | None = Non
     """
     with Bag(path, limit) as bag:
         reader = BagReader(bag, find_robots(bag.channels(), choice), choice.controller)
-        known = 0
-        for _ in reader.pieces():
+        known, gained, without = 0, set[str](), set[str]()
+        for piece in reader.pieces():
+            gained |= set(piece.gains)
             if len(reader.joints) > known:
+                new = list(reader.joints)[known:]
                 known = len(reader.joints)
-                yield {*reader.joints, *(joint for _, joint in reader.joints.values())}
+                without |= {one for name in new if name not in gained for one in (name, reader.joints[name][1])}
+                yield {*reader.joints, *(joint for _, joint in reader.joints.values())}, without
 
 
 def read_windows(

@@ -21,7 +21,7 @@ class GainEvents:
     controller : the node whose events count; None for every node, of which the first that has gains of a joint counts.
     is_of_robot : says of a node whether its gains are about the robot; None if it cannot be told.
 
-    ``refused`` counts what was left out, and why.
+    ``refused`` counts what was left out, and why; ``nodes`` are those that have gains.
     """
 
     def __init__(self, controller: str | None, is_of_robot: Callable[[str], bool | None] = lambda _: True) -> None:
@@ -29,10 +29,14 @@ class GainEvents:
         self._heard = HeardGains()
         self._owner: dict[str, str] = {}
         self.refused: Counter[str] = Counter()
+        self.nodes: set[str] = set()
 
     def take(self, event: Any) -> dict[str, Gains]:
         """The gains of the joints that an event changes and whose stiffness is known by now."""
         node = str(event.node)
+        names = [str(one.name) for one in (*event.new_parameters, *event.changed_parameters)]
+        if any(joint_and_kind(name) is not None for name in names):
+            self.nodes.add(node)
         of_robot = self._is_of_robot(node)
         if (self._controller is not None and node != self._controller) or of_robot is False:
             return {}

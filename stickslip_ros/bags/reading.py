@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.bags.decoding import Decoder
 from stickslip_ros.bags.parameter_events import GainEvents
+from stickslip_ros.bags.robot_description import DESCRIPTION, prismatic_joints
+from stickslip_ros.bags.robot_description import TYPE as DESCRIPTION_TYPE
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.topics import EVENTS_TYPE, Topics, nearest_namespace
 from stickslip_ros.messages import joint_states
@@ -21,6 +23,7 @@ from stickslip_ros.messages.blocks import Block, Channel, Integers
 from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.messages.stamps import with_time, with_times
+from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.visible import visible
 
@@ -66,6 +69,8 @@ class BagReader:
         self._bag, self._robots = bag, dict(robots)
         every = list(robots.values())
         self._channels = set[Channel]().union(*(topics.all for topics in every))
+        self._descriptions = {one for one in bag.channels() if _is_description(one)}
+        self._channels |= self._descriptions
         self._fast = {
             channel: JointStateDecoder()
             for topics in every
@@ -77,8 +82,15 @@ class BagReader:
             name: GainEvents(controller, partial(is_of_robot, topics, controller)) for name, topics in robots.items()
         }
         self._refused: Counter[str] = Counter()
+        self._wholes, self._reference_wholes = WholeTurns(), WholeTurns()
         self.replaced: Counter[str] = Counter()
         self.joints: dict[str, tuple[str, str]] = {}
+        self._prismatic: set[str] = set()
+
+    @property
+    def prismatic(self) -> list[str]:
+        """The joints whose positions are in metres, as descriptions of robots in the bag say it."""
+        return [name for name, (_, own) in self.joints.items() if own in self._prismatic]
 
     @property
     def refused(self) -> Counter[str]:
@@ -89,6 +101,21 @@ class BagReader:
                 found[f"{channel.topic}: {reason}"] += count
         return sum((events.refused for events in self._events.values()), found)
 
+    @property
+    def controllers(self) -> set[str]:
+        """The nodes whose parameter events have gains, as far as the bag was read."""
+        return set[str]().union(*(events.nodes for events in self._events.values()))
+
+    @property
+    def with_positions(self) -> bool:
+        """Whether any joint state has positions, whatever they are worth, as far as the bag was read."""
+        return any("position" in self._fast[topics.states].fields for topics in self._robots.values())
+
+    @property
+    def wrapped(self) -> list[str]:
+        """What is to be said of joints whose positions wrap."""
+        return [f"{joint}: {WRAPS} ({count} times)" for joint, count in self._wholes.counts.items()]
+
     def pieces(self, progress: Callable[[int], None] = lambda _: None) -> Iterator[Piece]:
         """Everything in the order of its recording."""
         for block in self._bag.blocks(self._channels, progress):
@@ -96,12 +123,23 @@ class BagReader:
             numbers: dict[Channel, list[int]] = {}
             for number, channel in block.channels.items():
                 numbers.setdefault(channel, []).append(number)
+            self._describe(block, numbers)
             gains_at = self._gains_in(block, numbers)
             edges = [0, *(number for number, _ in gains_at), len(block)]
             gains: list[dict[str, Gains]] = [{}, *(found for _, found in gains_at)]
             for begin, end, known in zip(edges[:-1], edges[1:], gains, strict=True):
                 if known or end > begin:
                     yield self._piece(block, numbers, begin, end, known)
+
+    def _describe(self, block: Block, numbers: dict[Channel, list[int]]) -> None:
+        for channel in self._descriptions:
+            for number in self._chosen(block, numbers, channel, 0, len(block)).tolist():
+                try:
+                    text = str(self._slow[channel].decode(block.message(number)).data)
+                except MessageError as error:
+                    self._refused[f"{channel.topic}: {error}"] += 1
+                    continue
+                self._prismatic |= prismatic_joints(text)
 
     def _gains_in(self, block: Block, numbers: dict[Channel, list[int]]) -> list[tuple[int, dict[str, Gains]]]:
         """At which messages of a block which gains change."""
@@ -150,6 +188,8 @@ class BagReader:
                     name = _full_name(robot, joint)
                     known = references.get(name)
                     references[name] = values if known is None else np.concatenate([known, values])
+        samples = {name: self._wholes.removed(name, rows) for name, rows in samples.items()}
+        references = {name: self._reference_wholes.removed(name, rows) for name, rows in references.items()}
         return Piece(gains=gains, samples=samples, references=references, clock=clock)
 
     def _known(self, robot: str, joint: str) -> str | None:
@@ -203,6 +243,17 @@ class BagReader:
             self.replaced[f"{channel.topic}: {reason}"] += count
 
         return replace
+
+
+def _is_description(channel: Channel) -> bool:
+    """Whether a channel has descriptions of a robot that can be read."""
+    if channel.type != DESCRIPTION_TYPE or not channel.topic.endswith(DESCRIPTION):
+        return False
+    try:
+        Decoder(channel)
+    except MessageError:
+        return False
+    return True
 
 
 def _full_name(robot: str, joint: str) -> str:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -13,8 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
+from stickslip_ros.bags.lerobot import episode_of, is_data_set, name_an_episode, open_episode
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
-from stickslip_ros.bags.table_columns import POSITION, TIME, TRANSLATION, UNITS, USUAL_UNIT, Column, Named, assign
+from stickslip_ros.bags.table_columns import (
+    POSITION,
+    TIME,
+    TRANSLATION,
+    UNITS,
+    USUAL_UNIT,
+    Column,
+    Named,
+    assign,
+    factor_of,
+    hint,
+)
 from stickslip_ros.bags.table_files import SUFFIXES, FloatArray, MissingPackageError, TableFile, open_table
 from stickslip_ros.errors import StickSlipError, reason
 from stickslip_ros.monitoring.samples import Batch
@@ -24,6 +37,7 @@ from stickslip_ros.settings.parameter_names import nearest_joint
 # What a damaged table makes its readers raise.
 _DAMAGE = (ValueError, EOFError, KeyError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 FOLDER_VARIABLE = "STICKSLIP_RECORDINGS"
+_MOSTLY = 0.9  # share of the steps between rows
 ONLY = "joint1"  # the joint of a table whose columns name none
 # Stamps since 1970 are of this size in each unit; times from zero are told by their steps.
 _SINCE_1970 = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
@@ -61,6 +75,7 @@ class Table:
     name : of the file, without its ending. form : how it is written, in words.
     time : the columns whose sum it is. joints : of each joint the columns of its fields. unused : the other columns.
     batches : the samples of each joint, all of the same times.
+    notes : what of the file is not used, or not known, a sentence each.
     """
 
     name: str
@@ -69,6 +84,7 @@ class Table:
     joints: dict[str, dict[str, Use]]
     unused: tuple[str, ...]
     batches: dict[str, Batch]
+    notes: tuple[str, ...] = ()
 
     def unit(self, joint: str) -> str:
         """Of a joint's position: "rad" or "m"."""
@@ -84,8 +100,10 @@ def find_recording(name_or_path: str) -> Path:
         If there is none, or more than one; the message lists those that are there.
     """
     path = Path(name_or_path)
-    if path.suffix in SUFFIXES:
+    if path.suffix in SUFFIXES or episode_of(path) is not None:
         return path
+    if is_data_set(path):
+        raise RecordingError(f"recording {path}: {name_an_episode(path)}")
     if path.is_file():
         raise RecordingError(
             f"recording {path}: must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; a spreadsheet is saved as CSV"
@@ -120,7 +138,8 @@ def load_table(path: Path, named: Sequence[Named] = (), limit: UnpackLimit | Non
         If the file cannot be read, has no time or position column, or a column or unit named is not there.
     """
     try:
-        with open_table(path, limit or UnpackLimit()) as file:
+        opened = open_table if episode_of(path) is None else open_episode
+        with opened(path, limit or UnpackLimit()) as file:
             return _read(path, file, named)
     except MissingPackageError as error:
         raise RecordingError(f"recording {path}: {error}") from error
@@ -155,33 +174,64 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
 
 
 def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
-    found = assign(file.names, named)
+    found = assign(file.names, named, file.days, file.clocks, file.named)
     columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
     time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]
     stamps = np.sum([values[use.column] * UNITS[TIME][use.unit] for use in time], axis=0)
     if not len(stamps):
         raise ValueError("it has no rows")
+    notes = list(file.notes)
+    if _newest_first(stamps):
+        notes.append("its rows are newest first: they are read from the last one to the first")
+        stamps, values = stamps[::-1], {name: column[::-1] for name, column in values.items()}
     joints: dict[str, dict[str, Use]] = {}
     batches: dict[str, Batch] = {}
-    for label, fields in found.joints.items():
+    for label, columns_of in found.joints.items():
         name = file.joints.get(label.removeprefix("joint"), label or ONLY)
-        uses = {field: _use(one, values[one.name]) for field, one in fields.items()}
+        uses = {
+            field: _use(one, values[one.name], unit=file.units.get(one.name, "")) for field, one in columns_of.items()
+        }
         if name in joints:
             raise ValueError(f"two joints would have the name {name!r}: columns {joints[name][POSITION].column} and "
                              f"{uses[POSITION].column}; name the right one with --column")  # fmt: skip
         joints[name] = uses
         batches[name] = Batch(
-            time=stamps, **{field: values[use.column] * UNITS[field][use.unit] for field, use in uses.items()}
+            time=stamps, **{field: _in_si(field, use, values[use.column]) for field, use in uses.items()}
         )
-    return Table(name=path.stem, form=file.form, time=tuple(time), joints=joints, unused=found.unused, batches=batches)
+    return Table(
+        name=path.stem,
+        form=file.form,
+        time=tuple(time),
+        joints=joints,
+        unused=found.unused,
+        batches=batches,
+        notes=tuple(notes),
+    )
 
 
-def _use(column: Column, values: FloatArray, is_date: bool = False) -> Use:
+def _newest_first(stamps: FloatArray) -> bool:
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    return len(steps) > 0 and float((steps < 0.0).mean()) > _MOSTLY
+
+
+def _in_si(field: str, use: Use, values: FloatArray) -> FloatArray:
+    factor = factor_of(field, use.unit)
+    if math.isnan(factor):
+        what = hint(field, {"": (use.column, use.unit)})
+        raise ValueError(f"column {use.column!r} is in counts: say how many make a turn, as in {what}")
+    return values * factor
+
+
+def _use(column: Column, values: FloatArray, is_date: bool = False, unit: str = "") -> Use:
     if is_date:
         return Use(column=column.name, unit="s", assumed=False)
-    unit = column.unit or USUAL_UNIT[column.field] or _unit_of_time(values)
-    return Use(column=column.name, unit=unit, assumed=not column.unit)
+    known = column.unit or unit
+    return Use(
+        column=column.name,
+        unit=known or USUAL_UNIT[column.field] or _unit_of_time(values),
+        assumed=not known,
+    )
 
 
 def _unit_of_time(values: FloatArray) -> str:

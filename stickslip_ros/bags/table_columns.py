@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from stickslip_ros.settings.nearest_name import did_you_mean
 
@@ -21,7 +22,10 @@ TIME, POSITION = "time", "position"
 _REFERENCES = {POSITION: "reference_position", "velocity": "reference_velocity"}
 FIELDS = (TIME, POSITION, "velocity", "effort", *_REFERENCES.values())
 
-_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0}
+# Whose factor is only known with the counts that make a turn: `counts/4096`.
+COUNTS = "counts"
+_COUNTS_A_TURN = re.compile(rf"{COUNTS}_per_([1-9]\d*(?:\.\d+)?)(_per_s)?")
+_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0, COUNTS: math.nan}
 TRANSLATION = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _EFFORT = {"nm": 1.0, "n": 1.0, "mnm": 1e-3}
@@ -42,6 +46,7 @@ _OTHER_SPELLINGS = {
     "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
     "°_per_s": "deg_per_s", "rads": "rad_per_s", "rad_s": "rad_per_s", "degs": "deg_per_s", "deg_s": "deg_per_s",
     "rad_per_sec": "rad_per_s", "deg_per_sec": "deg_per_s", "µm": "um", "mm_s": "mm_per_s", "m_s": "m_per_s",
+    "count": COUNTS, "ticks": COUNTS, "tick": COUNTS,
     "n_m": "nm", "newton_meter": "nm", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
     "millisecond": "ms", "milliseconds": "ms", "msec": "ms", "msecs": "ms",
     "microsecond": "us", "microseconds": "us", "usec": "us", "usecs": "us", "µs": "us",
@@ -54,16 +59,23 @@ _TIMES = ("time", "timestamp", "stamp", "header_stamp", "t", "time_stamp", "elap
 _AROUND = ("joint", "joints", "states", "state", "field", "msg", "data")  # words before the time of a message
 _KINDS = {
     ("position",): POSITION, ("positions",): POSITION, ("pos",): POSITION, ("q",): POSITION, ("angle",): POSITION,
-    ("angles",): POSITION, ("theta",): POSITION,
+    ("angles",): POSITION, ("theta",): POSITION, ("process", "value"): POSITION,
     ("velocity",): "velocity", ("velocities",): "velocity", ("vel",): "velocity", ("qd",): "velocity",
     ("dq",): "velocity", ("qdot",): "velocity", ("q", "dot"): "velocity", ("speed",): "velocity",
-    ("omega",): "velocity",
+    ("omega",): "velocity", ("process", "value", "dot"): "velocity",
     ("effort",): "effort", ("efforts",): "effort", ("torque",): "effort", ("torques",): "effort", ("tau",): "effort",
     ("tau", "j"): "effort", ("force",): "effort", ("moment",): "effort",
 }  # fmt: skip
 _DESIRED = ("action", "reference", "ref", "desired", "des", "target", "setpoint", "goal", "commanded", "command", "cmd")
+_SET_POINT = ("set", "point")  # of a position controller, as control_msgs spells it
+# Whose column a desired word names need not be said again: `shoulder_goal`; what they want alone may be anything.
+_DESIRED_PLACES = ("reference", "ref", "goal", "target", "setpoint")
+# Gains of the controller, which some messages have beside the positions: `position_p`, `position_i_clamp`.
+_GAINS = frozenset({"p", "i", "i_clamp", "i_clamp_min", "i_clamp_max", "i_max", "i_min", "antiwindup"})
+_DERIVATIVE_GAIN = "d"  # which is also what is desired, as in q_d, unless other gains stand beside it
 _MEASURED = ("measured", "meas", "actual", "act", "feedback", "fbk", "present", "current")
-_AFTER_KIND = ("d",)  # desired, as in q_d
+_AFTER_KIND = (_DERIVATIVE_GAIN,)  # desired, as in q_d
+_FILTERED = ("filtered", "filt")  # where the same is there unfiltered, that serves
 # Of efforts that there are the first one serves: what the motor gave, or was told to give.
 _EFFORTS = (("effort",), _MEASURED, ("friction",), _DESIRED, ("torque", "torques", "tau", "moment"), ())
 # What has one of these words is about a joint, but none of its fields.
@@ -73,6 +85,8 @@ _NO_FIELD = {
 }  # fmt: skip
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+|\d+|°")
 _UNIT_IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\W\d][^\])]*|°[^\])]*)[\])]")
+_OUTPUT_OF_A_CONTROLLER = re.compile(r"\boutput\.(positions|velocities|accelerations|effort)\b")
+_JOINT_ALONE = re.compile(r"(joint|axis|j)[ _.]?\d+|.+[ _]joint", re.IGNORECASE)
 _STAR = "*"
 _LONGEST_UNIT = 3  # words
 
@@ -116,36 +130,42 @@ class Assignment:
 def meaning(name: str) -> Column | None:
     """What a column means by its name; None if it is no field's."""
     rest, bracketed = _UNIT_IN_BRACKETS.sub("", name, count=1), _UNIT_IN_BRACKETS.search(name)
-    said = _spelled(bracketed[1]) if bracketed else ""
+    said = spelled_unit(bracketed[1]) if bracketed else ""
     words = list(_WORD.finditer(rest))
     lower = [word[0].lower() for word in words]
     found = _time(lower, said)
     if found is not None:
         rank, unit = found
         return Column(name=name, field=TIME, unit=unit, rank=rank)
-    if _NO_FIELD & set(lower):
+    if _NO_FIELD & set(lower) or _OUTPUT_OF_A_CONTROLLER.search(name):
         return None
     kind, taken = _kind(lower)
-    desired = _where(lower, _DESIRED)
+    pairs = [number for number, pair in enumerate(pairwise(lower)) if pair == _SET_POINT]
+    desired = [*_where(lower, _DESIRED), *pairs, *(number + 1 for number in pairs)]
     if kind is None:
-        # `reference_rad` is of the position; a wish without a unit may be anything.
+        # `reference_rad` and `elbow_goal` are of the position; a wish without unit and joint may be anything.
         if not desired or set(lower) & set(_MEASURED):
             return None
         kind, taken = POSITION, set(desired)
-        if not (said in _PLACE or _unit_at(lower, taken, POSITION)[0]):
+        of_a_joint = set(lower) & set(_DESIRED_PLACES) and _joint(rest, words, taken)
+        if not (pairs or of_a_joint or said in _PLACE or _unit_at(lower, taken, POSITION)[0]):
             return None
     after = max(taken) + 1
+    if "_".join(lower[after:]) in _GAINS:
+        return None
     if after < len(lower) and lower[after] in _AFTER_KIND and kind in _REFERENCES:
         desired = [*desired, after]
     field = _REFERENCES.get(kind, kind) if desired else kind
-    qualifiers = {*desired, *_where(lower, _MEASURED), *(_where(lower, ("friction",)) if kind == "effort" else ())}
+    filtered = _where(lower, _FILTERED)
+    qualifiers = {*desired, *filtered, *_where(lower, _MEASURED)}
+    qualifiers |= set(_where(lower, ("friction",)) if kind == "effort" else ())
     taken = taken | qualifiers
     unit, at = (said, set()) if said in UNITS[field] else _unit_at(lower, taken, field)
     if said and said not in UNITS[field]:
         return None
     rank = next(number for number, some in enumerate(_EFFORTS) if not some or set(some) & set(lower))
-    joint = _joint(rest, words, taken | at)
-    return Column(name=name, field=field, joint=joint, unit=unit, rank=rank if kind == "effort" else 0)
+    rank = (rank if kind == "effort" else 0) + len(_EFFORTS) * bool(filtered)
+    return Column(name=name, field=field, joint=_joint(rest, words, taken | at), unit=unit, rank=rank)
 
 
 def _time(words: Sequence[str], said: str) -> tuple[int, str] | None:
@@ -162,12 +182,50 @@ def _time(words: Sequence[str], said: str) -> tuple[int, str] | None:
 def _kind(words: Sequence[str]) -> tuple[str | None, set[int]]:
     """The field that the last words say that say one, and where they are."""
     for last in reversed(range(len(words))):
-        for length in (2, 1):
+        for length in (3, 2, 1):
             first = last + 1 - length
             kind = _KINDS.get(tuple(words[first : last + 1])) if first >= 0 else None
             if kind is not None:
                 return kind, set(range(first, last + 1))
     return None, set()
+
+
+def factor_of(field: str, unit: str) -> float:
+    """What a value in a unit is multiplied with, to have SI units; NaN of counts whose number a turn is not known.
+
+    Raises
+    ------
+    ValueError
+        If the unit is none of the field's; the text lists them.
+    """
+    counts = _COUNTS_A_TURN.fullmatch(unit)
+    if counts is not None and bool(counts[2]) == field.endswith("velocity") and UNITS[field] in (_PLACE, _SPEED):
+        return 2.0 * math.pi / float(counts[1])
+    if unit not in UNITS[field]:
+        raise ValueError(f"a unit of {', '.join(shown_unit(one) for one in UNITS[field])}")
+    return UNITS[field][unit]
+
+
+def shown_unit(unit: str) -> str:
+    """A unit as people write it; it may be typed so."""
+    shown = unit.replace("_per_", "/").replace("nm", "N·m")
+    return shown.replace(COUNTS, f"{COUNTS}/4096") if unit in (COUNTS, f"{COUNTS}_per_s") else shown
+
+
+def hint(field: str, columns: Mapping[str, tuple[str, str]]) -> str:
+    """Options that say of a field which columns it has, and in which units, by joint: one with a * where that does."""
+    names = [name for name, _ in columns.values()]
+    units = [shown_unit(unit) for _, unit in columns.values()]
+    before, after = _common_start(names), _common_start([name[::-1] for name in names])[::-1]
+    stars = [name[len(before) : len(name) - len(after)] for name in names]
+    joints = [f"joint{star}" if star.isdigit() else star for star in stars]
+    if len(names) > 1 and len(set(units)) == 1 and joints == list(columns):
+        names, units = [f"{before}{_STAR}{after}"], units[:1]
+    return " ".join(f"--column '{field}={name}:{unit}'" for name, unit in zip(names, units, strict=True))
+
+
+def _common_start(texts: Sequence[str]) -> str:
+    return "".join(letters[0] for letters in takewhile(lambda some: len(set(some)) == 1, zip(*texts, strict=False)))
 
 
 def _where(words: Sequence[str], wanted: Iterable[str]) -> list[int]:
@@ -183,14 +241,14 @@ def _unit_at(words: Sequence[str], taken: set[int], field: str) -> tuple[str, se
             places = set(range(begin, begin + length))
             if begin < 0 or begin + length > len(words) or places & taken:
                 continue
-            unit = _spelled(" ".join(words[begin : begin + length]))
+            unit = spelled_unit(" ".join(words[begin : begin + length]))
             if unit in UNITS[field]:
                 return unit, places
     return "", set()
 
 
-def _spelled(text: str) -> str:
-    """A unit as :data:`UNITS` has it, if it is one."""
+def spelled_unit(text: str) -> str:
+    """A unit as :data:`UNITS` has it, if it is one; else the text in lower case."""
     words = "_".join(text.lower().replace("/", " per ").replace("·", "").replace("*", "").split())
     return _OTHER_SPELLINGS.get(words, words)
 
@@ -212,37 +270,99 @@ def _joint(name: str, words: Sequence[re.Match[str]], taken: set[int]) -> str:
     return f"joint{text}" if text.isdigit() else text
 
 
-def assign(names: Sequence[str], named: Sequence[Named] = ()) -> Assignment:
+def assign(
+    names: Sequence[str],
+    named: Sequence[Named] = (),
+    days: AbstractSet[str] = frozenset(),
+    clocks: AbstractSet[str] = frozenset(),
+    layout: Sequence[Named] = (),
+) -> Assignment:
     """Which columns serve, by what the user says and else by their names.
+
+    Parameters
+    ----------
+    days, clocks : columns of dates without a time, and of times of the day.
+    layout : what the file itself says of columns; the user's word counts more.
 
     Raises
     ------
     ValueError
-        If a column named is not there, or its unit is none of the field's, or there is no time or no position.
+        If a column named is not there, has no effect, or its unit is none of the field's, or there is no time or no
+        position.
     """
-    said = _said(names, named)
-    fields = {column.field for column in said}
-    columns = [*said, *(one for name in names if (one := meaning(name)) is not None and one.field not in fields)]
-    times = sorted((one for one in columns if one.field == TIME), key=lambda one: one.rank)
+    fields = {one.field for one in named}
+    known = _said(names, layout)
+    said = _said(names, named, {column.name: column.joint for _, column in known})
+    own = [column for one, column in known if one.field not in fields]
+    fields |= {column.field for column in own}
+    taken = {column.name for _, column in said} | {column.name for column in own}
+    free = [name for name in names if name not in taken]
+    gains = _derivative_gains(names)
+    told = [one for name in free if name not in gains and (one := meaning(name)) is not None]
+    told = [one for one in told if one.field not in fields]
+    columns = [*(column for _, column in said), *own, *told]
+    if all(one.field == TIME for one in columns):
+        # Where nothing else is told, columns that are named after joints and nothing else are their positions.
+        joints_alone = [name for name in free if _JOINT_ALONE.fullmatch(name)]
+        columns += [Column(name=name, field=POSITION, joint=name) for name in joints_alone]
+    times = sorted((one for one in columns if one.field == TIME), key=lambda one: (one.name in days, one.rank))
     joints: dict[str, dict[str, Column]] = {}
     for one in columns:
         if one.field != TIME:
             kept = joints.setdefault(one.joint, {}).get(one.field)
             if kept is None or one.rank < kept.rank:
                 joints[one.joint][one.field] = one
-    joints = {joint: found for joint, found in joints.items() if POSITION in found}
+    joints = _with_position(joints, [column for _, column in said])
     for field, there in ((TIME, times), (POSITION, joints)):
         if not there:
             wanted = " or ".join(f"{field}_{unit}" for unit in UNITS[field])
-            raise ValueError(f"needs a column {wanted}, or one named with --column; has {_listed(names)}")
-    time = tuple(times[:1]) if fields & {TIME} else _seconds_and_rest(times)
+            every = "; if every other column is a joint's position: --column 'position=*'" if field == POSITION else ""
+            raise ValueError(f"needs a column {wanted}, or one named with --column; has {_listed(names)}{every}")
+    time = _parts_of_time(times, days, clocks)
     used = {one.name for one in time} | {one.name for found in joints.values() for one in found.values()}
+    for wish in named:
+        if not any(column.name in used for by, column in said if by is wish):
+            raise ValueError(_without_effect(wish, joints))
     return Assignment(time=time, joints=joints, unused=tuple(name for name in names if name not in used))
 
 
-def _seconds_and_rest(times: Sequence[Column]) -> tuple[Column, ...]:
-    """The column of time, or the two of a stamp: whole seconds, and the nanoseconds beyond them."""
+def _with_position(joints: dict[str, dict[str, Column]], said: Sequence[Column]) -> dict[str, dict[str, Column]]:
+    """The joints that have a position. Columns that name no joint, and those that the user names, are of the only
+    one.
+    """
+    kept = {joint: found for joint, found in joints.items() if POSITION in found}
+    if len(kept) == 1:
+        (only,) = kept.values()
+        for joint, found in joints.items():
+            for field, column in found.items():
+                if joint == "" or column in said:
+                    only.setdefault(field, column)
+    return kept
+
+
+def _without_effect(one: Named, joints: Mapping[str, Mapping[str, Column]]) -> str:
+    """Why a column that the user names does not serve."""
+    other = next((found[one.field].name for found in joints.values() if one.field in found), None)
+    if one.field == TIME or (len(joints) == 1 and other is not None):
+        return f"--column {one.field}={one.column}: has no effect, for another column is its {one.field}"
+    listed = ", ".join(joints)
+    return (
+        f"--column {one.field}={one.column}: has no effect, for its name says of none of the joints {listed}; "
+        f"name it after its joint, as in {next(iter(joints))}_{one.field}"
+    )
+
+
+def _derivative_gains(names: Sequence[str]) -> set[str]:
+    """`position_d` beside `position_p` is a gain, not what is desired."""
+    stems = {_stem(name) for name in names if _last_word(name) == "p"}
+    return {name for name in names if _last_word(name) == _DERIVATIVE_GAIN and _stem(name) in stems}
+
+
+def _parts_of_time(times: Sequence[Column], days: AbstractSet[str], clocks: AbstractSet[str]) -> tuple[Column, ...]:
+    """The column of time, or the two of a stamp: whole seconds and the nanoseconds beyond them, or day and time."""
     first = times[0]
+    if first.name in clocks:
+        return (first, *[one for one in times if one.name in days][:1])
     if _last_word(first.name) in ("sec", "secs"):
         rest = [one for one in times if one.unit == "ns" and _stem(one.name) == _stem(first.name)]
         return (first, *rest[:1])
@@ -258,29 +378,41 @@ def _stem(name: str) -> str:
     return "_".join(word.lower() for word in _WORD.findall(name)[:-1])
 
 
-def _said(names: Sequence[str], named: Sequence[Named]) -> list[Column]:
-    """The columns that the user names."""
-    found: list[Column] = []
+def _said(
+    names: Sequence[str], named: Sequence[Named], joints: Mapping[str, str] | None = None
+) -> list[tuple[Named, Column]]:
+    """The columns that somebody names, whose joints may be known."""
+    found: list[tuple[Named, Column]] = []
     alone = [one for one in named if one.field == POSITION and _STAR not in one.column]
     only = _own_joint(alone[0]) if len(alone) == 1 and not any(_STAR in one.column for one in named) else None
+    by_name = {_as_in_table(one.column, names) for one in named if _STAR not in one.column}
     for one in named:
         before, star, after = one.column.partition(_STAR)
         if star:
+            # A star stands for no column that has another meaning.
             fits = [
                 (name, name[len(before) : len(name) - len(after)])
                 for name in names
                 if name.startswith(before) and name.endswith(after) and len(name) > len(before) + len(after)
+                if name not in by_name and not ((told := meaning(name)) and told.field == TIME)
             ]
             if not fits:
                 raise ValueError(f"no column {one.column!r} for {one.field}; has {_listed(names)}")
-            found += [_column(one, name, f"joint{joint}" if joint.isdigit() else joint) for name, joint in fits]
+            found += [(one, _column(one, name, f"joint{joint}" if joint.isdigit() else joint)) for name, joint in fits]
             continue
-        if one.column not in names:
+        column = _as_in_table(one.column, names)
+        if column not in names:
             near = did_you_mean(one.column, names)
             raise ValueError(f"no column {one.column!r} for {one.field}{near or '; has ' + _listed(names)}")
-        joint = only if only is not None else _own_joint(one) or one.column
-        found.append(_column(one, one.column, "" if one.field == TIME else joint))
+        joint = (joints or {}).get(column) or (only if only is not None else _own_joint(one) or column)
+        found.append((one, _column(one, column, "" if one.field == TIME else joint)))
     return found
+
+
+def _as_in_table(column: str, names: Sequence[str]) -> str:
+    """A column's name without the mark of a comment that its line begins with, as in `%time`."""
+    bare = column.lstrip("%# ")
+    return bare if column not in names and bare in names else column
 
 
 def _own_joint(one: Named) -> str:

@@ -10,6 +10,7 @@ import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any, Protocol
 
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
+from stickslip_ros.bags.table_columns import Named
 from stickslip_ros.regular_files import open_regular
 
 FloatArray = NDArray[np.float64]
@@ -28,10 +30,16 @@ _ROWS_LOOKED_AT = 50
 _LARGEST_CELL = 1_000_000  # characters
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
+_CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?")
 _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 _BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL)
 _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
 _BYTES_OF_A_VALUE = 8
+_LONGEST_PREAMBLE = 100  # lines
+_NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
+_ECHOED = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
+_ECHOED_FIELDS = ("position", "velocity", "effort")
 
 
 class MissingPackageError(Exception):
@@ -44,14 +52,22 @@ class TableFile(Protocol):
     Attributes
     ----------
     names : of the columns. dates : names of those that are dates; they are read as seconds since 1970.
+    days, clocks : of those the ones without a time, and without a day, which are read as seconds since midnight.
     joints : names of the joints that numbers in the columns' names stand for, as far as the file has them.
     form : how it is written, in words; "" where there is only one way.
+    named : what columns are, where the file's layout says it. units : of columns, where the file has them.
+    notes : what of the file is not used, or not known, a sentence each.
     """
 
     names: tuple[str, ...]
     dates: frozenset[str]
+    days: frozenset[str]
+    clocks: frozenset[str]
     joints: Mapping[str, str]
     form: str
+    named: Sequence[Named]
+    units: Mapping[str, str]
+    notes: Sequence[str]
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """Columns as numbers, NaN for what is empty.
@@ -80,7 +96,7 @@ def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
         if path.suffix == ".npz":
             yield _Npz(file, limit.of_table(path.stat().st_size))
         elif path.suffix == ".parquet":
-            yield _Parquet(file, limit.of_table(path.stat().st_size))
+            yield ParquetFile(file, limit.of_table(path.stat().st_size))
         else:
             yield _Text(file)
 
@@ -95,10 +111,21 @@ def _pyarrow() -> Any:
     return pyarrow
 
 
-class _Text:
-    """Values with delimiters, under a line of names; its form is told from its first lines."""
+class _Plain:
+    """A table whose columns have nothing but their names."""
 
     joints: Mapping[str, str] = {}
+    dates: frozenset[str] = frozenset()
+    days: frozenset[str] = frozenset()
+    clocks: frozenset[str] = frozenset()
+    form = ""
+    named: Sequence[Named] = ()
+    units: Mapping[str, str] = {}
+    notes: Sequence[str] = ()
+
+
+class _Text(_Plain):
+    """Values with delimiters, under a line of names; its form is told from its first lines."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._arrow = _pyarrow()
@@ -106,10 +133,18 @@ class _Text:
         begin = file.read(_LOOKED_AT)
         lines = begin.splitlines(keepends=True)
         self._skipped, header = _header_of(lines)
+        self._above = 0
+        below = _below_a_preamble(lines, self._skipped)
+        if below is not None:
+            self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
         self._delimiter = _delimiter(header, texts)
         self._columns = _cells(header, self._delimiter)
+        named = _columns_of_an_echo(self._columns)
+        if named:
+            # The message's own layout stands for the line of names that is not there.
+            self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
         if all(_is_number(cell) for cell in self._columns):
@@ -120,20 +155,21 @@ class _Text:
         self._decimal = "," if commas else "."
         self.names = tuple(dict.fromkeys(self._columns))
         firsts = dict(zip(self._columns, rows[0], strict=False))
+        self.joints = {
+            found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
+        }
         self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
-        self.dates = frozenset(self._zones)
+        self.days = frozenset(name for name, cell in firsts.items() if _DAY.fullmatch(cell))
+        self.clocks = frozenset(name for name, cell in firsts.items() if _CLOCK.fullmatch(cell))
+        self.dates = frozenset(self._zones) | self.days | self.clocks
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
-        self.form = f"values between {shown}{', decimal commas' if commas else ''}"
+        above = f", below {self._above} other lines" if self._above else ""
+        self.form = f"values between {shown}{', decimal commas' if commas else ''}{above}"
         self._start = sum(len(line) for line in lines[: self._skipped + 1])
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         arrow = self._arrow
-        kinds = {
-            name: arrow.timestamp("ns", "UTC" if self._zones[name] else None)
-            if name in self._zones
-            else arrow.float64()
-            for name in names
-        }
+        kinds = {name: self._kind(name) for name in names}
         # Of two columns of a name the first serves.
         seen: set[str] = set()
         unique = []
@@ -158,12 +194,20 @@ class _Text:
             raise ValueError(self._in_words(str(error))) from error
         return {name: _numbers(arrow, table.column(name)) for name in names}
 
+    def _kind(self, name: str) -> Any:
+        if name in self.clocks:
+            return self._arrow.time64("ns")
+        if name in self.dates:
+            return self._arrow.timestamp("ns", "UTC" if self._zones.get(name) else None)
+        return self._arrow.float64()
+
     def _in_words(self, text: str) -> str:
         """What pyarrow says, with the line and the column as an editor shows them."""
         value, row = _BAD_VALUE.search(text), _BAD_ROW.search(text)
         if value is not None:
             name, line = self._columns[int(value[1])], self._line(int(value[2]))
             wanted = "a date like 2026-01-31 12:00:00.125" if name in self.dates else "a number"
+            wanted = "a time like 12:00:00.125" if name in self.clocks else wanted
             return f"line {line}, column {name!r}: must be {wanted}: {value[3]!r}"
         if row is not None:
             return f"line {self._line(int(row[1]))}: must have the header's {row[2]} values: it has {row[3]}"
@@ -201,6 +245,43 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
     raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
 
 
+def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
+    """The line of names, and its number, where others stand above it: as many names as there are values below, while
+    the first line has another number of them. None if there are no such lines.
+    """
+    texts = {number: line.decode("utf-8", "replace").strip("\r\n") for number, line in enumerate(lines[:-1], 0)}
+    texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
+    numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
+    for delimiter in (*_DELIMITERS, " "):
+        counts = {number: len(_cells(texts[number], delimiter)) for number in numbers}
+        if not numbers or counts[numbers[-1]] < 2 or counts[first] == counts[numbers[-1]]:
+            continue
+        for number, after in pairwise(numbers):
+            values = _cells(texts[after], delimiter)
+            if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
+                names = _cells(texts[number], delimiter)
+                return None if any(map(_is_value, names)) else (number, texts[number])
+    return None
+
+
+def _is_value(cell: str) -> bool:
+    return _is_number(cell) or _DATE.match(cell) is not None or bool(_DAY.fullmatch(cell) or _CLOCK.fullmatch(cell))
+
+
+def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
+    """Names of the columns that `ros2 topic echo --csv` prints of a JointState, which has no line of names: stamp,
+    frame, names, and as many positions, then velocities, then efforts; [] if it is none.
+    """
+    stamp, rest = cells[: len(_ECHOED)], cells[len(_ECHOED) :]
+    count = next((number for number, cell in enumerate(rest) if _is_number(cell)), 0)
+    kinds, more = divmod(len(rest) - count, count) if count else (0, 0)
+    numbers = [*stamp[:2], *rest[count:]]
+    if not 1 <= kinds <= len(_ECHOED_FIELDS) or more or not all(map(_is_number, numbers)) or _is_number(stamp[2]):
+        return []
+    fields = ("name", *_ECHOED_FIELDS[:kinds])
+    return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
+
+
 def _delimiter(header: str, rows: Sequence[str]) -> str:
     """What stands between values: what the names and the first rows have as often."""
     for delimiter in _DELIMITERS:
@@ -232,7 +313,9 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(arrow: Any, column: Any) -> FloatArray:
-    """A column of pyarrow's as numbers; dates as seconds."""
+    """A column of pyarrow's as numbers; dates and times of the day as seconds."""
+    if arrow.types.is_time(column.type):
+        return 1e-9 * _plain(column.cast(arrow.int64()).cast(arrow.float64()))
     if arrow.types.is_timestamp(column.type):
         whole = column.cast(arrow.timestamp("ns", column.type.tz)).cast(arrow.int64())
         seconds, rest = arrow.compute.divide(whole, 10**9), whole
@@ -245,11 +328,8 @@ def _plain(column: Any) -> FloatArray:
     return np.asarray(column.to_numpy(zero_copy_only=False) if hasattr(column, "chunks") else column, dtype=float)
 
 
-class _Parquet:
+class ParquetFile(_Plain):
     """A Parquet file; parts of structures are columns `a.b`, lists of numbers columns `a[0]`, `a[1]` and so on."""
-
-    joints: Mapping[str, str] = {}
-    form = ""
 
     def __init__(self, file: IO[bytes], largest: int) -> None:
         self._arrow = arrow = _pyarrow()
@@ -259,6 +339,7 @@ class _Parquet:
         except (arrow.ArrowException, OSError) as error:
             raise ValueError(f"it is no Parquet file that can be read: {error}") from error
         self._largest = largest
+        self._chosen = list(range(self._groups.num_row_groups))
         self._kinds: dict[str, Any] = {}
         self._lengths: dict[str, int] = {}
         for field in schema:
@@ -291,16 +372,30 @@ class _Parquet:
         except (self._arrow.ArrowException, OSError, KeyError) as error:
             raise ValueError(f"column {name!r} cannot be read: {error}") from error
 
+    def choose_groups(self, name: str, value: int) -> None:
+        """Read only the groups of rows in which a column may have a value, as far as the file says it."""
+        paths = [self._file.schema.column(number).path for number in range(self._groups.num_columns)]
+        if name not in paths:
+            return
+        place = paths.index(name)
+        numbers = range(self._groups.num_row_groups)
+        known = {number: self._groups.row_group(number).column(place).statistics for number in numbers}
+        self._chosen = [
+            number for number, one in known.items() if one is None or not one.has_min_max or one.min <= value <= one.max
+        ]
+
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """See :class:`TableFile`."""
         arrow = self._arrow
         chosen = {name: _list_of(name, self._lengths) for name in names}
         # What a few bytes stand for is told by the file itself.
-        told = sum(self._groups.row_group(number).total_byte_size for number in range(self._groups.num_row_groups))
-        if max(told, self._groups.num_rows * len(names) * _BYTES_OF_A_VALUE) > self._largest:
+        groups = [self._groups.row_group(number) for number in self._chosen]
+        told = sum(group.total_byte_size for group in groups)
+        if max(told, sum(group.num_rows for group in groups) * len(names) * _BYTES_OF_A_VALUE) > self._largest:
             raise TooMuchUnpackedError("it", self._largest)
         columns = sorted({found[0] for found in chosen.values()})
         try:
-            table = self._file.read(columns=columns, use_threads=False)
+            table = self._file.read_row_groups(self._chosen, columns=columns, use_threads=False)
             found = {}
             for name, (column, number) in chosen.items():
                 values = _part(arrow, table, column)
@@ -334,11 +429,8 @@ def _part(arrow: Any, table: Any, name: str) -> Any:
     return arrow.compute.struct_field(column, name[len(outer) + 1 :].split("."))
 
 
-class _Npz:
+class _Npz(_Plain):
     """An archive of numpy's: rows of numbers, tables of one column a joint, names of joints."""
-
-    dates: frozenset[str] = frozenset()
-    form = ""
 
     def __init__(self, file: IO[bytes], largest: int) -> None:
         # What the archive says of its members is what is unpacked of them at most.
@@ -350,7 +442,6 @@ class _Npz:
             found = {name: np.atleast_1d(archive[name]) for name in archive.files}
         texts = [array for array in found.values() if array.dtype.kind == "U" and array.ndim == 1]
         self._columns: dict[str, NDArray[Any]] = {}
-        self.joints: Mapping[str, str] = {}
         for name, array in found.items():
             if array.dtype.kind not in "fiub":
                 continue

@@ -145,19 +145,8 @@ class BagWriter:
         times : stamps [s], of shape (n,). values : position, velocity and effort, of shape (n, 3, joints); a field that
             is NaN throughout is left out, as publishers do.
         """
-        present = [bool(np.isfinite(values[:, index]).any()) for index in range(len(FIELDS))]
-        blank = {name: np.zeros(len(names) if there else 0) for name, there in zip(FIELDS, present, strict=True)}
-        template = self.message(JOINT_STATE, header=self.header(0.0), name=list(names), **blank)
-        data = bytes(self._store.serialize_cdr(template, JOINT_STATE))
-        nanoseconds = np.round(times * 1e9).astype(np.int64)
-        rows = np.tile(np.frombuffer(data, dtype=np.uint8), (len(times), 1))
-        rows[:, 4:8] = (nanoseconds // 1_000_000_000).astype("<i4")[:, None].view(np.uint8)
-        rows[:, 8:12] = (nanoseconds % 1_000_000_000).astype("<u4")[:, None].view(np.uint8)
-        for index, place in zip(np.flatnonzero(present), places_of_values(data), strict=True):
-            column = np.ascontiguousarray(values[:, index], dtype="<f8")
-            rows[:, place : place + column.shape[1] * 8] = column.view(np.uint8)
-        for time, row in zip(nanoseconds.tolist(), rows, strict=True):
-            yield time, topic, row.tobytes()
+        for time, data in serialized_joint_states(names, times, values):
+            yield time, topic, data
 
     def _metadata(self) -> dict[str, Any]:
         begin = self._first if self._counts else 0
@@ -193,3 +182,33 @@ class BagWriter:
                 }
             ],
         }
+
+
+def serialized_joint_states(
+    names: tuple[str, ...], times: FloatArray, values: FloatArray
+) -> Iterator[tuple[int, bytes]]:
+    """Stamps [ns] and serialized JointStates.
+
+    Parameters
+    ----------
+    times : stamps [s], of shape (n,). values : position, velocity and effort, of shape (n, 3, joints); a field that is
+        NaN throughout is left out, as publishers do.
+    """
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    present = [bool(np.isfinite(values[:, index]).any()) for index in range(len(FIELDS))]
+    blank = {name: np.zeros(len(names) if there else 0) for name, there in zip(FIELDS, present, strict=True)}
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    template = store.types[JOINT_STATE](header=header, name=list(names), **blank)
+    data = bytes(store.serialize_cdr(template, JOINT_STATE))
+    nanoseconds = np.round(times * 1e9).astype(np.int64)
+    rows = np.tile(np.frombuffer(data, dtype=np.uint8), (len(times), 1))
+    rows[:, 4:8] = (nanoseconds // 1_000_000_000).astype("<i4")[:, None].view(np.uint8)
+    rows[:, 8:12] = (nanoseconds % 1_000_000_000).astype("<u4")[:, None].view(np.uint8)
+    for index, place in zip(np.flatnonzero(present), places_of_values(data), strict=True):
+        column = np.ascontiguousarray(values[:, index], dtype="<f8")
+        rows[:, place : place + column.shape[1] * 8] = column.view(np.uint8)
+    for time, row in zip(nanoseconds.tolist(), rows, strict=True):
+        yield time, row.tobytes()

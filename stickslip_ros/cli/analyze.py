@@ -2,10 +2,11 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip analyze`: what recordings show of their joints; no ROS is needed.
 
-A bag is an MCAP file, a rosbag2 directory or a .db3 file; a folder stands for every bag in it. Of several bags a
-table of the fleet is printed, and --html writes a page for triage instead of one bag's report. Exit status: 0 done,
-1 with --fail-on-stick-slip if a joint sticks and slips, for however short a part of the recording, or if an --alarm
-rings, 2 a bag could not be analysed, or none of its joints be judged.
+A bag is an MCAP file, a rosbag2 directory, a .db3 file, a .bag file of ROS 1 or an episode of a LeRobot data set
+(DATASET/episode_000012); a folder stands for every bag in it. Of several bags a table of the fleet is printed, and
+--html writes a page for triage instead of one bag's report. Exit status: 0 done, 1 with --fail-on-stick-slip if a joint
+sticks and slips, for however short a part of the recording, or if an --alarm rings, 2 a bag could not be analysed, or
+none of its joints be judged.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ _ANNOTATED_EVERY = 1.0  # [s]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="MCAP file, rosbag2 directory or .db3 file")
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG",
+        help="MCAP file, rosbag2 directory, .db3 or .bag file, LeRobot data set or episode")  # fmt: skip
     add_bag_arguments(parser)
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -80,6 +82,10 @@ def run(options: argparse.Namespace) -> int:
     """Analyse and print."""
     if options.jobs < 1:
         raise InvalidParameterError("--jobs", ">= 1", options.jobs)
+    if options.jobs > 1 and options.scheduler is not None:
+        raise InvalidParameterError(
+            "--jobs", "left out with --scheduler, whose workers are as many as it has", options.jobs
+        )
     options.alarm = [parse_alarm(text) for text in options.alarm]
     bags = find_bags(options.bags)
     if not bags:

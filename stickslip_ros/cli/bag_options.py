@@ -139,27 +139,32 @@ def _of_joint(text: str) -> tuple[str, str]:
 
 
 def check_named_joints(options: argparse.Namespace, chosen: AnalysisOptions, bags: Sequence[Path]) -> None:
-    """See that every joint named in --gains and --model is in a bag; no more is read than it takes to find them.
+    """See that every joint named in --gains and --model is in a bag, and that gains are not all recorded there; no more
+    is read than it takes to see that.
 
     Raises
     ------
     StickSlipError
-        If one is in none; the text has the option as it was typed, and the name that was probably meant.
+        If one is in none; the text has the option as it was typed, and the name that was probably meant. If --gains
+        would have no effect.
     """
-    named = {
-        joint: f"--{option.replace('_', '-')} {text}"
+    typed = {
+        f"--{option.replace('_', '-')} {text}": _of_joint(text)[0]
         for option in ("gains", "gains_after", "model")
         for text in getattr(options, option, ())
-        if (joint := _of_joint(text)[0]) != _EVERY
     }
+    named = {joint: text for text, joint in typed.items() if joint != _EVERY}
+    # Where the gains of a joint are recorded from its first sample on, others have no effect.
+    unused = {text: joint for text, joint in typed.items() if not text.startswith("--model")}
     missing, there = set(named), set[str]()
-    for path in bags if missing else ():
+    for path in bags if missing or unused else ():
         try:
-            for names in joint_names(path, chosen.topics, chosen.unpacking):
+            for names, without in joint_names(path, chosen.topics, chosen.unpacking):
                 there |= names
                 missing -= names
-                if not missing:
-                    return
+                unused = {text: joint for text, joint in unused.items() if not without & ({joint} - {_EVERY} or names)}
+                if not missing and not set(unused.values()) - {_EVERY} - there:
+                    break
         except (StickSlipError, OSError):
             # Said of the bag when it is analysed.
             continue
@@ -169,3 +174,8 @@ def check_named_joints(options: argparse.Namespace, chosen: AnalysisOptions, bag
         where = "the bag" if len(bags) == 1 else f"any of {len(bags)} bags"
         listed = ", ".join(sorted(there))
         raise StickSlipError(f"{named[joint]}: no joint {joint!r} in {where}{meant}; joints there: {listed}")
+    for text in unused if there else ():
+        raise StickSlipError(
+            f"{text}: has no effect, for the gains are recorded from the first sample on; "
+            "--gains-topic '' leaves the recorded ones out"
+        )

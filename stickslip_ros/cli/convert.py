@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -19,7 +20,17 @@ from rich.table import Table as Grid
 
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.table import Table, Use, find_recording, load_table
-from stickslip_ros.bags.table_columns import FIELDS, POSITION, TIME, UNITS, Named
+from stickslip_ros.bags.table_columns import (
+    COUNTS,
+    FIELDS,
+    POSITION,
+    TIME,
+    Named,
+    factor_of,
+    hint,
+    shown_unit,
+    spelled_unit,
+)
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
@@ -27,11 +38,13 @@ from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.output.wording import in_metres_text
 
 _WIDTH = 160
 _MOST_UNUSED = 12
-_MANY_TURNS = 40.0  # [rad] that a joint hardly spans: more than six turns
+_PLACES = (POSITION, "reference_position")
+_MORE_THAN_A_TURN = 7.0  # [rad] that few joints span; more is asked about where the unit is only assumed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--start", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)")
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controllers then, to be recorded too")
-    parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then (default 0)")
+    parser.add_argument("--damping", type=float, metavar="KV", help="k_v then (default 0)")
     add_unpack_argument(parser)
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
 
@@ -66,12 +79,13 @@ def run(options: argparse.Namespace) -> int:
     refuse_inputs({"--out": options.out}, [path])
     refuse_to_overwrite("--out", options.out, force=options.force)
     gains = None
-    require_finite("damping", options.damping)
-    if options.stiffness is None and options.damping != 0.0:
+    if options.stiffness is None and options.damping is not None:
         raise InvalidParameterError("--damping", "given together with --stiffness", options.damping)
     if options.stiffness is not None:
+        damping = 0.0 if options.damping is None else options.damping
         require_finite("stiffness", options.stiffness)
-        gains = Gains(stiffness=options.stiffness, damping=options.damping)
+        require_finite("damping", damping)
+        gains = Gains(stiffness=options.stiffness, damping=damping)
     table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
     names = _names(options.names, table)
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
@@ -82,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     _show(table, names)
     batches = dict(zip(names, table.batches.values(), strict=True))
-    count = write_recording(options.out, batches, start, gains, options.compression)
+    in_metres = _in_metres(table, names)
+    count = write_recording(options.out, batches, start, gains, options.compression, prismatic=in_metres)
     console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: stickslip analyze {options.out}")
     left = len(next(iter(batches.values()))) - count
     if left:
@@ -121,9 +136,11 @@ def _show(table: Table, names: list[str]) -> None:
     if assumed:
         console.print(
             "[dim]?: the column's name has no unit; of time it is told by the values, else it is the usual one. "
-            "Another: --column 'position=q*:deg'[/]",
+            f"Another: {escape(_hints(table, 'deg'))}[/]",
             soft_wrap=True,
         )
+    for note in table.notes:
+        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
     if table.unused:
         more = len(table.unused) - _MOST_UNUSED
         listed = ", ".join(table.unused[:_MOST_UNUSED]) + (f" and {more} more" if more > 0 else "")
@@ -131,25 +148,47 @@ def _show(table: Table, names: list[str]) -> None:
 
 
 def _shown(use: Use) -> str:
-    unit = use.unit.replace("_per_", "/").replace("nm", "N·m")
-    return escape(f"{use.column} [{unit}{'?' if use.assumed else ''}]")
+    return escape(f"{use.column} [{shown_unit(use.unit)}{'?' if use.assumed else ''}]")
 
 
 def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
-    for (name, batch), (own, uses) in zip(batches.items(), table.joints.items(), strict=True):
-        unit = table.unit(own)
-        if unit != "rad":
-            console.print(
-                f"[yellow]note:[/] positions of {escape(name)} are in {unit}; wherever rad is said, read {unit}"
-            )
-        known = batch.position[np.isfinite(batch.position)]
-        span = float(known.max() - known.min()) if len(known) else 0.0
-        if uses[POSITION].assumed and span > _MANY_TURNS:
-            column = escape(uses[POSITION].column)
-            console.print(
-                f"[yellow]warning:[/] {escape(name)} spans {span:.3g} rad: is {column} in degrees? Then: "
-                f"--column 'position={column}:deg'"
-            )
+    if in_metres := _in_metres(table, list(batches)):
+        console.print(f"[yellow]note:[/] {escape(in_metres_text(in_metres))}")
+    uses_of = dict(zip(batches, table.joints.items(), strict=True))
+    spans = {name: _span(batches[name]) for name, (_, uses) in uses_of.items() if uses[POSITION].assumed}
+    suspect = max(spans, key=lambda name: spans[name], default="")
+    if suspect and spans[suspect] > _MORE_THAN_A_TURN:
+        counts = all(np.array_equal(known, np.round(known)) for name in spans if len(known := _known(batches[name])))
+        # What is named of a field stands for all of it: the other joints are named too.
+        console.print(
+            f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
+            f"{escape(uses_of[suspect][1][POSITION].column)} in {'encoder counts' if counts else 'degrees'}? Then: "
+            + escape(_hints(table, COUNTS if counts else "deg"))
+        )
+
+
+def _in_metres(table: Table, names: Sequence[str]) -> list[str]:
+    return [name for name, own in zip(names, table.joints, strict=True) if table.unit(own) == "m"]
+
+
+def _known(batch: Batch) -> FloatArray:
+    return batch.position[np.isfinite(batch.position)]
+
+
+def _span(batch: Batch) -> float:
+    known = _known(batch)
+    return float(known.max() - known.min()) if len(known) else 0.0
+
+
+def _hints(table: Table, unit: str) -> str:
+    """Options that give positions and their references a unit, where they have none of their own."""
+    texts = []
+    for field in _PLACES:
+        of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
+        if any(use.assumed for use in of_field.values()):
+            columns = {own: (use.column, unit if use.assumed else use.unit) for own, use in of_field.items()}
+            texts.append(hint(field, columns))
+    return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 
 
 def _column(text: str) -> Named:
@@ -162,6 +201,12 @@ def _column(text: str) -> Named:
         raise InvalidParameterError("--column", wanted, text)
     if field == TIME and "*" in name:
         raise InvalidParameterError("--column", "of one column, where it is of the time", text)
-    if unit and unit not in UNITS[field]:
-        raise InvalidParameterError(f"--column {text}", f"a unit of {', '.join(UNITS[field])}", unit)
-    return Named(field=field, column=name, unit=unit)
+    spelled = spelled_unit(unit)
+    try:
+        factor = factor_of(field, spelled) if unit else 1.0
+    except ValueError as error:
+        raise InvalidParameterError(f"--column {text}", str(error), unit) from error
+    if math.isnan(factor):
+        example = f"{name}:{shown_unit(spelled)}"
+        raise InvalidParameterError(f"--column {text}", f"with the counts that make a turn, as in {example}", unit)
+    return Named(field=field, column=name, unit=spelled)

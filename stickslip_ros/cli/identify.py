@@ -57,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recording",
         nargs="?",
         metavar="RECORDING",
-        help="a table (.csv, .parquet, .npz), a bag (MCAP file, rosbag2 directory or .db3 file), or a known recording",
+        help="a table (.csv, .parquet, .npz), a bag (MCAP file, rosbag2 directory, .db3 or .bag file, LeRobot "
+        "episode), or a known recording",
     )
     topics = parser.add_argument_group("topics of a bag, where there are several that could be meant")
     topics.add_argument("--states", metavar="TOPIC", help="joint states")

@@ -24,7 +24,7 @@ from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import json_text, margin_json
 from stickslip_ros.output.published import number
-from stickslip_ros.output.wording import OUTCOME_WORDS
+from stickslip_ros.output.wording import OUTCOME_WORDS, with_prefix
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 # What is needed comes first, what cancels last.
@@ -197,14 +197,14 @@ def _rigid_in_words(found: dict[str, Any], *, hunts: bool) -> str:
         return "What it would do with a rigid contact cannot be followed."
     if not found["hunts"]:
         return f"With a rigid contact it would {'settle: presliding makes it hunt' if hunts else 'settle too'}."
-    text = f"With a rigid contact it would hunt{' too' if hunts else ''}, by ±{1e3 * found['amplitude']:.3g} mrad"
+    text = f"With a rigid contact it would hunt{' too' if hunts else ''}, by ±{with_prefix(found['amplitude'], 'rad')}"
     return f"{text}." if hunts else f"{text}: presliding lets it settle."
 
 
 def _hunts_in_words(found: dict[str, Any]) -> str:
     text = "It hunts"
     if found["amplitude"] is not None and found["period"] is not None:
-        text += f" by ±{1e3 * found['amplitude']:.3g} mrad, once in {found['period']:.3g} s"
+        text += f" by ±{with_prefix(found['amplitude'], 'rad')}, once in {found['period']:.3g} s"
     integral, stiffness = found["largest_quiet_integral"], found["least_quiet_stiffness"]
     less = "no k_i down to a thousandth of it ends that" if integral is None else f"a k_i up to {integral:.3g} does not"
     more = (

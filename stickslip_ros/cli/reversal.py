@@ -40,6 +40,7 @@ from stickslip_ros.output.as_json import json_text
 from stickslip_ros.output.plotting import save
 from stickslip_ros.output.published import number
 from stickslip_ros.output.reversal_figure import Dependence, reversal_figure
+from stickslip_ros.output.wording import with_prefix
 
 _AMPLITUDES = (0.25, 1.0, 4.0)  # times the one that is asked for
 _SPEEDS = np.geomspace(0.1, 10.0, 13)  # likewise of the top speed
@@ -194,4 +195,4 @@ def _seconds(value: float) -> str:
 
 
 def _milli(value: float) -> str:
-    return f"{1e3 * value:.3g} mrad" if math.isfinite(value) else "-"
+    return with_prefix(value, "rad") if math.isfinite(value) else "-"

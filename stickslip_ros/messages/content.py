@@ -94,7 +94,13 @@ def reference_rows(message: Any) -> dict[str, tuple[float, float]]:
     if hasattr(message, "dof_states"):
         return {state.name: (state.reference, math.nan) for state in message.dof_states}
     if hasattr(message, "joint_names"):
-        names, point = message.joint_names, message.reference
+        names = message.joint_names
+        # Older definitions have `desired` alone; newer ones have both, of which publishers fill one.
+        points = [getattr(message, name, None) for name in ("reference", "desired")]
+        filled = [point for point in points if point is not None and len(point.positions)]
+        if not filled and all(point is None for point in points):
+            raise MessageError("it has neither a field reference nor a field desired")
+        point = filled[0] if filled else next(point for point in points if point is not None)
         if len(point.positions) != len(names):
             raise MessageError(f"reference has {len(point.positions)} positions for {len(names)} joints")
         known = len(point.velocities) == len(names)

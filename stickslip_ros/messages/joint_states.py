@@ -60,10 +60,13 @@ class _Layout:
 
 
 class JointStateDecoder:
-    """Decodes the JointStates of one topic; ``refused`` counts why messages were left out."""
+    """Decodes the JointStates of one topic; ``refused`` counts why messages were left out, ``fields`` are those that
+    any message had.
+    """
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
+        self.fields: set[str] = set()
         self._layouts: list[_Layout] = []
 
     def decode(self, block: Block, chosen: Integers) -> list[JointRows]:
@@ -79,6 +82,7 @@ class JointStateDecoder:
                 self.refused[str(error)] += 1
                 left = left[1:]
                 continue
+            self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
             self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
             left = self._take(layout, block, chosen, left, found)
         return found

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
+from stickslip_ros.messages.whole_turns import WholeTurns
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
@@ -94,6 +95,7 @@ class Session:
         self._spent = 0.0  # by a tick that publishes, on average [s]
         self._news: dict[str, tuple[object, ...]] = {}
         self._contested: frozenset[str] = frozenset()
+        self._wholes, self._reference_wholes = WholeTurns(self._log.info), WholeTurns()
         self._findings: dict[str, Findings] = {}
         self._compiled = CompiledParts(self._log)
         self._gains_waiting: deque[tuple[float, str, Gains | None]] = deque()
@@ -298,10 +300,10 @@ class Session:
             if heard is not None:
                 heard.heard = now
                 if name not in contested:
-                    heard.add_samples(rows)
+                    heard.add_samples(self._wholes.removed(name, rows))
         for name, rows in references.items():
             if name in self.joints:
-                self.joints[name].pairing.add_references(rows[:, :3])
+                self.joints[name].pairing.add_references(self._reference_wholes.removed(name, rows[:, :3]))
                 self._feedforward.hear(name, rows, now)
         self._following.expect(samples, references, now)
         self._following.look(now)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.reversal import ReferenceMotion, Reversal
 from stickslip_ros.output.plotting import BLUE, GREEN, GREY, ORANGE, RED, Curve, Figure, Panel
+from stickslip_ros.output.wording import with_prefix
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ def reversal_figure(
         ),
         Panel(
             x_label="time since the reference turned [s]", y_label="following error [mrad]", curves=tuple(error),
-            title=f"It falls behind by {_MILLI * turn.peak_error:.3g} mrad",
+            title=f"It falls behind by {with_prefix(turn.peak_error, 'rad')}",
         ),
     ]  # fmt: skip
     if dependences:

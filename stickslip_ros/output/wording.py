@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+
 from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Friction
 from stickslip_ros.model.outcome import Outcome
@@ -29,6 +32,7 @@ from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 
 _MINUTE = 60.0  # [s]
+_PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"))  # factor, and what stands before the unit then
 _STIFFNESS = unit_of(Friction, "presliding_stiffness")
 
 
@@ -77,7 +81,21 @@ def dry_friction_text(dry: DryFriction | None) -> str:
 def reversals_text(record: ReversalRecord) -> str:
     """What reversals do to a joint."""
     stands = f"stands for {record.standing:.2g} s where it turns" if record.standing > 0.0 else "turns without standing"
-    return f"it {stands}, and falls behind by {1e3 * record.peak_error:.3g} mrad"
+    return f"it {stands}, and falls behind by {with_prefix(record.peak_error, 'rad')}"
+
+
+def in_metres_text(names: Iterable[str]) -> str:
+    """What is to be said of joints whose positions are in metres."""
+    return f"positions of {', '.join(names)} are in m; wherever rad is said, read m, and N for N·m"
+
+
+def with_prefix(value: float, unit: str) -> str:
+    """A value of a unit with three digits and the prefix that keeps it between 1 and 1000, of none, milli and micro."""
+    size = abs(value)
+    factor, prefix = next(((f, p) for f, p in _PREFIXES if size * f >= 1.0), _PREFIXES[-1])
+    if not size or not math.isfinite(value):
+        factor, prefix = _PREFIXES[0]
+    return f"{factor * value:.3g} {prefix}{unit}"
 
 
 def presliding_text(presliding: PreslidingEstimate, stiffness: float) -> str:

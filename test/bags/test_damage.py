@@ -148,7 +148,7 @@ def test_files_that_are_no_bags(tmp_path: Path, capsys: pytest.CaptureFixture[st
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "metadata.yaml").write_text("nonsense: [", encoding="utf-8")
-    assert "no .mcap or .db3 file is in it" in refused(folder, capsys)
+    assert "no .mcap, .db3 or .bag file is in it" in refused(folder, capsys)
 
 
 def test_wrong_schemas_and_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

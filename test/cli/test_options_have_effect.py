@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Issue 23: every option of `reversal` and `recommend` changes what comes out, or is refused where it cannot.
+"""Issues 23 and 34: every option of `reversal`, `recommend`, `convert` and `analyze` changes what comes out, or is
+refused where it cannot.
 
 An option that is new has no row here, and fails until it has one.
 """
@@ -11,10 +12,14 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 
+from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.cli.main import build_parser, main
 
 
@@ -25,6 +30,7 @@ class Row:
     values: tuple[str | None, ...]
     needs: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()  # options of the base that are left out
+    statuses: tuple[int, ...] = (0, 1)  # of which 2 is there where the option is a limit
 
 
 _SOFT = ("--presliding-stiffness=1e5",)
@@ -87,13 +93,51 @@ ROWS: dict[str, dict[str, Row]] = {
         "--feedforward": Row(("0.5", "1"), ("--trajectory={one}", "--trajectory-out={folder}/out.yaml")),
         "--json": Row((None, "")),
     },
+    "convert": {
+        "--out": Row(("{folder}/one.mcap", "{folder}/two.mcap")),
+        "--force": Row((None, ""), replaces=("--out",), needs=("--out={there}",), statuses=(0, 2)),
+        "--names": Row(("a,b", "c,d")),
+        "--column": Row(("effort=load*", "effort=load*:mnm")),
+        "--start": Row(("1", "2")),
+        "--stiffness": Row(("630", "900")),
+        "--damping": Row(("0", "5"), ("--stiffness=630",)),
+        "--largest-unpacked": Row(("0.001", "64"), ("{zeros}",), ("{table}",), statuses=(0, 2)),
+        "--compression": Row(("zstd", "none")),
+    },
+    "analyze": {
+        "--joint": Row(("left/joint1", "right/joint1")),
+        "--start": Row(("0", "2")),
+        "--end": Row(("5", "6")),
+        "--largest-unpacked": Row(("0.001", "64"), statuses=(0, 2)),
+        "--parameters": Row(("{gains}", "{others}")),
+        "--model": Row(("puma560_joint1", "erob80_100")),
+        "--gains": Row(("left/joint1=630", "left/joint1=900"), ("{second}", "--gains-topic="), ("{bag}",)),
+        "--no-learning": Row((None, ""), replaces=("--no-learning",)),
+        "--states": Row(("/left/joint_states", "/right/joint_states")),
+        "--references": Row(("''", "left=/left/joint_references")),
+        "--gains-topic": Row(("/left/pd_gains", "''")),
+        "--controller": Row(("/left/one", "/left/two")),
+        "--json": Row((None, ""), replaces=("--json",)),
+        "--csv": Row(("{folder}/one.csv", "{folder}/two.csv")),
+        "--html": Row(("{folder}/one.html", "{folder}/two.html")),
+        "--out": Row(("{folder}/one.mcap", "{folder}/two.mcap")),
+        "--fail-on-stick-slip": Row((None, "")),
+        "--results": Row((None, "{folder}/results")),
+        "--reports": Row((None, "{folder}/reports"), ("{second}",)),
+        "--alarm": Row(("stick_slip>5%", "stick_slip>99%")),
+        "--table": Row(("{folder}/one.csv", "{folder}/two.csv")),
+    },
 }
 # It cancels from the advice, as the help says.
 NO_EFFECT = {("recommend", "--coulomb")}
+# They say where the work is done, and change nothing of what comes out: test/bags/test_fleet.py.
+NO_EFFECT |= {("analyze", "--jobs"), ("analyze", "--scheduler")}
 BASE = {
     "reversal": ("--joint=puma560_joint1", "--stiffness=6300", "--damping=200", "--amplitude=0.02", "--frequency=0.05",
                  "--json"),
     "recommend": ("--joint=puma560_joint1", "--velocity=0.005", "--json"),
+    "convert": ("{table}", "--out={folder}/log.mcap"),
+    "analyze": ("{bag}", "--no-learning", "--json"),
 }  # fmt: skip
 SLOW = {"--integral", "--controller-period", "--control-delay", "--presliding-stiffness", "--presliding-damping",
         "--contact", "--compensation", "--speed-filter"}  # fmt: skip
@@ -111,6 +155,8 @@ def options(command: str) -> Iterator[str]:
 def _typed(option: str, value: str | None) -> list[str]:
     if value is None:
         return []
+    if value == "''":
+        return [f"{option}="]
     if value == "no":
         return [option.replace("--", "--no-", 1)]
     return [f"{option}={value}"] if value else [option]
@@ -124,21 +170,85 @@ def _cases() -> Iterator[object]:
                 yield pytest.param(command, option, marks=[pytest.mark.slow] if slow else [])
 
 
+def _write_bag(path: Path, *, with_events: bool = True) -> None:
+    """Two arms that move in steps after their references; the left one's gains are recorded, and two nodes change them
+    later.
+    """
+    times = 1.0 + np.arange(0.0, 8.0, 0.01)
+    events = "rcl_interfaces/msg/ParameterEvent"
+    topics = {f"/{arm}/{name}": "sensor_msgs/msg/JointState" for arm in ("left", "right") for name in
+              ("joint_states", "joint_references")}  # fmt: skip
+    topics |= {"/left/pd_gains": "std_msgs/msg/Float64MultiArray", "/parameter_events": events}
+    with BagWriter(path, topics) as writer:
+
+        def event(node: str, gain: float) -> Any:
+            empty = {
+                f"{kind}_array_value": np.zeros(0, dtype) for kind, dtype in (("double", float), ("integer", np.int64))
+            }
+            empty |= {"byte_array_value": np.zeros(0, np.uint8), "bool_array_value": np.zeros(0, bool)}
+            value = writer.message("rcl_interfaces/msg/ParameterValue", type=3, bool_value=False, integer_value=0,
+                                   double_value=gain, string_value="", string_array_value=[], **empty)  # fmt: skip
+            one = writer.message("rcl_interfaces/msg/Parameter", name="gains.joint1.p", value=value)
+            stamp = writer.header(1.0).stamp
+            return writer.message(events, stamp=stamp, node=node, new_parameters=[one], changed_parameters=[],
+                                  deleted_parameters=[])  # fmt: skip
+
+        gains = [writer.serialized(10**9, "/left/pd_gains", writer.table("joint1", "p,d", np.array([[630.0, 12.0]])))]
+        gains += [
+            writer.serialized(3 * 10**9, "/parameter_events", event(node, gain))
+            for node, gain in (("/left/one", 500.0), ("/left/two", 700.0))
+            if with_events
+        ]
+        streams = []
+        for arm, slip in (("left", 0.01), ("right", 0.02)):
+            steps, part = np.divmod(0.02 * times / slip, 1.0)
+            position = slip * (steps + np.clip(part / 0.2, 0.0, 1.0) ** 2 * (3.0 - 2.0 * np.clip(part / 0.2, 0.0, 1.0)))
+            values = np.full((len(times), 3, 1), np.nan)
+            values[:, 0, 0] = position
+            streams.append(writer.joint_states(f"/{arm}/joint_states", ("joint1",), times, values))
+            wanted = values.copy()
+            wanted[:, 0, 0], wanted[:, 1, 0] = 0.02 * times, 0.02
+            streams.append(writer.joint_states(f"/{arm}/joint_references", ("joint1",), times, wanted))
+        writer.write(gains, *streams)
+
+
+@pytest.fixture(scope="session")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Trajectories, a table, bags and parameters, by the names that rows have."""
+    folder = tmp_path_factory.mktemp("inputs")
+    times = np.arange(0.0, 41.0, 10.0)
+    for name, amplitude in (("one", 0.02), ("two", 0.03)):
+        table = np.column_stack([times, amplitude * np.array([-1, 1, -1, 1, -1])])
+        np.savetxt(folder / f"{name}.csv", table, delimiter=",", header="time_s,position_rad", comments="")
+    columns = {name: 0.1 * np.arange(400.0) for name in ("time_s", "q1_deg", "q2_deg", "load1", "load2")}
+    pyarrow.parquet.write_table(pa.table(columns), folder / "table.parquet")
+    pyarrow.parquet.write_table(pa.table(dict.fromkeys(("time_s", "q1"), np.zeros(300_000))), folder / "zeros.parquet")
+    _write_bag(folder / "bag.mcap")
+    _write_bag(folder / "second.mcap", with_events=False)
+    (folder / "there.mcap").touch()
+    for name, gain in (("gains", 630), ("others", 900)):
+        text = f"controller:\n  ros__parameters:\n    gains:\n      joint1: {{p: {gain}.0, d: 1.0}}\n"
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    return {path.stem: str(path) for path in folder.iterdir()}
+
+
+def test_options_that_exclude_each_other(inputs: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Processes here and workers elsewhere cannot both do the work."""
+    assert main(["analyze", inputs["bag"], inputs["second"], "--jobs=2", "--scheduler=tcp://localhost:1"]) == 2
+    assert "'--jobs' must be left out with --scheduler" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("command", "option"), list(_cases()))
 def test_an_option_has_an_effect_or_is_refused(
-    command: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: str, option: str, tmp_path: Path, inputs: dict[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two values of it do not give the same; without what it needs it is refused, by its name."""
     assert option in ROWS[command], f"{option} of stickslip {command} is new: give it a row here"
     row = ROWS[command][option]
-    times = np.arange(0.0, 41.0, 10.0)
-    for name, amplitude in (("one", 0.02), ("two", 0.03)):
-        table = np.column_stack([times, amplitude * np.array([-1, 1, -1, 1, -1])])
-        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header="time_s,position_rad", comments="")
-    inputs = {name: str(tmp_path / f"{name}.csv") for name in ("one", "two")}
 
     def words(folder: Path, given: tuple[str, ...]) -> list[str]:
-        return [one.format(**inputs, folder=folder) for one in given]
+        filled = [one.format(**inputs, folder=folder) for one in given]
+        return sorted(filled, key=lambda one: one.startswith("--"))
 
     results = []
     for number, value in enumerate(row.values):
@@ -146,18 +256,19 @@ def test_an_option_has_an_effect_or_is_refused(
         folder.mkdir()
         left_out = (option, *row.replaces)
         base = [one for one in BASE[command] if one.partition("=")[0] not in left_out]
-        line = [command, *base, *words(folder, (*row.needs, *_typed(option, value)))]
-        assert main(line) in (0, 1), line
-        files = {one.name: one.read_bytes() for one in folder.iterdir()}
-        results.append((capsys.readouterr().out.replace(str(folder), ""), files))
+        line = [command, *words(folder, (*base, *row.needs, *_typed(option, value)))]
+        status = main(line)
+        assert status in row.statuses, line
+        files = {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*") if one.is_file()}
+        results.append((status, capsys.readouterr().out.replace(str(folder), ""), files))
     assert results[0] != results[1]
-    if row.needs:
+    if row.needs and 2 not in row.statuses:
         # Another option may be missed first.
         others = {one.partition("=")[0] for one in row.needs}
         base = [one for one in BASE[command] if one.partition("=")[0] != option]
         folder = tmp_path / "refused"
         folder.mkdir()
-        assert main([command, *base, *words(folder, tuple(_typed(option, row.values[-1])))]) == 2
+        assert main([command, *words(folder, (*base, *_typed(option, row.values[-1])))]) == 2
         error = capsys.readouterr().err.splitlines()[-1]
         assert option in error or any(one in error for one in others), error
         assert list(folder.iterdir()) == []

@@ -26,6 +26,7 @@ from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.stability_map import map_of, subject_of
+from stickslip_ros.output.wording import with_prefix
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
 INK = "#1b1f24"  # of what the page paints in the colour of its text
@@ -134,12 +135,12 @@ def error_plot(joint: JointAnalysis) -> Plot | None:
             _shade(plot, segment.start - joint.start, segment.end - joint.start, RED, 0.09)
     plot.varea(_small(time), _small(low), _small(high), color=BLUE, alpha=0.4)
     plot.line(_small(time), _small(0.5 * (low + high)), color=BLUE, line_width=1.5)
-    most = f"{float(np.nanmax(np.abs([low, high]))):.3g}"
-    said = f"{joint.name} is at most {most} mrad from its reference."
+    most = with_prefix(1e-3 * float(np.nanmax(np.abs([low, high]))), "rad")
+    said = f"{joint.name} is at most {most} from its reference."
     if joint.cycles:
         said += (
             " Each jump is a slip, as a rule of "
-            f"{1e3 * joint.usual_slip:.3g} mrad; between them the joint stands while its reference goes on."
+            f"{with_prefix(joint.usual_slip, 'rad')}; between them the joint stands while its reference goes on."
         )
     return Plot(plot, "Steps: position less its reference", said, wide=True)
 

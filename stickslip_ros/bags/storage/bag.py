@@ -8,22 +8,28 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set, name_an_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
+from stickslip_ros.bags.storage.episodes import EpisodeStorage
 from stickslip_ros.bags.storage.formats import FORMATS, format_of
+from stickslip_ros.bags.storage.transcoding import Transcode, transcoded
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
+from stickslip_ros.bags.table_files import SUFFIXES as TABLES
 from stickslip_ros.errors import reason
 from stickslip_ros.messages.blocks import Block, Channel, Storage
+from stickslip_ros.messages.content import MessageError
 from stickslip_ros.regular_files import read_yaml
 
 _LARGE = 16_000_000  # bytes of messages, from which on a block is given
-_ANY = " or ".join(one.suffix for one in FORMATS)
+_ANY = " or ".join((", ".join(one.suffix for one in FORMATS[:-1]), FORMATS[-1].suffix))
 
 
 class Bag:
@@ -45,6 +51,7 @@ class Bag:
         self.path, self._limit = path, limit or UnpackLimit()
         self.warnings: list[str] = []
         self._stack = ExitStack()
+        self._transcoded: dict[Channel, tuple[Channel, Transcode | None]] = {}
         self._per_message = False
         try:
             self._storages = self._open()
@@ -64,25 +71,31 @@ class Bag:
         return sum(file.stat().st_size for file, _, _ in self._storages)
 
     def channels(self) -> dict[Channel, int]:
-        """The channels, and how many messages each has."""
+        """The channels, and how many messages each has; those of ROS 1 and JSON as ROS 2 would have them."""
         counts: dict[Channel, int] = {}
         for _, _, channels in self._storages:
-            for channel, count in channels.items():
+            for raw, count in channels.items():
+                channel, _ = self._transcoded[raw] = transcoded(raw)
                 counts[channel] = counts.get(channel, 0) + count
         return counts
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None] = lambda _: None) -> Iterator[Block]:
         """The messages of the wanted channels, perhaps with others among them; ``progress`` is told of bytes."""
+        self.channels()
+        raw = {one for one, (channel, _) in self._transcoded.items() if channel in wanted}
         for file, storage, _ in self._storages:
             allowance = Allowance(self._limit, file.stat().st_size)
-            for block in storage.blocks(wanted, progress):
-                if self._per_message:
-                    yield from self._decompressed(block, wanted, allowance)
-                else:
-                    yield block
+            for block in storage.blocks(raw, progress):
+                for part in self._decompressed(block, raw, allowance) if self._per_message else (block,):
+                    yield self._as_ros2(part)
 
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
         try:
+            if episode_of(self.path) is not None:
+                episode = EpisodeStorage(self.path, self._limit, self.warnings.append)
+                return [(files_of_episode(self.path)[0], episode, episode.channels())]
+            if is_data_set(self.path):
+                raise RecordingError(f"bag {self.path}: {name_an_episode(self.path)}")
             if not self.path.exists():
                 raise RecordingError(f"bag {self.path}: there is no such file or directory")
             files = self._files() if self.path.is_dir() else [self.path]
@@ -97,6 +110,8 @@ class Bag:
             except (OSError, ValueError, EOFError, ImportError) as error:
                 why = f"it needs the package {error.name}" if isinstance(error, ImportError) else reason(error)
                 reasons.append(f"{file.name}: {why}" if self.path.is_dir() else why)
+        if not opened and self.path.suffix in TABLES:
+            reasons.append(f"a table becomes one by stickslip convert {self.path} --out {self.path.stem}.mcap")
         if not opened:
             raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or f'no {_ANY} file is in it'}")
         self.warnings += reasons
@@ -116,7 +131,11 @@ class Bag:
         missing = [name for name in names if not (self.path / name).exists()]
         for name in missing:
             self.warnings.append(f"{name}: missing; the bag's metadata name it")
-        return [self.path / name for name in names if name not in missing]
+        # What was renamed or copied here by hand is read in place of what is missing.
+        others = [file for file in by_name if file.name not in names] if missing else []
+        for file in others:
+            self.warnings.append(f"{file.name}: read, although the bag's metadata do not name it")
+        return [*(self.path / name for name in names if name not in missing), *others]
 
     def _metadata(self) -> Any:
         path = self.path / METADATA
@@ -132,6 +151,31 @@ class Bag:
             self.warnings.append(f"{METADATA}: damaged ({' '.join(str(error).split())}); files taken by their names")
             return None
         return metadata
+
+    def _as_ros2(self, block: Block) -> Block:
+        """The block, its messages of other encodings made those of ROS 2."""
+        made = {
+            number: self._transcoded[channel]
+            for number, channel in block.channels.items()
+            if channel in self._transcoded
+        }
+        if not any(transcode for _, transcode in made.values()):
+            return block
+        messages: list[tuple[int, int, bytes]] = []
+        broken: Counter[str] = Counter()
+        for number in range(len(block)):
+            channel, transcode = made.get(int(block.channel[number]), (None, None))
+            if channel is None:
+                continue
+            try:
+                data = block.message(number) if transcode is None else transcode(block.message(number))
+            except MessageError as error:
+                broken[f"{channel.topic}: {error}"] += 1
+                continue
+            messages.append((int(block.channel[number]), int(block.log_time[number]), data))
+        self.warnings += [f"{count} messages left out: {reason}" for reason, count in broken.items()]
+        channels = {number: channel for number, (channel, _) in made.items()}
+        return Block.of_messages(messages, channels) if messages else replace(block.none(), channels=channels)
 
     def _decompressed(self, block: Block, wanted: set[Channel], allowance: Allowance) -> Iterator[Block]:
         """The wanted messages of a block, decompressed: in several blocks where they become large."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import io
 import shutil
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any
@@ -57,6 +58,10 @@ class BagFile:
     def begin(self) -> bytes:
         """Its first bytes, as they lie there."""
         return self._begin
+
+    def at_close(self, callback: Callable[[], object]) -> None:
+        """Have something called when the bag is closed."""
+        self._stack.callback(callback)
 
     def open(self) -> IO[bytes]:
         """What is in it, from the start; what is unpacked of it counts anew."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stickslip_ros.bags.lerobot import episode_of, files_of_episode
 from stickslip_ros.bags.storage.formats import SUFFIXES
 
 METADATA = "metadata.yaml"
@@ -32,4 +33,17 @@ def is_bag_folder(folder: Path) -> bool:
 
 def is_read_as_bag(path: Path) -> bool:
     """Whether the one recording that a path names is a bag, not a table: any folder is, however its files are named."""
-    return path.is_dir() or is_bag_file(path)
+    return path.is_dir() or is_bag_file(path) or episode_of(path) is not None
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files that a bag, a folder of one, or an episode is read from.
+
+    Raises
+    ------
+    OSError, ValueError
+        If they cannot be found.
+    """
+    if episode_of(path) is not None:
+        return files_of_episode(path)
+    return sorted(path.iterdir()) if path.is_dir() else [path]

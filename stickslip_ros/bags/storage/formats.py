@@ -41,6 +41,7 @@ class Format:
 FORMATS = (
     Format("an MCAP file", ".mcap", b"\x89MCAP", ("mcap", "McapStorage")),
     Format("a rosbag2 database", ".db3", b"SQLite format 3\0", ("sqlite", "SqliteStorage")),
+    Format("a bag of ROS 1", ".bag", b"#ROSBAG V", ("ros1", "Ros1Storage")),
 )
 SUFFIXES = tuple(one.suffix + packed for one in FORMATS for packed in ("", _PACKED))
 

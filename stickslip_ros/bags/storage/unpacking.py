@@ -115,6 +115,13 @@ class Allowance:
         decompressor = lz4.frame.LZ4FrameDecompressor()
         return self._unpacked(lambda largest: decompressor.decompress(data, max_length=largest + 1), RuntimeError)
 
+    def bz2(self, data: bytes) -> bytes:
+        """One stream, decompressed; raises as :meth:`_unpacked`."""
+        import bz2
+
+        decompressor = bz2.BZ2Decompressor()
+        return self._unpacked(lambda largest: decompressor.decompress(data, largest + 1), OSError)
+
     def _unpacked(self, unpack: Callable[[int], bytes], damage: type[Exception]) -> bytes:
         """What a library makes of a frame, and no more of it than may be.
 

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Bag files of ROS 1, as blocks of messages; the package rosbags reads them, `transcoding.py` makes them ROS 2's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.errors import reason
+from stickslip_ros.messages.blocks import Block, Channel, Warn
+
+_MESSAGES, _BYTES = 4096, 16_000_000  # in a block
+_COMPRESSIONS = ("bz2", "lz4")
+
+
+class Ros1Storage:
+    """One .bag file; see :class:`~stickslip_ros.messages.blocks.Storage`.
+
+    Parameters
+    ----------
+    file : the file. warn : told what is lost.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged, or has no index.
+    """
+
+    def __init__(self, file: BagFile, warn: Warn) -> None:
+        from rosbags.rosbag1 import Reader
+
+        self._file, self._warn = file, warn
+        self._reader = Reader(file.plain())
+        try:
+            self._reader.open()
+        except Exception as error:
+            # What damaged bytes make the package raise cannot be listed.
+            text = reason(error)
+            hint = " (rosbag reindex makes one)" if "not indexed" in text else ""
+            raise ValueError(f"not a sound bag of ROS 1: {text}{hint}") from error
+        file.at_close(self._reader.close)
+        # What compressed data may become is bounded as everywhere.
+        unpack = {name: getattr(file.allowance, name) for name in _COMPRESSIONS}
+        self._reader.chunks = {
+            place: chunk._replace(decompressor=unpack.get(_compression(chunk), chunk.decompressor))
+            for place, chunk in self._reader.chunks.items()
+        }
+
+    def channels(self) -> dict[Channel, int]:
+        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        found: dict[Channel, int] = {}
+        for connection in self._reader.connections:
+            channel = _channel(connection)
+            found[channel] = found.get(channel, 0) + connection.msgcount
+        return found
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        self._file.allowance.restart()
+        chosen = [one for one in self._reader.connections if _channel(one) in wanted]
+        channels = {one.id: _channel(one) for one in chosen}
+        total = max(sum(one.msgcount for one in chosen), 1)
+        taken, told = 0, 0
+        for batch in self._batches(chosen):
+            yield Block.of_messages(batch, channels)
+            taken += len(batch)
+            read = self._file.size * min(taken, total) // total
+            progress(read - told)
+            told = read
+        progress(self._file.size - told)
+
+    def _batches(self, connections: list[Any]) -> Iterator[list[tuple[int, int, bytes]]]:
+        batch: list[tuple[int, int, bytes]] = []
+        size = 0
+        try:
+            for connection, time, data in self._reader.messages(connections) if connections else ():
+                batch.append((connection.id, time, bytes(data)))
+                size += len(data)
+                if len(batch) >= _MESSAGES or size >= _BYTES:
+                    yield batch
+                    batch, size = [], 0
+        except Exception as error:
+            # As above.
+            self._warn(f"{self._file.name}: damaged; the rest of it is lost: {reason(error)}")
+        if batch:
+            yield batch
+
+
+def _channel(connection: Any) -> Channel:
+    return Channel(
+        topic=connection.topic,
+        type=connection.msgtype,
+        encoding="ros1",
+        schema_encoding="ros1msg",
+        schema=connection.msgdef.data,
+    )
+
+
+def _compression(chunk: Any) -> str:
+    """The name of a chunk's compression, which the package keeps as the function that undoes it."""
+    from rosbags.rosbag1.reader import decompressors
+
+    return next((name for name, one in decompressors.items() if one is chunk.decompressor), "")
