@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status, TooFewSamples
+from stickslip_ros.output.wording import constant_effort_text
 
 NOT_JUDGED = (Status.UNKNOWN, Status.NOT_JUDGED)
 _MOST_NAMED = 5  # joints
@@ -16,18 +18,19 @@ _OTHERWISE = "it moves too little, or turns too often"
 REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
 
 
-def data_problems(
-    dropped: Mapping[str, int], restarts: int, samples: int, *, reference_follows: bool = False
-) -> list[str]:
+def data_problems(assessment: Assessment, samples: int) -> list[str]:
     """What is wrong with a joint's samples, a sentence each; nothing if all is in order.
 
     Parameters
     ----------
-    dropped, restarts, reference_follows : as of an assessment.
     samples : how many came, those that were left out among them.
     """
-    texts = [f"{count} of {samples} samples left out: {why}" for why, count in dropped.items()]
-    if reference_follows:
+    restarts = assessment.restarts
+    texts = [f"{count} of {samples} samples left out: {why}" for why, count in assessment.dropped.items()]
+    texts += [f"{count} of {samples} values left out: {why}" for why, count in assessment.blanked.items()]
+    if math.isfinite(assessment.constant_effort):
+        texts.append(constant_effort_text(assessment.constant_effort))
+    if assessment.reference_follows:
         texts.append(REFERENCE_FOLLOWS)
     if restarts:
         times = "once" if restarts == 1 else f"{restarts} times"

@@ -31,7 +31,7 @@ from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason
 from stickslip_ros.monitoring.exact_question import ExactQuestion
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
@@ -135,9 +135,7 @@ class FollowedJoint:
         if references is not None:
             self._pairing.add_references(references)
         if samples is not None:
-            rows = samples.copy()
-            rows[:, 3] *= self.settings.effort_scale
-            self._pairing.add_samples(rows)
+            self._pairing.add_samples(self.settings.samples_to_si(samples))
         # Many samples at once cost less; what is found does not depend on it.
         return self._follow(self._pairing.take()) if self._pairing.waiting >= self._at_once else []
 
@@ -159,16 +157,15 @@ class FollowedJoint:
     def _follow(self, batch: Batch | None) -> list[Cycle]:
         if batch is None:
             return []
-        if math.isnan(self._start):
-            # Comparisons with NaN are false.
-            usable = (np.abs(batch.time) < LARGEST) & (np.abs(batch.position) < LARGEST)
-            self._start = float(batch.time[usable][0]) if usable.any() else math.nan
+        usable = batch.usable()
+        if math.isnan(self._start) and len(usable):
+            self._start = float(usable.time[0])
         self._samples += len(batch)
-        self._checks.add(batch)
+        self._checks.add(usable)
         self.with_reference = self.with_reference or bool(np.isfinite(batch.reference_position).any())
         found = self.monitor.process(batch)
         if self._traces is not None:
-            self._traces.add(batch, found, self.monitor)
+            self._traces.add(usable, found, self.monitor)
         self.cycles += found
         return found
 
@@ -193,9 +190,7 @@ class FollowedJoint:
             if assessment.here is not None:
                 exact_here = replace(question, joint=assessment.here, uncertainty=None).verdict()
         problems = (
-            *data_problems(
-                assessment.dropped, assessment.restarts, self._samples, reference_follows=assessment.reference_follows
-            ),
+            *data_problems(assessment, self._samples),
             *self._checks.problems(),
         )
         start, end = self._start, assessment.time

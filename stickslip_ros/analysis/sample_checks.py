@@ -11,7 +11,7 @@ from collections import Counter
 
 import numpy as np
 
-from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _BLOCK = 4096  # samples that are looked at together, however they come
 _MOST_BLOCKS = 25  # for what holds of a whole recording
@@ -52,9 +52,8 @@ class SampleChecks:
         self._period = math.nan
 
     def add(self, batch: Batch) -> None:
-        """Take samples."""
+        """Take usable samples."""
         columns = np.stack([batch.time, batch.position, batch.velocity, batch.effort])
-        columns = columns[:, (np.abs(columns[0]) < LARGEST) & (np.abs(columns[1]) < LARGEST)]
         self._waiting.append(columns)
         self._count += columns.shape[1]
         if self._count >= _BLOCK:
@@ -101,10 +100,9 @@ class SampleChecks:
             return
         time, position, velocity = block[:3]
         ways = np.diff(position[: count + 1 : _STRETCH])
-        with np.errstate(over="ignore", invalid="ignore"):
-            parts = 0.5 * (velocity[1 : count + 1] + velocity[:count]) * np.diff(time[: count + 1])
-            told = parts.reshape(-1, _STRETCH).sum(axis=1)
-        usable = np.isfinite(told) & (np.abs(told) < LARGEST)
+        parts = 0.5 * (velocity[1 : count + 1] + velocity[:count]) * np.diff(time[: count + 1])
+        told = parts.reshape(-1, _STRETCH).sum(axis=1)
+        usable = np.isfinite(told)
         self._ways += list(zip(ways[usable].tolist(), told[usable].tolist(), strict=True))
 
     def _single(self) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _BUCKETS = 2000  # of an outline, up to twice as many while it is made
 _CYCLES_KEPT = 5
@@ -34,10 +34,10 @@ class Outline:
         self._high = np.zeros(0)
 
     def add(self, time: FloatArray, value: FloatArray) -> None:
-        """Continue the curve; stamps before its beginning and values that are unknown or cannot be are left out."""
+        """Continue the curve; stamps before its beginning and unknown values are left out."""
         if math.isnan(self._begin) and len(time):
             self._begin = float(time[0])
-        known = (np.abs(value) < LARGEST) & (time >= self._begin)
+        known = np.isfinite(value) & (time >= self._begin)
         time, value = time[known], value[known]
         if not len(time):
             return
@@ -92,15 +92,12 @@ class JointTraces:
         self._waiting: list[Batch] = []
 
     def add(self, batch: Batch | None, cycles: Sequence[Cycle], monitor: JointMonitor) -> None:
-        """Take what the monitor took, and the cycles that it found."""
+        """Take usable samples, and the cycles that the monitor found in them."""
         if batch is not None:
-            # What the monitor leaves out; comparisons with NaN are false.
-            usable = (np.abs(batch.time) < LARGEST) & (np.abs(batch.position) < LARGEST)
-            time = batch.time[usable]
-            self.position.add(time, batch.position[usable])
-            self.reference.add(time, batch.reference_position[usable])
-            self.error.add(time, batch.position[usable] - batch.reference_position[usable])
-            self._note_friction(batch.where(usable), monitor.resolution)
+            self.position.add(batch.time, batch.position)
+            self.reference.add(batch.time, batch.reference_position)
+            self.error.add(batch.time, batch.position - batch.reference_position)
+            self._note_friction(batch, monitor.resolution)
         for cycle in cycles:
             self._distances.append(abs(cycle.slip_distance))
             samples = monitor.recent(monitor.last_time - cycle.arrest + _CYCLES_SHOWN * cycle.period)

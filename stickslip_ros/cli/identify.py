@@ -115,8 +115,8 @@ def run(options: argparse.Namespace) -> int:
         name, source = options.on, f"Identified by a ladder of speeds {options.speeds} rad/s."
     with Terminal(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
         found = identify(batch, gains, prior.joint if prior else None)
-    problems = data_problems(found.dropped, found.restarts, len(batch))
-    if sum(found.dropped.values()) == len(batch):
+    problems = data_problems(found.state, len(batch))
+    if sum(found.state.dropped.values()) == len(batch):
         raise RecordingError(f"{name}: {'; '.join(problems) or 'no samples'}")
     if options.json:
         print(json_text(_as_json(found)))

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
 
 
@@ -77,8 +78,8 @@ def gains_from_message(message: Any) -> dict[str, Gains]:
     for index, joint in enumerate(joints):
         row = dict(zip(kinds, message.data[index * len(kinds) : (index + 1) * len(kinds)], strict=True))
         for kind, value in row.items():
-            if not math.isfinite(value):
-                raise MessageError(f"gain {kind} of {joint} must be finite: {value}")
+            if not abs(value) < LARGEST:
+                raise MessageError(f"gain {kind} of {joint} must be finite and less than {LARGEST:g}: {value}")
         gains[joint] = Gains(stiffness=row["p"], damping=row["d"], integral=row.get("i", 0.0))
     return gains
 
@@ -96,11 +97,10 @@ def reference_rows(message: Any) -> dict[str, tuple[float, float]]:
     if hasattr(message, "joint_names"):
         names = message.joint_names
         # Older definitions have `desired` alone; newer ones have both, of which publishers fill one.
-        points = [getattr(message, name, None) for name in ("reference", "desired")]
-        filled = [point for point in points if point is not None and len(point.positions)]
-        if not filled and all(point is None for point in points):
+        points = [getattr(message, name) for name in ("reference", "desired") if hasattr(message, name)]
+        if not points:
             raise MessageError("it has neither a field reference nor a field desired")
-        point = filled[0] if filled else next(point for point in points if point is not None)
+        point = next((point for point in points if len(point.positions)), points[0])
         if len(point.positions) != len(names):
             raise MessageError(f"reference has {len(point.positions)} positions for {len(names)} joints")
         known = len(point.velocities) == len(names)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
 
 KINDS = ("p", "i", "d")
@@ -29,10 +30,9 @@ def joint_and_kind(name: str) -> tuple[str, str] | None:
 
 
 def gain_value(value: Any) -> float:
-    """A parameter's value, of rcl_interfaces/ParameterValue, as a finite number; NaN if it is none."""
-    if value.type == _DOUBLE and math.isfinite(value.double_value):
-        return float(value.double_value)
-    return float(value.integer_value) if value.type == _INTEGER else math.nan
+    """A parameter's value, of rcl_interfaces/ParameterValue, as a number that a gain can be; NaN if it is none."""
+    found = {_DOUBLE: value.double_value, _INTEGER: value.integer_value}.get(value.type, math.nan)
+    return float(found) if abs(found) < LARGEST else math.nan
 
 
 @dataclass(frozen=True)

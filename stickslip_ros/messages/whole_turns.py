@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip_ros.messages.joint_states import FloatArray
+from stickslip_ros.model.bounds import LARGEST
 
 _TURN = 2.0 * math.pi
 # Step that is left when the whole turn is taken off: as a share of a turn, and in steps before it. A joint that starts
@@ -21,7 +22,6 @@ _STEPS_BEFORE = 3.0
 _LARGEST_STEP = 0.1  # however fast the joint was before, so that a jump to a wrong value and back is none
 # Width of the interval that a wrapping position never leaves [turns]; a joint that counts its turns leaves it.
 _WIDEST = 1.0 + _SMALL_STEP
-_LARGEST = 1e6  # position that may be right [rad]; beyond it, and NaN, is left as it is
 WRAPS = "position wraps at a whole turn; it is read on as a continuous one"
 Say = Callable[[str], None]
 
@@ -72,7 +72,7 @@ class WholeTurns:
                 state.least, state.most = min(low, state.least), max(high, state.most)
                 state.last, state.step = float(rows[-1, 1]), float(rows[-1, 1] - rows[-2, 1])
                 return rows
-        known = np.flatnonzero(np.abs(rows[:, 1]) < _LARGEST)
+        known = np.flatnonzero(np.abs(rows[:, 1]) < LARGEST)
         if not len(known):
             return rows
         position = rows[known, 1]

@@ -94,7 +94,8 @@ class Assessment:
     cycles : how many were counted; last_cycle : the latest one.
     resolution, noise : of the position [rad].
     sample_rate : [Hz].
-    dropped : reasons for which samples were left out, and how many.
+    dropped : reasons for which samples were left out, and how many; blanked : the same of single values of samples.
+    constant_effort : the one effort that there was while the joint moved, which counts as none [N·m]; else NaN.
     reference_follows : whether what is published as the reference only repeats what is measured, and does not count.
     restarts : how often stamps went back by so much, or for so long, that the motion was followed anew from there.
     reversals : what was seen of those in which the joint stood; None if there were none.
@@ -131,6 +132,8 @@ class Assessment:
     noise: float
     sample_rate: float
     dropped: dict[str, int]
+    blanked: dict[str, int] = field(default_factory=dict)
+    constant_effort: float = math.nan
     reference_follows: bool = False
     restarts: int = 0
     reversals: ReversalRecord | None = None

@@ -18,6 +18,10 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 _SAME = 0.01
+_VELOCITY_LOOP = (
+    "velocities alone are commanded: Eq. (43) is of a position loop, whose stiffness a velocity loop has not; "
+    "there a larger proportional gain, or a higher speed, makes stick slip less likely"
+)
 _DOUBT = 0.1  # probability of being wrong, at least, of what rests on a model that does not fit
 _LEAST_VISCOUS = 0.01  # of what was estimated, that a late effort leaves
 # Always the same ones, other than those of the friction, so that what is computed from them is smooth.
@@ -85,13 +89,20 @@ def _values(belief: Belief, *, draws: bool = False) -> FloatArray:
 
 
 def believed(
-    estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None
+    estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool = False
 ) -> tuple[Belief | None, str]:
     """What to believe, or None and what is missing.
 
     What was learnt counts before what is configured, which was its prior; but not if the model explains too little, or
     the configured joint is of another friction law, of which nothing is learnt.
+
+    Parameters
+    ----------
+    gains : of the position loop, None if unknown.
+    velocity_loop : whether velocities alone are commanded; without gains there is no position loop then.
     """
+    if velocity_loop and gains is None:
+        return None, _VELOCITY_LOOP
     if configured is not None and not configured.friction.of_the_paper:
         return _configured(configured, gains, f"friction of the law {configured.friction.law_in_words} is not learnt")
     if estimate is not None and estimate.usable:

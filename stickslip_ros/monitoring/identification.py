@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
@@ -32,8 +33,7 @@ class Identification:
         is unknown or the joint hardly slid.
     cycles : stick-slip cycles that were found. speed : usual speed of the motion [rad/s].
     resolution : of the position [rad]. gains : in force, None if unknown.
-    presliding : how it gives way at rest, None of too few rests.
-    dropped, restarts : samples that were left out, as of an assessment.
+    state : of the joint at the end, which has what is wrong with the samples.
     """
 
     slips: FrictionEstimate | None
@@ -42,9 +42,12 @@ class Identification:
     speed: float
     resolution: float
     gains: Gains | None
-    presliding: PreslidingEstimate | None = None
-    dropped: dict[str, int] = field(default_factory=dict)
-    restarts: int = 0
+    state: Assessment
+
+    @property
+    def presliding(self) -> PreslidingEstimate | None:
+        """How it gives way at rest, None of too few rests."""
+        return self.state.presliding
 
     @property
     def per_inertia(self) -> bool:
@@ -114,6 +117,7 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
         raise InvalidParameterError("prior", needed, prior.friction.law_in_words)
     monitor = JointMonitor(prior, gains)
     cycles = monitor.process(batch) + monitor.finish()
+    batch = batch.usable()
     state = monitor.assessment()
     windows = [
         slip_window(batch, cycle, gains, resolution=state.resolution, noise=state.noise)
@@ -128,7 +132,5 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
         speed=sorted(speeds)[len(speeds) // 2] if speeds else math.nan,
         resolution=state.resolution,
         gains=gains,
-        presliding=state.presliding,
-        dropped=state.dropped,
-        restarts=state.restarts,
+        state=state,
     )

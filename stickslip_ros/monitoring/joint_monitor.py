@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice.adviser import Adviser
@@ -46,7 +47,7 @@ from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import LARGEST, Batch, FloatArray, SampleFilter
+from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleFilter
 
 _RECENT_CYCLES = 5
 _ANOTHER_SPEED = 4.0  # times as fast: a change of the reference's speed begins a new train
@@ -238,6 +239,7 @@ class JointMonitor:
     def process(self, batch: Batch) -> list[Cycle]:
         """Take samples and return the cycles that they complete, oldest first; how they are batched is no matter."""
         cycles: list[Cycle] = []
+        batch = self._filter.blank(batch)
         if self._motion.goes_on(batch, largest=LARGEST):
             self._filter.pass_on(batch)
             for short in _short_parts(batch):
@@ -437,7 +439,9 @@ class JointMonitor:
         return mean, "mean motion" if math.isfinite(mean) else ""
 
     def _believe(self) -> None:
-        self._prediction.follow(self.learner.estimate, self._joint, self._gains)
+        self._prediction.follow(
+            self.learner.estimate, self._joint, self._gains, velocity_loop=self._filter.velocity_alone
+        )
 
     def _sample_rate(self) -> float:
         return 1.0 / self._motion.sample_interval if self._motion.sample_interval > 0 else math.nan
@@ -495,6 +499,8 @@ class JointMonitor:
             noise=self._motion.noise,
             sample_rate=self._sample_rate(),
             dropped=dict(self._filter.dropped),
+            blanked=dict(self._filter.blanked),
+            constant_effort=self._filter.constant_effort,
             reference_follows=self._motion.reference_follows,
             restarts=self._filter.restarts,
             reversals=self._reversals.record,

@@ -33,16 +33,18 @@ class MarginPrediction:
         self._adviser = adviser or CachingAdviser()
         self._advice: Advice | None = None
         self._last: tuple[Belief, float, StabilityMargin, tuple[float, float]] | None = None
-        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None] | None = None
+        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
         self.belief: Belief | None = None
         self.disbelief = ""
 
-    def follow(self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None) -> None:
-        """Believe the same as before until something has changed that matters."""
-        basis = (estimate, configured, gains)
+    def follow(
+        self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool
+    ) -> None:
+        """Believe the same as before until something has changed that matters; parameters as of :func:`believed`."""
+        basis = (estimate, configured, gains, velocity_loop)
         if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
             return
-        belief, self.disbelief = believed(*basis)
+        belief, self.disbelief = believed(estimate, configured, gains, velocity_loop=velocity_loop)
         if belief is None or self.belief is None or not much_the_same(belief, self.belief):
             self.belief = belief
         self._basis = basis

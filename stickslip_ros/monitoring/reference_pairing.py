@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _LONGEST_WAIT = 0.2  # [s] of the data's own time, and on the clock: how far samples may run ahead of the reference
@@ -95,7 +96,7 @@ class ReferencePairing:
             return
         new = np.concatenate(self._new_references)
         self._new_references.clear()
-        new = new[np.isfinite(new[:, 0])]
+        new = new[np.abs(new[:, 0]) < LARGEST]
         # What is older by more belongs to a clock that was set back.
         self.too_late += int(((new[:, 0] <= self._gone_until) & (new[:, 0] > self._gone_until - _LATE)).sum())
         joined = np.concatenate([self._references, new])

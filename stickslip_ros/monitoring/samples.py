@@ -4,12 +4,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from stickslip_ros.model.bounds import LARGEST, LEAST_EFFORT_CHANGE, SMALLEST
+from stickslip_ros.monitoring._bounds_kernel import look
 
 FloatArray = NDArray[np.float64]
 
@@ -73,27 +77,83 @@ class Batch:
         """The samples that the mask keeps."""
         return Batch(**{name: getattr(self, name)[mask] for name in self.__dataclass_fields__})
 
+    def usable(self) -> Batch:
+        """The samples whose time and position can be, without their values that cannot."""
+        # Comparisons with NaN are false.
+        return self.bounded()[0].where((np.abs(self.time) < LARGEST) & (np.abs(self.position) < LARGEST))
+
+    def bounded(self) -> tuple[Batch, dict[str, int]]:
+        """The same with NaN in place of values that cannot be; and how many there were, by reason.
+
+        Samples whose time or position cannot be are left out as a whole, by :class:`SampleFilter`.
+        """
+        values = {name: getattr(self, name) for name in _BOUNDED}
+        size = np.abs(self.effort)
+        wrong = {(name, f"infinite or larger than {LARGEST:g}"): np.abs(values[name]) >= LARGEST for name in _BOUNDED}
+        wrong["effort", "as small as only memory that nobody wrote is"] = (size > 0.0) & (size < SMALLEST)
+        counts = {}
+        for (name, why), mask in wrong.items():
+            if mask.any():
+                values[name] = np.where(mask, math.nan, values[name])
+                counts[f"{name.replace('_', ' ')} is {why}"] = int(mask.sum())
+        return replace(self, **values), counts
+
+
+_BOUNDED = ("velocity", "effort", "reference_position", "reference_velocity")
+
+
+def effort_is_measured(effort: FloatArray) -> bool:
+    """Whether efforts are all known, and change: a constant is none that moved anything."""
+    return bool(np.isfinite(effort).all()) and len(effort) > 0 and float(np.ptp(effort)) >= LEAST_EFFORT_CHANGE
+
 
 _OUT_OF_ORDER = 1.0  # [s] a stamp may be late by that much before it means that time began anew
 _BACKWARD_IN_A_ROW = 20
-LARGEST = 1e12  # no joint's position and no clock's time; the arithmetic stays exact enough below it
 
 
 @dataclass
 class SampleFilter:
     """Keeps samples in strict order of time, with finite time and position, and counts what it drops.
 
-    ``dropped`` maps a reason to how often it occurred; ``restarts`` counts how often time began anew.
+    ``dropped`` maps a reason to how many samples were left out for it, ``blanked`` to how many values of samples that
+    were kept; ``restarts`` counts how often time began anew.
     """
 
     last_time: float = -np.inf
     dropped: dict[str, int] = field(default_factory=dict)
+    blanked: dict[str, int] = field(default_factory=dict)
     restarts: int = 0
     _backward: int = 0
+    # Whether any reference position and any reference velocity came; lowest and highest effort and position.
+    _referred: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(2, dtype=np.bool_))
+    _extremes: FloatArray = field(default_factory=lambda: np.array([[np.inf, -np.inf], [np.inf, -np.inf]]))
+
+    def blank(self, batch: Batch) -> Batch:
+        """The samples without values that cannot be, which are counted; to be called once for each."""
+        if look(
+            self._extremes, self._referred, LARGEST, SMALLEST, batch.position, batch.velocity, batch.effort,
+            batch.reference_position, batch.reference_velocity,
+        ):  # fmt: skip
+            return batch
+        batch, counts = batch.bounded()
+        for reason, number in counts.items():
+            self.blanked[reason] = self.blanked.get(reason, 0) + number
+        return batch
+
+    @property
+    def constant_effort(self) -> float:
+        """The one effort that there was while the joint moved [N·m]: no measured one; else NaN."""
+        (least, most), (low, high) = self._extremes.tolist()
+        return float(least) if 0.0 <= most - least < LEAST_EFFORT_CHANGE and low < high else math.nan
 
     def pass_on(self, batch: Batch) -> None:
         """Take note of samples that simply go on."""
         self.last_time, self._backward = float(batch.time[-1]), 0
+
+    @property
+    def velocity_alone(self) -> bool:
+        """Whether the references that came have velocities and no positions."""
+        return bool(self._referred[1] and not self._referred[0])
 
     def split(self, batch: Batch) -> list[tuple[bool, Batch]]:
         """The usable samples, in pieces; a piece marked True begins a new recording."""

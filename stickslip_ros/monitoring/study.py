@@ -107,11 +107,16 @@ def study(question: StudyQuestion) -> Learnt | None:
 
 
 def _fitted(question: StudyQuestion) -> Learnt | None:
-    """What a study finds; a fit whose errors are no numbers is none."""
+    """Result of a study; None if a number of it is not finite. A trial that overflows is one that fits badly."""
     try:
-        return _study(question)
+        with np.errstate(all="ignore"):
+            found = _study(question)
     except LinAlgError:
         return None
+    finite = found is not None and all(
+        np.isfinite(one).all() for one in (found.parameters, found.kinetic, found.spread)
+    )
+    return found if finite else None
 
 
 def _study(question: StudyQuestion) -> Learnt | None:

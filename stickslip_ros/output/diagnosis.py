@@ -23,7 +23,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.output import published as told
 from stickslip_ros.output.believed import believed_values
-from stickslip_ros.output.wording import friction_change_text, reason_text
+from stickslip_ros.output.wording import constant_effort_text, friction_change_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 
@@ -191,8 +191,10 @@ def joint_diagnostic(
         values += told.PRESLIDING.for_diagnostics(assessment.presliding)
     values += told.POSITION.for_diagnostics(assessment)
     values += told.SAMPLING.for_diagnostics(assessment)
-    left_out = "; ".join(f"{reason}: {count}" for reason, count in assessment.dropped.items())
-    values.append(("samples left out", left_out))
+    for what, counts in (("samples", assessment.dropped), ("values", assessment.blanked)):
+        values.append((f"{what} left out", "; ".join(f"{reason}: {count}" for reason, count in counts.items())))
+    if math.isfinite(assessment.constant_effort):
+        values.append(("effort", constant_effort_text(assessment.constant_effort)))
     return _diagnosis(level, name, message, values)
 
 

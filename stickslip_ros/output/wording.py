@@ -84,6 +84,11 @@ def reversals_text(record: ReversalRecord) -> str:
     return f"it {stands}, and falls behind by {with_prefix(record.peak_error, 'rad')}"
 
 
+def constant_effort_text(effort: float) -> str:
+    """What is to be said of an effort that never changes while its joint moves."""
+    return f"its effort is always {effort:.3g}, which no joint that moves measures: it counts as unknown"
+
+
 def in_metres_text(names: Iterable[str]) -> str:
     """What is to be said of joints whose positions are in metres."""
     return f"positions of {', '.join(names)} are in m; wherever rad is said, read m, and N for N·m"

@@ -21,6 +21,7 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.outcome import is_steady
 from stickslip_ros.monitoring.identification import Identification
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.settings.joint_file import joint_file_text
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
@@ -42,7 +43,15 @@ def file(tmp_path: Path) -> Path:
 def joint_text(law: str) -> str:
     """A joint file of the paper's joint with another law."""
     joint = replace(PUMA.joint, friction=replace(PUMA.joint.friction, law="exponential"))
-    found = Identification(slips=None, sliding=None, cycles=(), speed=0.00493, resolution=0.0, gains=None)
+    found = Identification(
+        slips=None,
+        sliding=None,
+        cycles=(),
+        speed=0.00493,
+        resolution=0.0,
+        gains=None,
+        state=JointMonitor().assessment(),
+    )
     return joint_file_text("exponential", joint, found, PUMA.gains, "A test.").replace(
         "law: exponential", f"law: {law}"
     )

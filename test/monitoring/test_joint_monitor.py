@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -315,3 +316,22 @@ def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
     assert sum(in_time) >= 0.8 * len(in_time)
     whole = JointMonitor(at_arrest=True)
     assert [c.arrest for c in whole.process(recording.batch) + whole.finish()] == [c.arrest for _, c in told]
+
+
+def test_a_velocity_loop_has_no_stiffness_to_advise(puma: Joint) -> None:
+    """Issue 34, item 9: Eq. (43) is of a position loop; what helps is said in terms of the velocity loop."""
+    batch = record(puma, STICKING, 0.0058, duration=10.0, every=4).batch
+    commanded = replace(batch, reference_position=np.full(len(batch), math.nan), effort=np.zeros(0))
+    for joint in (None, puma):
+        monitor = JointMonitor(joint, studies_at_once=True)
+        monitor.process(commanded)
+        monitor.finish()
+        found = monitor.assessment()
+        assert found.finding.status is Status.STICK_SLIP
+        assert found.margin is None
+        assert found.advice is None
+        assert "velocities alone are commanded" in found.margin_reason
+        assert "proportional gain" in found.margin_reason
+    # Known gains are of a position loop, whatever is published of the reference.
+    monitor.gains = STICKING
+    assert monitor.assessment().margin is not None

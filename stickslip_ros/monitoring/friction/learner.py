@@ -274,11 +274,14 @@ class FrictionLearner:
         share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
         unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
         try:
-            said = evidence(
-                problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),
-                parameters=state.parameters, kinetic=state.kinetic, unknowns=unknowns,
-            )  # fmt: skip
+            with np.errstate(all="ignore"):
+                said = evidence(
+                    problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),
+                    parameters=state.parameters, kinetic=state.kinetic, unknowns=unknowns,
+                )  # fmt: skip
         except LinAlgError:
+            return
+        if not (np.isfinite(said.information).all() and np.isfinite(said.gradient).all()):
             return
         if self._is_strange(problem, said, state):
             self._find_strange(window)

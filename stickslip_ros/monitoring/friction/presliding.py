@@ -25,7 +25,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.friction.estimate import IDENTIFIED, ParameterEstimate
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
 
 _KEPT = 100  # rests
 _LEAST_RESTS = 6
@@ -142,9 +142,9 @@ def _slopes(seen: Batch, rest: Rest, gains: Gains | None, resolution: float) -> 
         if not np.isfinite(speeds).all():
             speeds = np.gradient(references, times)
         force = float(gains.stiffness) * (references - positions) + float(gains.damping) * speeds
-        if np.isfinite(efforts).all() and np.ptp(efforts - force) > _BESIDE * np.ptp(force):
+        if effort_is_measured(efforts) and np.ptp(efforts - force) > _BESIDE * np.ptp(force):
             return None
-    if not np.isfinite(force).all():
+    elif not effort_is_measured(efforts):
         return None
     direction = rest.direction_after
     force, creep = direction * force, direction * (positions - positions[0])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import stribeck_shape
 from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
 
 NAMES = ("coulomb", "viscous", "stribeck", "stribeck_velocity", "load", "inertia")
 _COULOMB, _VISCOUS, _STRIBECK, _STRIBECK_VELOCITY, _LOAD, _INERTIA = range(6)
@@ -132,7 +132,7 @@ def sliding_friction(batch: Batch, *, resolution: float = 0.0, inertia: float | 
 def _stretches(batch: Batch, resolution: float) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]] | None:
     """Mean velocity, force and acceleration of stretches of sliding, and which part of the record they are in."""
     known = np.isfinite(batch.effort)
-    if known.sum() < 2 * _LEAST_STRETCHES:
+    if known.sum() < 2 * _LEAST_STRETCHES or not effort_is_measured(batch.effort[known]):
         return None
     batch = batch.where(known)
     time, position = batch.time, batch.position

@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
 
 _MOST_OBSERVATIONS = 240
 _SHAPE_NODES = 40  # for the reference and the effort, beside those of the observations
@@ -253,7 +253,7 @@ def _forces(
     samples: Batch, part: Batch, resting: slice, gains: Gains | None, duration: float, resolution: float
 ) -> tuple[ForceSource, Gains | None, FloatArray]:
     """Where the force comes from, the gains that count, and the force beside theirs at each sample."""
-    effort_known = bool(np.isfinite(part.effort).all())
+    effort_known = effort_is_measured(part.effort)
     reference_known = bool(np.isfinite(part.reference_position).all())
     none = np.zeros(len(part))
     if gains is not None and reference_known and gains.integral == 0:

@@ -12,6 +12,7 @@ from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
 
 from stickslip_ros.messages.gain_parameters import KINDS, HeardGains, gain_name, gain_value, joint_and_kind
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 
@@ -170,7 +171,9 @@ class ControllerGains:
         if math.isfinite(found):
             self._heard.set(joint, kind, found)
         elif value.type != ParameterType.PARAMETER_NOT_SET:
-            self._node.get_logger().warning(f"gain {kind} of {joint} in {self.name} is not a finite number; ignored")
+            self._node.get_logger().warning(
+                f"gain {kind} of {joint} in {self.name} is not finite and less than {LARGEST:g}; ignored"
+            )
 
     def _tell(self, joint: str) -> None:
         gains = self._heard.of(joint)

@@ -64,9 +64,7 @@ class WatchedJoint:
 
     def add_samples(self, rows: FloatArray) -> None:
         """Rows of time, position, velocity and effort, the effort in its publisher's units; of shape (n, 4)."""
-        if self.settings.effort_scale != 1.0:
-            rows = rows * (1.0, 1.0, 1.0, self.settings.effort_scale)
-        self.pairing.add_samples(rows)
+        self.pairing.add_samples(self.settings.samples_to_si(rows))
 
     def advised(self, assessment: Assessment) -> Gains | None:
         """Recommended gains in the controller's units, None if there are none or the present ones are not known."""

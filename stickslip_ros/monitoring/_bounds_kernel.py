@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled look at every sample of a joint: whether its values are within bounds, and between which they lie."""
+
+from __future__ import annotations
+
+from stickslip_ros.compilation import kernel
+
+
+@kernel()
+def look(extremes, referred, largest, smallest, positions, velocities, efforts, references, reference_velocities):
+    """Whether no value but a position is as large as ``largest`` and no effort denormal; NaN is within.
+
+    The extremes, lowest and highest effort and position, shape (2, 2), are widened by samples with both; ``referred``,
+    shape (2,), becomes True where a reference position, or a reference velocity, is known.
+    """
+    within = True
+    for n in range(efforts.shape[0]):
+        effort, position = efforts[n], positions[n]
+        # Comparisons with NaN are false.
+        if abs(velocities[n]) >= largest or abs(references[n]) >= largest or abs(reference_velocities[n]) >= largest:
+            within = False
+        referred[0] = referred[0] or abs(references[n]) < largest
+        referred[1] = referred[1] or abs(reference_velocities[n]) < largest
+        if abs(effort) >= largest or 0.0 < abs(effort) < smallest:
+            within = False
+        elif abs(effort) < largest and abs(position) < largest:
+            extremes[0, 0], extremes[0, 1] = min(extremes[0, 0], effort), max(extremes[0, 1], effort)
+            extremes[1, 0], extremes[1, 1] = min(extremes[1, 0], position), max(extremes[1, 1], position)
+    return within
