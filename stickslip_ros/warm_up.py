@@ -95,10 +95,12 @@ def _use_messages() -> None:
     from stickslip_ros.bags.storage import _record_kernel as kernel
     from stickslip_ros.messages.blocks import Block
     from stickslip_ros.messages.joint_states import JointStateDecoder
+    from stickslip_ros.messages.whole_turns import WholeTurns
 
     # A JointState with no stamp, of one joint, "a", at position 0.
     message = struct.pack("<BBxx iI I4x I I2s2x Id I I", 0, 1, 0, 0, 1, 1, 2, b"a", 1, 0.0, 0, 0)
     JointStateDecoder().decode(Block.of_messages([(0, 0, message)], {}), np.arange(1))
+    WholeTurns().removed("a", np.zeros((1, 4)))
     kernel.walk(np.frombuffer(message, dtype=np.uint8), 0, 1, np.empty((1, kernel.COLUMNS), dtype=np.int64))
 
 
@@ -149,9 +151,9 @@ def _example() -> tuple[Joint, Gains]:
 
 PARTS = {
     "verdict": Part(use=_use_verdict, functions=35, seconds=10.0, node=False),
-    "detection": Part(use=_use_detection, functions=31, seconds=8.0, node=True),
+    "detection": Part(use=_use_detection, functions=32, seconds=8.0, node=True),
     "simulation": Part(use=_use_simulation, functions=36, seconds=10.0, node=True),
-    "messages": Part(use=_use_messages, functions=9, seconds=2.0, node=True),
+    "messages": Part(use=_use_messages, functions=10, seconds=2.0, node=True),
 }
 
 

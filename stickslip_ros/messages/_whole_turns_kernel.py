@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Compiled search for whole turns in the positions of one joint; see :mod:`.whole_turns`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip_ros.compilation import kernel
+
+TURN = 2.0 * math.pi
+# Step that is left when the whole turn is taken off: as a share of a turn, and in steps before it. A joint that starts
+# or speeds up within one sample stays below that.
+SMALL_STEP = 0.02
+STEPS_BEFORE = 3.0
+LARGEST_STEP = 0.1  # of a turn, however fast the joint was before: a jump to a wrong value and back is no turn
+# Width of the interval that a wrapping position never leaves [turns]; a joint that counts its turns leaves it.
+WIDEST = 1.0 + SMALL_STEP
+# Columns of a joint's state [rad]: last position and lowest and highest one as they came, last step less its turn, and
+# what is added.
+LAST, LOWEST, HIGHEST, STEP, ADDED = range(5)
+
+
+@kernel()
+def follow(positions, largest, state, added):
+    """Set what is added to each position, go on with the state, and return how many whole turns were removed.
+
+    Positions that are NaN, or as large as ``largest``, change nothing.
+    """
+    turns = 0
+    for n in range(positions.shape[0]):
+        position = positions[n]
+        if abs(position) < largest:
+            step = 0.0 if np.isnan(state[LAST]) else position - state[LAST]
+            state[LAST] = position
+            state[LOWEST], state[HIGHEST] = min(state[LOWEST], position), max(state[HIGHEST], position)
+            if abs(abs(step) - TURN) < LARGEST_STEP * TURN:
+                turn = math.copysign(TURN, step)
+                step -= turn
+                goes_on = abs(step) <= STEPS_BEFORE * abs(state[STEP]) + SMALL_STEP * TURN
+                if goes_on and state[HIGHEST] - state[LOWEST] <= WIDEST * TURN:
+                    state[ADDED] -= turn
+                    turns += 1
+            state[STEP] = step
+        added[n] = state[ADDED]
+    return turns
