@@ -15,7 +15,7 @@ TURN = 2.0 * math.pi
 # or speeds up within one sample stays below that.
 SMALL_STEP = 0.02
 STEPS_BEFORE = 3.0
-LARGEST_STEP = 0.1  # of a turn, however fast the joint was before: a jump to a wrong value and back is no turn
+LARGEST_STEP = 0.1  # of a turn, however fast the joint was before; no joint moves further from sample to sample
 # Width of the interval that a wrapping position never leaves [turns]; a joint that counts its turns leaves it.
 WIDEST = 1.0 + SMALL_STEP
 # Columns of a joint's state [rad]: last position and lowest and highest one as they came, last step less its turn, and
@@ -36,13 +36,16 @@ def follow(positions, largest, state, added):
             step = 0.0 if np.isnan(state[LAST]) else position - state[LAST]
             state[LAST] = position
             state[LOWEST], state[HIGHEST] = min(state[LOWEST], position), max(state[HIGHEST], position)
-            if abs(abs(step) - TURN) < LARGEST_STEP * TURN:
-                turn = math.copysign(TURN, step)
+            turn = math.copysign(TURN, step)
+            left = abs(step - turn)
+            goes_on = left < LARGEST_STEP * TURN and left <= STEPS_BEFORE * abs(state[STEP]) + SMALL_STEP * TURN
+            if goes_on and state[HIGHEST] - state[LOWEST] <= WIDEST * TURN:
+                state[ADDED] -= turn
+                turns += 1
                 step -= turn
-                goes_on = abs(step) <= STEPS_BEFORE * abs(state[STEP]) + SMALL_STEP * TURN
-                if goes_on and state[HIGHEST] - state[LOWEST] <= WIDEST * TURN:
-                    state[ADDED] -= turn
-                    turns += 1
+            elif abs(step) > LARGEST_STEP * TURN:
+                # A jump to a wrong value: the jump back is no turn either.
+                step = np.nan
             state[STEP] = step
         added[n] = state[ADDED]
     return turns

@@ -88,6 +88,16 @@ def test_whole_turns_are_removed_alike_in_batches_of_any_size(size: int) -> None
         assert bool(turns.counts) == (number == 0)
 
 
+def test_wrong_values_about_a_turn_away_leave_no_turn_behind() -> None:
+    """Every tenth sample is zero, at positions from 5 to 6.3 rad: the others stay where they are."""
+    times = np.arange(0.0, 13.0, 0.01)
+    right = 5.0 + 0.1 * times
+    rows = np.column_stack([times, np.where(np.arange(len(times)) % 10 == 5, 0.0, right)])
+    found = WholeTurns().removed("a", rows)[:, 1]
+    measured = np.arange(len(times)) % 10 != 5
+    np.testing.assert_allclose(found[measured], right[measured], atol=1e-9)
+
+
 ARM = ("shoulder_pan", "elbow", "wrist", "x", "y", "z", "gripper")
 
 
@@ -413,6 +423,7 @@ def _messages(
 
 
 SWING = 0.4 * np.sin(0.5 * 0.02 * np.arange(2000))
+RAMP = 0.006 * np.arange(2000) + 0.03 * np.sin(0.02 * np.arange(2000))
 SPEED = 0.2 * np.cos(0.5 * 0.02 * np.arange(2000))
 
 
@@ -426,6 +437,7 @@ def _with(values: np.ndarray, at: Any, wrong: float) -> np.ndarray:
     ("position", "velocity", "said"),
     [
         (np.repeat(SWING[::10], 10), None, "joint1: each value comes 10 times, 5 new ones a second of 50"),
+        (np.repeat(RAMP[::10], 10), None, "joint1: each value comes 10 times, 5 new ones a second of 50"),
         (np.repeat(SWING[::10], 10), np.repeat(SPEED[::10], 10), "each value comes 10 times"),
         (_with(SWING, slice(5, None, 10), 7.0), None, "single samples stand far off both neighbours"),
         (_with(np.full(2000, 0.6) + 1e-4 * (np.arange(2000) % 7 == 0), 900, -math.pi), None, "1 sample stands far off"),
