@@ -4,13 +4,11 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any, Protocol
 
@@ -19,27 +17,29 @@ from numpy.typing import NDArray
 
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
 from stickslip_ros.bags.table_columns import Named
+from stickslip_ros.bags.table_text import (
+    CLOCK,
+    DATE,
+    DAY,
+    below_a_preamble,
+    cells_of,
+    columns_of_an_echo,
+    delimiter_of,
+    header_of,
+    is_number,
+)
 from stickslip_ros.regular_files import open_regular
 
 FloatArray = NDArray[np.float64]
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".npz")
-_DELIMITERS = (";", "\t", ",", "|")
-_COMMENTS = ("#", "%")
 _LOOKED_AT = 1 << 16  # bytes from which the form of a text is told
 _ROWS_LOOKED_AT = 50
-_LARGEST_CELL = 1_000_000  # characters
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
-_DAY = re.compile(r"\d{4}-\d\d-\d\d")
-_CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?")
 _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 _BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", re.DOTALL)
 _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
 _BYTES_OF_A_VALUE = 8
-_LONGEST_PREAMBLE = 100  # lines
 _NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
-_ECHOED = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
-_ECHOED_FIELDS = ("position", "velocity", "effort")
 
 
 class MissingPackageError(Exception):
@@ -132,24 +132,24 @@ class _Text(_Plain):
         self._file = file
         begin = file.read(_LOOKED_AT)
         lines = begin.splitlines(keepends=True)
-        self._skipped, header = _header_of(lines)
+        self._skipped, header = header_of(lines)
         self._above = 0
-        below = _below_a_preamble(lines, self._skipped)
+        below = below_a_preamble(lines, self._skipped)
         if below is not None:
             self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
-        self._delimiter = _delimiter(header, texts)
-        self._columns = _cells(header, self._delimiter)
-        named = _columns_of_an_echo(self._columns)
+        self._delimiter = delimiter_of(header, texts)
+        self._columns = cells_of(header, self._delimiter)
+        named = columns_of_an_echo(self._columns)
         if named:
             # The message's own layout stands for the line of names that is not there.
             self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
-        if all(_is_number(cell) for cell in self._columns):
+        if all(is_number(cell) for cell in self._columns):
             raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
-        rows = [_cells(text, self._delimiter) for text in texts]
+        rows = [cells_of(text, self._delimiter) for text in texts]
         values = [cell for row in rows for cell in row]
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
         self._decimal = "," if commas else "."
@@ -158,9 +158,9 @@ class _Text(_Plain):
         self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
         }
-        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
-        self.days = frozenset(name for name, cell in firsts.items() if _DAY.fullmatch(cell))
-        self.clocks = frozenset(name for name, cell in firsts.items() if _CLOCK.fullmatch(cell))
+        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if DATE.match(cell)}
+        self.days = frozenset(name for name, cell in firsts.items() if DAY.fullmatch(cell))
+        self.clocks = frozenset(name for name, cell in firsts.items() if CLOCK.fullmatch(cell))
         self.dates = frozenset(self._zones) | self.days | self.clocks
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
         above = f", below {self._above} other lines" if self._above else ""
@@ -223,93 +223,6 @@ class _Text(_Plain):
             if row == 0:
                 break
         return line
-
-
-def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
-    """Which line has the names, counted from 0, and its text: the first one that is no comment, or a comment above
-    numbers.
-    """
-    comment = None
-    for number, line in enumerate(lines):
-        try:
-            text = line.decode("utf-8-sig" if number == 0 else "utf-8").strip("\r\n")
-        except UnicodeDecodeError as error:
-            raise ValueError(f"line {number + 1}: must be text in UTF-8: {error.reason}") from error
-        if not text.strip():
-            continue
-        if text.lstrip().startswith(_COMMENTS):
-            comment = number, text.lstrip().lstrip("".join(_COMMENTS)).lstrip(" ")
-            continue
-        begins = re.split(r"[;,\t| ]+", text.strip())[0]
-        return comment if comment is not None and _is_number(begins) else (number, text)
-    raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
-
-
-def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
-    """The line of names, and its number, where others stand above it: as many names as there are values below, while
-    the first line has another number of them. None if there are no such lines.
-    """
-    texts = {number: line.decode("utf-8", "replace").strip("\r\n") for number, line in enumerate(lines[:-1], 0)}
-    texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
-    numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
-    for delimiter in (*_DELIMITERS, " "):
-        counts = {number: len(_cells(texts[number], delimiter)) for number in numbers}
-        if not numbers or counts[numbers[-1]] < 2 or counts[first] == counts[numbers[-1]]:
-            continue
-        for number, after in pairwise(numbers):
-            values = _cells(texts[after], delimiter)
-            if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
-                names = _cells(texts[number], delimiter)
-                return None if any(map(_is_value, names)) else (number, texts[number])
-    return None
-
-
-def _is_value(cell: str) -> bool:
-    return _is_number(cell) or _DATE.match(cell) is not None or bool(_DAY.fullmatch(cell) or _CLOCK.fullmatch(cell))
-
-
-def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
-    """Names of the columns that `ros2 topic echo --csv` prints of a JointState, which has no line of names: stamp,
-    frame, names, and as many positions, then velocities, then efforts; [] if it is none.
-    """
-    stamp, rest = cells[: len(_ECHOED)], cells[len(_ECHOED) :]
-    count = next((number for number, cell in enumerate(rest) if _is_number(cell)), 0)
-    kinds, more = divmod(len(rest) - count, count) if count else (0, 0)
-    numbers = [*stamp[:2], *rest[count:]]
-    if not 1 <= kinds <= len(_ECHOED_FIELDS) or more or not all(map(_is_number, numbers)) or _is_number(stamp[2]):
-        return []
-    fields = ("name", *_ECHOED_FIELDS[:kinds])
-    return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
-
-
-def _delimiter(header: str, rows: Sequence[str]) -> str:
-    """What stands between values: what the names and the first rows have as often."""
-    for delimiter in _DELIMITERS:
-        count = len(_cells(header, delimiter))
-        if count > 1 and rows and len(_cells(rows[0], delimiter)) == count:
-            return delimiter
-    most = max(_DELIMITERS, key=header.count)
-    if header.count(most):
-        return most
-    return " " if " " in header.strip() else ","
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    if delimiter == " ":
-        return line.split()
-    csv.field_size_limit(_LARGEST_CELL)
-    try:
-        return [cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])]
-    except csv.Error as error:
-        raise ValueError(str(error)) from error
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _numbers(arrow: Any, column: Any) -> FloatArray:

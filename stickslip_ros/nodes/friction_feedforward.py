@@ -15,6 +15,7 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import FloatArray
@@ -105,7 +106,7 @@ def feedforward(settings: Feedforward, friction: Friction, velocity: float) -> f
     Within a tenth of the Stribeck velocity it passes smoothly from one direction to the other, so that a reference that
     only trembles about zero does not make it jump.
     """
-    if not math.isfinite(velocity):
+    if not abs(velocity) < LARGEST:
         return 0.0
     near = math.tanh(abs(velocity) / (_NEAR_REST * float(friction.stribeck_velocity)))
     torque = settings.share * near * float(np.asarray(steady_friction(friction, velocity)))

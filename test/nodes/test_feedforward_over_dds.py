@@ -128,6 +128,8 @@ def test_the_torque() -> None:
     assert feedforward(whole, FRICTION, -0.02) == -feedforward(whole, FRICTION, 0.02)
     assert feedforward(whole, FRICTION, 0.0) == 0.0
     assert feedforward(whole, FRICTION, math.nan) == 0.0
+    # Issue 34, item 12: no reference has this velocity.
+    assert feedforward(whole, FRICTION, 1e200) == 0.0
     assert abs(feedforward(whole, FRICTION, 1e-6)) < 0.05
     assert feedforward(Feedforward(share=1.0, largest=3.0), FRICTION, 0.02) == 3.0
 
