@@ -25,6 +25,7 @@ _BEYOND = 5.0
 _REPEATS = 4
 _FEWEST_RUNS = 20
 _NEARLY_ALL = 0.95
+_FEWEST_STEPS = 3  # of different sizes, in tenths of the smallest; a coarse encoder at one speed has one or two
 _EXACT_BELOW = 8  # repeats, from which on one more or less is the timers' own
 # Velocity and position are compared over stretches of so many samples, if the joint moved in enough of them. Factors
 # between the limits, and a correlation above, are those of filters, quantisation and delays.
@@ -101,9 +102,9 @@ class SampleChecks:
         time, position, velocity = block[:3]
         ways = np.diff(position[: count + 1 : _STRETCH])
         parts = 0.5 * (velocity[1 : count + 1] + velocity[:count]) * np.diff(time[: count + 1])
-        told = parts.reshape(-1, _STRETCH).sum(axis=1)
-        usable = np.isfinite(told)
-        self._ways += list(zip(ways[usable].tolist(), told[usable].tolist(), strict=True))
+        integrals = parts.reshape(-1, _STRETCH).sum(axis=1)
+        known = np.isfinite(integrals)
+        self._ways += list(zip(ways[known].tolist(), integrals[known].tolist(), strict=True))
 
     def _single(self) -> str:
         if not self._wrong:
@@ -113,7 +114,7 @@ class SampleChecks:
 
     def _republished(self) -> str:
         count = sum(self._runs.values())
-        if count < _FEWEST_RUNS or (not self._all_fields and len(self._steps) < 3):
+        if count < _FEWEST_RUNS or (not self._all_fields and len(self._steps) < _FEWEST_STEPS):
             return ""
         lengths = np.array(sorted(self._runs.elements()))
         usual = int(np.median(lengths))

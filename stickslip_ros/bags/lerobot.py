@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -27,6 +28,7 @@ from stickslip_ros.regular_files import open_regular, read_regular
 _INFO = Path("meta") / "info.json"
 _LARGEST_INFO = 4_000_000  # bytes
 _MOST_EPISODES = 100_000
+_FILES_KNOWN = 1024  # whose episodes are not read again for each of them
 _EPISODE = re.compile(r"episode_(\d{1,9})")
 _INDEX = "episode_index"
 _STATE, _ACTION = "observation.state", "action"
@@ -210,11 +212,18 @@ def _data_files(folder: Path) -> list[Path]:
     return sorted((folder / "data").glob("chunk-*/*.parquet"))
 
 
-def _numbers_in(file: Path) -> set[int]:
+def _numbers_in(file: Path) -> frozenset[int]:
     """The episodes that a file holds; none if it is damaged."""
+    state = file.stat()
+    return _numbers_as_of(file, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=_FILES_KNOWN)
+def _numbers_as_of(file: Path, modified: int, size: int) -> frozenset[int]:
+    """The same of a file as it was modified at a time [ns], with a size [bytes]."""
     try:
         with open_regular(file) as stream:
-            table = ParquetFile(stream, UnpackLimit().of_table(file.stat().st_size))
-            return {int(number) for number in np.unique(table.read([_INDEX])[_INDEX]) if 0 <= number < 1e9}
+            table = ParquetFile(stream, UnpackLimit().of_table(size))
+            return frozenset(int(one) for one in np.unique(table.read([_INDEX])[_INDEX]) if 0 <= one < 1e9)
     except (ValueError, KeyError):
-        return set()
+        return frozenset()

@@ -26,7 +26,7 @@ _REFERENCES = ("joint_references", "joint_reference", "references", "reference",
 _GAINS = "pd_gains"
 _LEADS = frozenset({"leader", "lead", "master"})
 _FOLLOWS = frozenset({"follower", "follow", "slave", "puppet"})
-_READ = frozenset({joint_states.TYPE, *REFERENCE_TYPES, GAINS_TYPE, EVENTS_TYPE})
+READ_TYPES = frozenset({joint_states.TYPE, *REFERENCE_TYPES, GAINS_TYPE, EVENTS_TYPE})
 _MOST_DEFINITIONS = 200  # of one type there are as many as its package had versions
 _MOST_TOPICS = 1000  # of those types
 _MOST_ROBOTS = 100  # of a bag; what is whose is found by comparing all with all
@@ -130,7 +130,7 @@ class _Candidates:
         there = {channel: count for channel, count in channels.items() if count != 0}
         notes: list[str] = []
         known = [channel for channel in there if channel.type == joint_states.TYPE]
-        read = [channel for channel in there if channel.type in _READ]
+        read = [channel for channel in there if channel.type in READ_TYPES]
         if len(read) > _MOST_TOPICS:
             raise RecordingError(f"it has {len(read)} topics of the types that are read; at most {_MOST_TOPICS} can be")
         definitions = {channel.schema for channel in read}

@@ -14,7 +14,7 @@ from stickslip_ros.model.friction import Gains
 
 KINDS = ("p", "i", "d")
 _EQUAL, _NOTHING = 1e-9, 1e-12
-_INTEGER, _DOUBLE = 2, 3  # of rcl_interfaces/ParameterType
+_NUMBERS = {2: "integer_value", 3: "double_value"}  # fields of ParameterValue, by rcl_interfaces/ParameterType
 
 
 def gain_name(joint: str, kind: str) -> str:
@@ -31,8 +31,10 @@ def joint_and_kind(name: str) -> tuple[str, str] | None:
 
 def gain_value(value: Any) -> float:
     """A parameter's value, of rcl_interfaces/ParameterValue, as a number that a gain can be; NaN if it is none."""
-    found = {_DOUBLE: value.double_value, _INTEGER: value.integer_value}.get(value.type, math.nan)
-    return float(found) if abs(found) < LARGEST else math.nan
+    if value.type not in _NUMBERS:
+        return math.nan
+    found = float(getattr(value, _NUMBERS[value.type]))
+    return found if abs(found) < LARGEST else math.nan
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,9 @@ class Batch:
         values = {name: getattr(self, name) for name in _BOUNDED}
         size = np.abs(self.effort)
         wrong = {(name, f"infinite or larger than {LARGEST:g}"): np.abs(values[name]) >= LARGEST for name in _BOUNDED}
-        wrong["effort", "as small as only memory that nobody wrote is"] = (size > 0.0) & (size < SMALLEST)
+        wrong["effort", f"denormal (below {SMALLEST:.2g}), as memory that nobody wrote is"] = (size > 0.0) & (
+            size < SMALLEST
+        )
         counts = {}
         for (name, why), mask in wrong.items():
             if mask.any():

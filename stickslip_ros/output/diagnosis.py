@@ -191,10 +191,11 @@ def joint_diagnostic(
         values += told.PRESLIDING.for_diagnostics(assessment.presliding)
     values += told.POSITION.for_diagnostics(assessment)
     values += told.SAMPLING.for_diagnostics(assessment)
-    for what, counts in (("samples", assessment.dropped), ("values", assessment.blanked)):
-        values.append((f"{what} left out", "; ".join(f"{reason}: {count}" for reason, count in counts.items())))
+    samples = [f"{reason}: {count}" for reason, count in assessment.dropped.items()]
+    single = [f"{reason}: {count}" for reason, count in assessment.blanked.items()]
     if math.isfinite(assessment.constant_effort):
-        values.append(("effort", constant_effort_text(assessment.constant_effort)))
+        single.append(constant_effort_text(assessment.constant_effort))
+    values += [("samples left out", "; ".join(samples)), ("values left out", "; ".join(single))]
     return _diagnosis(level, name, message, values)
 
 

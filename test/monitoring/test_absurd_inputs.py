@@ -27,7 +27,7 @@ from stickslip_ros.settings.known_joints import load_joint
 GAINS = Gains(stiffness=630.0)
 TOO_LARGE, TOO_SMALL = (
     "effort is infinite or larger than 1e+12",
-    "effort is as small as only memory that nobody wrote is",
+    "effort is denormal (below 2.2e-308), as memory that nobody wrote is",
 )
 EFFORTS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "denormal": lambda effort: np.full(len(effort), 5e-324),

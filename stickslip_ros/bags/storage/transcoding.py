@@ -13,12 +13,9 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.bags.decoding import types_of, types_of_ros
+from stickslip_ros.bags.topics import READ_TYPES
 from stickslip_ros.messages.blocks import Channel
 from stickslip_ros.messages.content import MessageError
-
-# What is made of other messages has no use.
-READ_TYPES = frozenset({"sensor_msgs/msg/JointState", "control_msgs/msg/JointTrajectoryControllerState",
-                        "std_msgs/msg/Float64MultiArray", "rcl_interfaces/msg/ParameterEvent"})  # fmt: skip
 
 Transcode = Callable[[bytes], bytes]
 _OTHER_NAMES = {"nanosec": "nsec"}  # as Foxglove has it
