@@ -8,15 +8,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.bags.robot_description import DESCRIPTION, description
-from stickslip_ros.bags.simulated import GAINS, REFERENCES, STATES
+from stickslip_ros.bags.simulated import GAINS, LAST_STAMP, REFERENCES, STATES
 from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
+
+
+def _with_stamp(time: FloatArray, start: float) -> NDArray[np.bool_]:
+    """Which times [s] are stamps that a message can have, once ``start`` is added."""
+    stamps = time + start
+    return np.asarray((stamps >= 0.0) & (stamps <= LAST_STAMP))
 
 
 def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str, Iterator[tuple[int, bytes]]]:
@@ -24,12 +31,12 @@ def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str,
 
     Parameters
     ----------
-    batches : of each joint, all of the same times; samples without a time are left out.
+    batches : of each joint, all of the same times; samples whose time no stamp can be are left out.
     start : what is added to the times [s].
     """
     names = tuple(batches)
     time = batches[names[0]].time
-    known = np.isfinite(time)
+    known = _with_stamp(time, start)
     times = time[known] + start
     parts = [batch.where(known) for batch in batches.values()]
     nothing = np.full(len(times), np.nan)
@@ -57,7 +64,7 @@ def write_recording(
 
     Parameters
     ----------
-    batches : of each joint, all of the same times; samples without a time are left out.
+    batches : of each joint, all of the same times; samples whose time no stamp can be are left out.
     start : what is added to the times [s]. gains : of each joint's controller then, None if unknown.
     prismatic : joints whose positions are in metres, which the bag says by a description of the robot.
 
@@ -68,7 +75,7 @@ def write_recording(
     """
     names = tuple(batches)
     time = batches[names[0]].time
-    times = time[np.isfinite(time)] + start
+    times = time[_with_stamp(time, start)] + start
     streams = joint_state_streams(batches, start)
     # The states' channel is the first in the file.
     topics = {topic: JOINT_STATE for topic in (STATES, REFERENCES) if topic in streams}

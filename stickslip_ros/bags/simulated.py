@@ -21,7 +21,7 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.samples import FloatArray
 
 STATES, REFERENCES, GAINS = "/joint_states", "/joint_references", "/pd_gains"
-_LAST_STAMP = 2.0**31 - 1.0  # [s]
+LAST_STAMP = 2.0**31 - 1.0  # [s]
 # Of a sample, in a message of states and one of references [bytes].
 _A_MESSAGE, _A_NAME, _VALUES_OF_A_JOINT = 110, 16, 40
 _AT_ONCE = 10_000  # samples that are simulated and written at once
@@ -145,7 +145,7 @@ def recording_size(names: Iterable[str], duration: float, rate: float) -> float:
 
 
 def _check_length(path: Path, joints: Iterable[str], duration: float, rate: float, start: float) -> None:
-    longest = _LAST_STAMP - start
+    longest = LAST_STAMP - start
     if duration > longest:
         raise InvalidParameterError("duration", f"<= {longest:.10g} s: a stamp has no more seconds", duration)
     size = recording_size(joints, duration, rate)

@@ -30,6 +30,7 @@ from stickslip_ros.bags.table_columns import (
 )
 from stickslip_ros.bags.table_files import SUFFIXES, FloatArray, MissingPackageError, TableFile, open_table
 from stickslip_ros.errors import StickSlipError, reason
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.settings.known_joints import config_folder
 from stickslip_ros.settings.parameter_names import nearest_joint
@@ -179,6 +180,7 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
     time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]
     stamps = np.sum([values[use.column] * UNITS[TIME][use.unit] for use in time], axis=0)
+    stamps = np.where(np.abs(stamps) < LARGEST, stamps, math.nan)
     if not len(stamps):
         raise ValueError("it has no rows")
     notes = list(file.notes)

@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: stickslip analyze {options.out}")
     left = len(next(iter(batches.values()))) - count
     if left:
-        console.print(f"[yellow]warning:[/] {left} rows have no time and were left out")
+        console.print(f"[yellow]warning:[/] {left} rows have no time, or none that a stamp can be, and were left out")
     _warn(console, table, batches)
     return 0
 

@@ -162,7 +162,7 @@ class SampleFilter:
         # Comparisons with NaN are false, so that it is left out too.
         finite_time = np.abs(batch.time) < LARGEST
         finite = finite_time & (np.abs(batch.position) < LARGEST)
-        self._count("time is not finite", int((~finite_time).sum()))
+        self._count(f"time is missing, infinite or larger than {LARGEST:g}", int((~finite_time).sum()))
         unknown = finite_time & np.isnan(batch.position)
         self._count("position is missing or not a number", int(unknown.sum()))
         self._count(f"position is infinite or larger than {LARGEST:g}", int((finite_time & ~finite & ~unknown).sum()))

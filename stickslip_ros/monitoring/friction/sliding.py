@@ -234,5 +234,7 @@ def _covariance(
     middle = inverse @ (scores.T @ scores * len(scores) / freedom) @ inverse
     plain = inverse * float(np.mean(residuals**2))
     middle = np.where(np.eye(len(middle), dtype=bool), np.maximum(middle, plain), middle)
-    covariance[np.ix_(free, free)] = middle * np.outer(scale, scale)
+    # What shows in no residual has an infinite scale, and an error that is no number: it is not identified.
+    with np.errstate(over="ignore", invalid="ignore"):
+        covariance[np.ix_(free, free)] = middle * np.outer(scale, scale)
     return covariance

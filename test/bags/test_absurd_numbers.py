@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Bags whose efforts are none: they are analysed and named, and no library warns of them on the terminal."""
+"""Bags and tables with numbers that cannot be: they are named, and no library warns of them on the terminal."""
 
 from __future__ import annotations
 
@@ -46,3 +46,32 @@ def test_efforts_that_are_none_are_named(
         assert main(["analyze", str(path), "--json"]) == 0
         joint = json.loads(capsys.readouterr().out)["bags"][0]["joints"]["joint1"]
         assert joint["status"] == "stick_slip"
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("1e30,0.1,1", "1 rows have no time, or none that a stamp can be, and were left out"),
+        ("-1e300,0.1,1", "1 rows have no time, or none that a stamp can be, and were left out"),
+        ("inf,0.1,1", "1 rows have no time, or none that a stamp can be, and were left out"),
+        ("1.5,1e308,1", "1 of 300 samples left out: position is infinite or larger than 1e+12"),
+        ("1.5,0.45,1e308", "1 of 300 values left out: effort is infinite or larger than 1e+12"),
+    ],
+)
+def test_a_row_of_a_table_that_cannot_be(
+    row: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Issue 34, item 12: `convert`, `analyze` and `identify` leave it out, and say so."""
+    rows = [f"{0.01 * number:.3f},{0.003 * number:.5f},{number % 7}" for number in range(300)]
+    rows[150] = row
+    table, bag = tmp_path / "a.csv", tmp_path / "a.mcap"
+    table.write_text("time_s,pos_deg,effort\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert main(["convert", str(table), "--out", str(bag)]) == 0
+        assert main(["analyze", str(bag)]) == 0
+        told = capsys.readouterr()
+        assert said in " ".join((told.out + told.err).split())
+        assert main(["identify", str(table)]) in (0, 1)
+        told = capsys.readouterr()
+        assert "1 of 300" in told.out + told.err
