@@ -197,6 +197,9 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
         "stickslip_monitor: {ros__parameters: {joints: [joint1], alow_apply: true, state_file: none,\n"
         "  limits: {jiont1: {p_max: 1.0}}}}\n"
         "stickslip_monitr: {ros__parameters: {learn: false}}\n"
+        # Issue 34, item 11: gains of every node that are elsewhere, and of a joint that is listed twice.
+        "/**:\n  ros__parameters:\n    k_q_p: [630.0]\n    rate: 100\n    gains:\n"
+        "      joint1: {p: 630.0}\n      joint1: {p: 700.0}\n"
     )
     with NodeProcess("monitor", {}, params_file=path) as monitor, probe() as one:
         one.wait_for_monitor()
@@ -204,6 +207,8 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
             "parameter 'alow_apply' is not known; did you mean 'allow_apply'?",
             "'limits.jiont1.p_max' names the joint 'jiont1', which is not watched; did you mean 'joint1'?",
             "section 'stickslip_monitr' is of no node that is known; did you mean 'stickslip_monitor'?",
+            "parameter 'k_q_p' is not known; of gains, gains.<joint>.p, .i and .d are read",
+            f"parameter file {path}: must have 'joint1' once: it is in line 10 and in line 11",
         )
         one.wait(lambda: all(text in own(one) for text in texts), 5.0, "the node's status")
         assert one.diagnostics[NODE][0] == b"\x01"
@@ -211,6 +216,7 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
         for text in texts:
             assert monitor.output().count(text) == 1
         assert "update_rate" not in monitor.output()
+        assert "'rate'" not in monitor.output()
         assert "controller_manager" not in monitor.output()
 
 
