@@ -116,6 +116,31 @@ def test_what_is_not_used_stands_in_the_warnings(tmp_path: Path, capsys: pytest.
     assert unused in warnings(EFFORT.replace("a: {", "elbow: {"))
 
 
+def test_gains_that_are_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--gains` and `convert` take the same numbers, the integral gain too, and refuse the same."""
+    table = tmp_path / "a.csv"
+    table.write_text("time,position\n" + "".join(f"{0.01 * index},{0.001 * index}\n" for index in range(300)))
+    out, bare = tmp_path / "a.mcap", tmp_path / "bare.mcap"
+    typed = ["--stiffness", "630", "--damping", "12", "--integral", "100"]
+    assert main(["convert", str(table), "--out", str(out), *typed]) == 0
+    assert main(["convert", str(table), "--out", str(bare)]) == 0
+    for arguments in ([str(out)], [str(bare), "--gains", "630,12,100"]):
+        capsys.readouterr()
+        assert main(["analyze", "--no-learning", "--json", *arguments]) == 0
+        (joint,) = json.loads(capsys.readouterr().out)["bags"][0]["joints"].values()
+        assert joint["gains"] == {"stiffness": 630.0, "damping": 12.0, "integral": 100.0}
+    rule = "must be finite and >= 0 (without the sign, if the motor counts against its joint)"
+    for option, value in (("--stiffness", "-630"), ("--damping", "-1"), ("--integral", "inf")):
+        given = [option, value] if option == "--stiffness" else ["--stiffness", "630", option, value]
+        assert main(["convert", str(table), "--out", str(tmp_path / "no.mcap"), *given]) == 2
+        assert f"{option!r} {rule}: {float(value)}" in capsys.readouterr().err
+    for value in ("-630", "630,-1", "630,1,inf"):
+        assert main(["analyze", str(bare), "--gains", value]) == 2
+        assert f"'--gains' {rule}: {value}" in capsys.readouterr().err
+    assert main(["convert", str(table), "--out", str(tmp_path / "no.mcap"), "--integral", "1"]) == 2
+    assert "'--integral' must be given together with --stiffness" in capsys.readouterr().err
+
+
 def test_names_that_look_like_gains() -> None:
     """Those of controllers that are about; others are none."""
     like = [
