@@ -162,8 +162,8 @@ def test_silence_and_a_simulation_without_a_clock(ros_domain: int) -> None:
     parameters = NOTHING | {"use_sim_time": "true"}
     with NodeProcess("monitor", parameters, {"joint_states": "arm/states"}) as monitor, probe() as one:
         silence = (
-            "nothing is heard on /arm/states (sensor_msgs/msg/JointState) yet, for 10 s: no node publishes there; "
-            "JointState is published on /joint_references (by /probe), /joint_states (by /probe): "
+            "nothing is heard on /arm/states (sensor_msgs/msg/JointState) yet, for 10 s: no node publishes "
+            "JointState there; JointState is published on /joint_references (by /probe), /joint_states (by /probe): "
             "remap joint_states"
         )
         clock = "use_sim_time is true and nothing is heard on /clock"

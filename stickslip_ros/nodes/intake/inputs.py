@@ -61,8 +61,8 @@ class Inputs:
     def missing(self, joint: WatchedJoint, assessment: Assessment) -> str:
         """Why something is not known of a joint that it was configured for, "" if that is not so."""
         reasons = []
-        if math.isinf(joint.heard) and _STATES in self._types.troubles:
-            reasons.append(self._types.troubles[_STATES])
+        if math.isinf(joint.heard):
+            reasons += [text for text in (self._types.troubles.get(_STATES, ""), self._silent_states.text) if text]
         if assessment.gains is None:
             why = self._gains.why_unknown(joint.name) or self._types.troubles.get(PD_GAINS, "")
             reasons += [f"gains not known: {why}"] if why else []

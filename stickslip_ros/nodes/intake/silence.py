@@ -56,7 +56,7 @@ class SilentStates:
         here = found.pop(own, [])
         others = [f"{topic} (by {listed(names)})" for topic, names in sorted(found.items())]
         # Who publishes there is silent; without anybody another topic was meant.
-        who = f"{listed(here)} publishes there and sends nothing" if here else "no node publishes there"
+        who = f"{listed(here)} publishes there and sends nothing" if here else f"no node publishes {_WORD} there"
         if others:
             what = f"; {_WORD} is published on {listed(others)}" + ("" if here else f": remap {self._topic}")
         else:
