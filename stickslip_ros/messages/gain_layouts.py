@@ -5,17 +5,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.messages.gain_parameters import joint_and_kind
+from stickslip_ros.visible import visible
 
 INTERFACES = ("command_interfaces", "command_interface")  # of joint_trajectory_controller, of pid_controller
 LAYOUT = "gains.<joint>.p, .i and .d"
 _JOINTS = ("joints", "joint_names", "dof_names")  # names that controllers have for the list of their joints
 _UNITS = {"position": "1", "velocity": "1/s", "acceleration": "1/s²"}  # a command of this kind over a position error
 _GAIN = re.compile(r"[pid]|k_?([a-z]+_)?[pidv]|([a-z]+_)?(gains?|stiffness|damping|pid)")  # the last word of a name
-_NAMED = 6  # parameters that are listed
+_NAMED, _LONGEST = 6, 80  # names that are listed, and characters of each
 _TEXT, _TEXTS = 4, 9  # of rcl_interfaces/ParameterType
 
 
@@ -58,10 +59,15 @@ def elsewhere_text(names: Collection[str], parameters: Mapping[str, Any] | None 
     ----------
     names : of :func:`gains_elsewhere`. parameters : those of the node with their values, where they are known.
     """
-    some = [_with_size(name, parameters or {}) for name in list(names)[:_NAMED]]
-    listed = f"{', '.join(some)}{', …' if len(names) > _NAMED else ''}"
+    texts = [_with_size(name, parameters or {}) for name in names]
     verb = "looks like a gain" if len(names) == 1 else "look like gains"
-    return f"{listed} {verb}, and {LAYOUT} are read{_example(names, parameters or {})}"
+    return f"{some(texts)} {verb}, and {LAYOUT} are read{_example(names, parameters or {})}"
+
+
+def some(names: Sequence[str]) -> str:
+    """The first few names of others, for a sentence."""
+    shown = [visible(name[:_LONGEST]) for name in names[:_NAMED]]
+    return f"{', '.join(shown)}{', …' if len(names) > _NAMED else ''}"
 
 
 def _with_size(name: str, parameters: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from stickslip_ros.messages.gain_layouts import LAYOUT, elsewhere_text, gains_elsewhere, why_not_taken
+from stickslip_ros.messages.gain_layouts import LAYOUT, elsewhere_text, gains_elsewhere, some, why_not_taken
 from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.settings.parameter_names import MONITOR, SECTION, FileSection, flat, unknown_name
 
@@ -32,7 +32,7 @@ def notes_on(section: FileSection) -> list[str]:
     notes = []
     refused = sorted(set(section.parameters) - set(taken(section)))
     if refused:
-        notes.append(f"{section.node}: {', '.join(refused)} not taken: {why_not_taken(section.parameters)}")
+        notes.append(f"{section.node}: {some(refused)} not taken: {why_not_taken(section.parameters)}")
     elsewhere = gains_elsewhere(name for name in section.parameters if unknown_name(name, None) is not None)
     if elsewhere:
         notes.append(f"{section.node}: {elsewhere_text(elsewhere, section.parameters)}")
@@ -53,7 +53,9 @@ def conflicts(sections: Iterable[FileSection]) -> list[str]:
                 continue
             node, known = first.setdefault(name, (section.node, value))
             if known != value:
-                texts.append(f"{name} is {known} in {node} and {value} in {section.node}: leave one of them out")
+                texts.append(
+                    f"{name} is {known} in {node} and {value} in {section.node}: leave one of them out of the file"
+                )
     return texts
 
 

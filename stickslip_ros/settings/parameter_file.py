@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError, reason
+from stickslip_ros.messages.gain_layouts import some
 from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.gain_sections import NOTHING_READ, conflicts, is_read, notes_on, taken, without_sections
@@ -88,9 +89,7 @@ class Parameters:
         named = {found[0] for name in self.given if (found := joint_and_kind(name)) is not None}
         if not named or named & {EVERY_JOINT, *joints}:
             return []
-        return [
-            f"the gains in --parameters are not used: they are of {', '.join(sorted(named))}, and none was recorded"
-        ]
+        return [f"the gains in --parameters are not used: they are of {some(sorted(named))}, and none was recorded"]
 
     def also_of(self, joint: str, other: str) -> Parameters:
         """The same, where what is said of a joint holds for another one too, unless something is said of that."""

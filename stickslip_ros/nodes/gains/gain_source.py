@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
 
-from stickslip_ros.messages.gain_layouts import INTERFACES, elsewhere_text, gains_elsewhere, why_not_taken
+from stickslip_ros.messages.gain_layouts import INTERFACES, elsewhere_text, gains_elsewhere, some, why_not_taken
 from stickslip_ros.messages.gain_parameters import KINDS, HeardGains, gain_name, gain_value, joint_and_kind
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
@@ -22,7 +22,6 @@ _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
 _LOOK_EVERY = 1.0  # [s] at the graph, while the controller is missing
 _SILENT_FOR_GOOD = 3  # answers missing in a row, 2 s each, after which its gains are known no more
-_NAMED = 6  # nodes, joints or parameters that are listed
 
 
 class ControllerGains:
@@ -119,7 +118,7 @@ class ControllerGains:
         others = sorted(name for name in names - {own} if not name.rpartition("/")[2].startswith("_"))
         if not others:
             return "; no other node is there"
-        return f"; there are {_some(others)}"
+        return f"; there are {some(others)}"
 
     def _on_names(self, now: float, found: list[str] | None) -> None:
         if found is None:
@@ -138,9 +137,11 @@ class ControllerGains:
         self._busy = False
         joints = sorted({of_joint[0] for name in found if (of_joint := joint_and_kind(name))})
         elsewhere = gains_elsewhere(found)
-        others = (
-            f"; it has those of {_some(joints)}" if joints else f"; {elsewhere_text(elsewhere)}" if elsewhere else ""
-        )
+        others = ""
+        if joints:
+            others = f"; it has those of {some(joints)}"
+        elif elsewhere:
+            others = f"; {elsewhere_text(elsewhere)}"
         return self._says(
             f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched{others}", "none", waiting=True
         )
@@ -161,7 +162,7 @@ class ControllerGains:
         if self._heard.refusal:
             return self._says(f"{self.name}: {self._heard.refusal}", "refused", waiting=True)
         taken = [name for name in names if name not in INTERFACES]
-        return self._says(f"following {self.name}", "following", waiting=False, detail=f": {_some(taken)}")
+        return self._says(f"following {self.name}", "following", waiting=False, detail=f": {some(taken)}")
 
     def on_event(self, event: ParameterEvent) -> None:
         """Take a change of parameters, if it is the controller's."""
@@ -205,7 +206,3 @@ class ControllerGains:
         gains = self._heard.of(joint)
         if gains is not None:
             self._on_gains(joint, gains)
-
-
-def _some(names: Sequence[str]) -> str:
-    return f"{', '.join(names[:_NAMED])}{', …' if len(names) > _NAMED else ''}"

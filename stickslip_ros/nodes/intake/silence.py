@@ -14,7 +14,7 @@ from stickslip_ros.nodes.intake.publishers import listed, publishers_by_topic
 
 _PATIENCE = 10.0  # [s] without a message that are worth a warning
 _CLOCK_PATIENCE = 5.0  # [s] from the start of the node to the first message on /clock
-_INACTIVE = 2.0  # [s] between two looks, from which on the node was inactive and heard nothing
+_INACTIVE = 2.0  # [s] between two looks, from which on the node was inactive meanwhile and could hear nothing
 _LOOK_EVERY = 1.0  # [s] at the graph
 _WORD = TYPE.rpartition("/")[2]
 
@@ -37,11 +37,16 @@ class SilentStates:
         self.text = ""
 
     def look(self, now: float, messages: int) -> None:
-        """Compare how many messages came with how many had come; ``now`` is a steady time [s]."""
-        inactive = now - self._looked_at > _INACTIVE
+        """Compare how many messages have come since the node was activated with how many had.
+
+        Parameters
+        ----------
+        now : a steady time [s].
+        """
+        anew = now - self._looked_at > _INACTIVE or messages < self._messages
         self._looked_at = now
-        if messages != self._messages or inactive:
-            if self.text and not inactive:
+        if anew or messages > self._messages:
+            if self.text and not anew:
                 self._node.get_logger().info(f"{self._node.resolve_topic_name(self._topic)} is heard")
             self._messages, self._heard_at, self.text = messages, now, ""
         elif now - self._heard_at >= _PATIENCE and now >= self._look_at:
