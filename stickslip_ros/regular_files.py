@@ -58,8 +58,12 @@ def read_regular(path: Path, largest: int) -> bytes:
     return content
 
 
-def read_yaml(path: Path) -> Any:
+def read_yaml(path: Path, *, unique: bool = False) -> Any:
     """The content of a YAML file.
+
+    Parameters
+    ----------
+    unique : whether a key that stands twice in one place is refused; else the last one counts.
 
     Raises
     ------
@@ -68,16 +72,17 @@ def read_yaml(path: Path) -> Any:
     ValueError
         If it is no YAML, or means more than can be held.
     """
-    return parsed_yaml(read_regular(path, LARGEST_TEXT).decode("utf-8"))
+    return parsed_yaml(read_regular(path, LARGEST_TEXT).decode("utf-8"), unique=unique)
 
 
-def parsed_yaml(text: str) -> Any:
-    """What a YAML text means.
+def parsed_yaml(text: str, *, unique: bool = False) -> Any:
+    """What a YAML text means; ``unique`` as of :func:`read_yaml`.
 
     Raises
     ------
     ValueError
-        If it is no YAML, is nested too deeply, or has too many nodes, each alias counted as what it stands for.
+        If it is no YAML, has a key twice where that is refused, is nested too deeply, or has too many nodes, each
+        alias counted as what it stands for.
     """
     try:
         # The loader in C is ten times faster, but deep nesting ends the process.
@@ -88,6 +93,8 @@ def parsed_yaml(text: str) -> Any:
                 return None
             if _count(node, {}) > _MOST_NODES:
                 raise ValueError(f"must have at most {_MOST_NODES} nodes, aliases counted as what they stand for")
+            if unique:
+                _refuse_repeated_keys(node, set())
             return loader.construct_document(node)
         finally:
             loader.dispose()
@@ -109,3 +116,19 @@ def _count(node: yaml.Node, known: dict[int, int]) -> int:
     found = 1 + sum(_count(part, known) for part in parts)
     known[id(node)] = found
     return found
+
+
+def _refuse_repeated_keys(node: yaml.Node, seen: set[int]) -> None:
+    """Raise ValueError for a key that stands twice in a mapping at or below a node."""
+    if id(node) in seen or isinstance(node, yaml.ScalarNode):
+        return
+    seen.add(id(node))
+    lines: dict[str, int] = {}
+    for part in node.value:
+        key, value = part if isinstance(node, yaml.MappingNode) else (None, part)
+        if isinstance(key, yaml.ScalarNode):
+            line = key.start_mark.line + 1
+            if key.value in lines and key.value != "<<":
+                raise ValueError(f"must have {key.value!r} once: it is in line {lines[key.value]} and in line {line}")
+            lines[key.value] = line
+        _refuse_repeated_keys(value, seen)

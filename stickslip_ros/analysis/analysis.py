@@ -131,6 +131,7 @@ def analyze(
             raise RecordingError(f"bag {path}: --controller {controller}: no gains of this node; nodes there: {there}")
         warnings = [*bag.warnings, *(note for topics in robots.values() for note in topics.notes)]
         named = {*reader.joints, *(joint for _, joint in reader.joints.values())}
+        warnings += [*options.parameters.notes, *options.parameters.unused_gains(named)]
         warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader, joints)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
         warnings += [f"{what} ({count} messages)" for what, count in reader.replaced.items()]

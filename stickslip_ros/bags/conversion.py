@@ -88,8 +88,11 @@ def write_recording(
             text = writer.message("std_msgs/msg/String", data=description(names, prismatic))
             writer.write([writer.serialized(round(float(times[0]) * 1e9), DESCRIPTION, text)])
         if gains is not None and len(times):
-            values = np.tile([float(gains.stiffness), float(gains.damping)], (len(names), 1))
-            table = writer.table(",".join(names), "p,d", values)
+            kinds = {"p": gains.stiffness, "d": gains.damping}
+            if gains.integral:
+                kinds = {"p": gains.stiffness, "i": gains.integral, "d": gains.damping}
+            values = np.tile([float(value) for value in kinds.values()], (len(names), 1))
+            table = writer.table(",".join(names), ",".join(kinds), values)
             writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
         writer.write(*([(stamp, topic, data) for stamp, data in stream] for topic, stream in streams.items()))
     return len(times)

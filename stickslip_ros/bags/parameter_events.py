@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
 from stickslip_ros.model.friction import Gains
 
@@ -26,7 +27,7 @@ class GainEvents:
 
     def __init__(self, controller: str | None, is_of_robot: Callable[[str], bool | None] = lambda _: True) -> None:
         self._controller, self._is_of_robot = controller, is_of_robot
-        self._heard = HeardGains()
+        self._heard: dict[str, HeardGains] = {}
         self._owner: dict[str, str] = {}
         self.refused: Counter[str] = Counter()
         self.nodes: set[str] = set()
@@ -34,16 +35,22 @@ class GainEvents:
     def take(self, event: Any) -> dict[str, Gains]:
         """The gains of the joints that an event changes and whose stiffness is known by now."""
         node = str(event.node)
-        names = [str(one.name) for one in (*event.new_parameters, *event.changed_parameters)]
-        if any(joint_and_kind(name) is not None for name in names):
+        parameters = {str(one.name): one.value for one in (*event.new_parameters, *event.changed_parameters)}
+        if any(joint_and_kind(name) is not None for name in parameters):
             self.nodes.add(node)
         of_robot = self._is_of_robot(node)
         if (self._controller is not None and node != self._controller) or of_robot is False:
             return {}
+        heard = self._heard.setdefault(node, HeardGains())
+        if any(name in parameters for name in INTERFACES):
+            heard.refusal = why_not_taken(parameters)
         changed = []
-        for parameter in (*event.new_parameters, *event.changed_parameters):
-            found = joint_and_kind(str(parameter.name))
+        for name, value in parameters.items():
+            found = joint_and_kind(name)
             if found is None:
+                continue
+            if heard.refusal:
+                self.refused[f"gains of {node}: {heard.refusal}"] += 1
                 continue
             if of_robot is None:
                 self.refused[f"gains of {node}: it is in no robot's namespace (choose with --controller)"] += 1
@@ -53,9 +60,9 @@ class GainEvents:
             if owner != node:
                 self.refused[f"{node} has gains of {joint} too; those of {owner} count (choose with --controller)"] += 1
                 continue
-            number = gain_value(parameter.value)
+            number = gain_value(value)
             if math.isfinite(number):
-                self._heard.set(joint, kind, number)
+                heard.set(joint, kind, number)
                 changed.append(joint)
-        gains = {joint: self._heard.of(joint) for joint in dict.fromkeys(changed)}
+        gains = {joint: heard.of(joint) for joint in dict.fromkeys(changed)}
         return {joint: known for joint, known in gains.items() if known is not None}

@@ -20,7 +20,10 @@ from stickslip_ros.settings.nearest_name import nearest_name
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameter_names import nearest_joint
 
+GAINS_FORM = "[JOINT=]P[,D[,I]]"
+GAINS_RULE = "finite and >= 0 (without the sign, if the motor counts against its joint)"
 _EVERY = "*"
+_ORDER = ("p", "d", "i")
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,8 +48,8 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         "--model", action="append", metavar="[JOINT=]NAME", default=[], help="known joint, or path of a joint file"
     )
     known.add_argument(
-        "--gains", action="append", metavar="[JOINT=]P[,D]", default=[],
-        help="of the controller, until others are recorded [N·m/rad, N·m·s/rad]",
+        "--gains", action="append", metavar=GAINS_FORM, default=[],
+        help="of the controller, until others are recorded [N·m/rad, N·m·s/rad, N·m/(rad·s)]",
     )  # fmt: skip
     known.add_argument("--no-learning", action="store_true", help="do not learn friction from the motion: faster")
     topics = parser.add_argument_group("topics, where there are several that could be meant")
@@ -124,13 +127,18 @@ def _gains(option: str, text: str) -> dict[str, float]:
     joint, values = _of_joint(text)
     try:
         numbers = [float(value) for value in values.split(",")]
-        if len(numbers) > 2:
+        if len(numbers) > len(_ORDER):
             raise ValueError
     except ValueError as error:
-        raise InvalidParameterError(option, "of the form 630 or 630,12 or joint1=630,12", text) from error
-    if not all(0.0 <= number < math.inf for number in numbers):
-        raise InvalidParameterError(option, "finite and >= 0", text)
-    return dict(zip((f"gains.{joint}.p", f"gains.{joint}.d"), numbers, strict=False))
+        raise InvalidParameterError(option, "of the form 630 or 630,12 or joint1=630,12,100", text) from error
+    if not all(map(can_be_a_gain, numbers)):
+        raise InvalidParameterError(option, GAINS_RULE, text)
+    return dict(zip((f"gains.{joint}.{kind}" for kind in _ORDER), numbers, strict=False))
+
+
+def can_be_a_gain(number: float) -> bool:
+    """Whether a controller with this gain drives its joint to where it ought to be."""
+    return 0.0 <= number < math.inf
 
 
 def _of_joint(text: str) -> tuple[str, str]:

@@ -20,7 +20,7 @@ from stickslip_ros.analysis.comparison_words import comparison_json
 from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import console_of_tables
-from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_named_joints
+from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.comparison_tables import print_joints
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("after", type=Path, metavar="AFTER", help="bag recorded after it")
     add_bag_arguments(parser)
     parser.add_argument(
-        "--gains-after", action="append", metavar="[JOINT=]P[,D]", default=[],
+        "--gains-after", action="append", metavar=GAINS_FORM, default=[],
         help="gains in the second bag, where they are others than --gains, and not recorded; may be repeated",
     )  # fmt: skip
     output = parser.add_argument_group("output")

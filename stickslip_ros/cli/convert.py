@@ -32,15 +32,15 @@ from stickslip_ros.bags.table_columns import (
     spelled_unit,
 )
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
+from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain, unpack_limit
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.wording import in_metres_text
 
+_GAINS = ("stiffness", "damping", "integral")
 _WIDTH = 160
 _MOST_UNUSED = 12
 _PLACES = (POSITION, "reference_position")
@@ -69,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)")
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controllers then, to be recorded too")
     parser.add_argument("--damping", type=float, metavar="KV", help="k_v then (default 0)")
+    parser.add_argument("--integral", type=float, metavar="KI", help="k_i then (default 0)")
     add_unpack_argument(parser)
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
 
@@ -78,14 +79,7 @@ def run(options: argparse.Namespace) -> int:
     path = find_recording(options.recording)
     refuse_inputs({"--out": options.out}, [path])
     refuse_to_overwrite("--out", options.out, force=options.force)
-    gains = None
-    if options.stiffness is None and options.damping is not None:
-        raise InvalidParameterError("--damping", "given together with --stiffness", options.damping)
-    if options.stiffness is not None:
-        damping = 0.0 if options.damping is None else options.damping
-        require_finite("stiffness", options.stiffness)
-        require_finite("damping", damping)
-        gains = Gains(stiffness=options.stiffness, damping=damping)
+    gains = _gains(options)
     table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
     names = _names(options.names, table)
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
@@ -104,6 +98,16 @@ def run(options: argparse.Namespace) -> int:
         console.print(f"[yellow]warning:[/] {left} rows have no time, or none that a stamp can be, and were left out")
     _warn(console, table, batches)
     return 0
+
+
+def _gains(options: argparse.Namespace) -> Gains | None:
+    given = {name: value for name in _GAINS if (value := getattr(options, name)) is not None}
+    for name, value in given.items():
+        if not can_be_a_gain(value):
+            raise InvalidParameterError(f"--{name}", GAINS_RULE, value)
+        if "stiffness" not in given:
+            raise InvalidParameterError(f"--{name}", "given together with --stiffness", value)
+    return Gains(**given) if given else None
 
 
 def _names(text: str | None, table: Table) -> list[str]:

@@ -83,10 +83,14 @@ def _same(one: float, other: float) -> bool:
 
 
 class HeardGains:
-    """The gains of joints, put together from parameters that come one by one."""
+    """The gains of a node's joints, put together from parameters that come one by one.
+
+    ``refusal`` says why they are none of efforts, "" if they may be.
+    """
 
     def __init__(self) -> None:
         self._values: dict[str, dict[str, float]] = {}
+        self.refusal = ""
 
     def set(self, joint: str, kind: str, value: float) -> None:
         """Take one that is a finite number."""
@@ -96,11 +100,14 @@ class HeardGains:
         """Forget all; returns the joints whose gains were known."""
         known = [joint for joint, values in self._values.items() if "p" in values]
         self._values.clear()
+        self.refusal = ""
         return known
 
     def of(self, joint: str) -> Gains | None:
-        """Those of a joint, None as long as its stiffness is not known; those that are not heard are 0."""
+        """Those of a joint, None as long as its stiffness is not known, or if they are refused; those that are not
+        heard are 0.
+        """
         values = self._values.get(joint, {})
-        if "p" not in values:
+        if "p" not in values or self.refusal:
             return None
         return Gains(stiffness=values["p"], damping=values.get("d", 0.0), integral=values.get("i", 0.0))

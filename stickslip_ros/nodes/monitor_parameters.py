@@ -12,7 +12,9 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.messages.gain_layouts import why_not_taken
+from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joints.joint_parameters import declare_specs
 from stickslip_ros.nodes.node_names import other_nodes
@@ -40,7 +42,7 @@ def check(node: Node, changes: Changes | None = None) -> None:
 
     Raises
     ------
-    InvalidParameterError
+    StickSlipError
         If a value cannot be.
     """
     joint_names(node)
@@ -112,6 +114,16 @@ def _check_what_is_given(node: Node, changes: Changes | None) -> None:
     # A managed node that waits to be configured stays, and says at configuring what is wrong with its joints.
     if changes is None and node.get_parameter("autostart").value:
         given = {name: value.value for name, value in node._parameter_overrides.items() if joint_of(name)} | given
+    _refuse_gains_of_other_commands(node)
     parameters = Parameters(given)
     for joint in sorted({joint_of(name) for name in given}):
         parameters.settings_of(joint or EVERY_JOINT)
+
+
+def _refuse_gains_of_other_commands(node: Node) -> None:
+    """See that gains given to the node are of efforts: a section of every node may be about a controller."""
+    given = {name: value.value for name, value in node._parameter_overrides.items()}
+    gains = [name for name, value in given.items() if joint_and_kind(name) and value == value]
+    reason = why_not_taken(given)
+    if gains and reason:
+        raise StickSlipError(f"{', '.join(sorted(gains))}: {reason}")

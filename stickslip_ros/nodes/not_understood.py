@@ -11,6 +11,8 @@ from pathlib import Path
 
 from rclpy.node import Node
 
+from stickslip_ros.errors import reason
+from stickslip_ros.messages.gain_layouts import gains_elsewhere
 from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
 from stickslip_ros.settings.parameter_names import (
@@ -21,6 +23,7 @@ from stickslip_ros.settings.parameter_names import (
     unknown_name,
 )
 
+_FILE = "--params-file"
 _PATIENCE = 5.0  # [s] for a joint to be heard for the first time
 _QOS = "qos_overrides."
 _NEARLY, _LEAST_LETTERS = 0.85, 6  # of a name in a section that may be about other nodes
@@ -38,8 +41,12 @@ class NotUnderstood:
 
     def __init__(self, node: Node, arguments: Sequence[str] | None = None) -> None:
         self._node = node
-        self._sections = list(_given_sections(sys.argv if arguments is None else arguments))
-        self._misnamed = misnamed_sections(self._sections, node.get_fully_qualified_name())
+        given = sys.argv if arguments is None else arguments
+        self._sections = list(_given_sections(given))
+        self._in_files = misnamed_sections(self._sections, node.get_fully_qualified_name())
+        self._in_files += [
+            text for option, path in _given(given) if option == _FILE for text in _repeated_in(Path(path))
+        ]
         self._said: set[str] = set()
         self._began = math.nan
         self._seen: object = None
@@ -61,7 +68,7 @@ class NotUnderstood:
         self._seen = seen
         where = "which has not been heard of yet" if others_may_come else "which is not watched"
         unknown = [one for one in self._unknown(joints, where) if not (patient and one.joint)]
-        self.texts = [*self._misnamed, *(one.text for one in unknown)]
+        self.texts = [*self._in_files, *(one.text for one in unknown)]
         for text in self.texts:
             self._say(text, text)
         for joint in sorted({one for one in self._waited_for() if one in joints}):
@@ -98,25 +105,32 @@ class NotUnderstood:
         if not homes or any(not one.of_any_node or one.about_monitors for one in homes):
             return True
         known = list(self._node._parameters)
+        if gains_elsewhere([found.name]):
+            return True
         return len(found.name) >= _LEAST_LETTERS and bool(nearest_name(found.name, known, _NEARLY))
 
 
-def _given_sections(arguments: Sequence[str]) -> Iterator[FileSection]:
-    """What --params-file and -p node:name:=value give, among ROS's arguments."""
+def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Options among ROS's arguments, each with the word behind it."""
     ours, words = False, list(arguments)
-    for index, word in enumerate(words):
+    for word, behind in zip(words, [*words[1:], ""], strict=True):
         if word == "--ros-args":
             ours = True
         elif word == "--":
             ours = False
-        elif ours and index + 1 < len(words):
-            if word == "--params-file":
-                yield from _sections_in(Path(words[index + 1]))
-            elif word in ("-p", "--param"):
-                name = words[index + 1].partition(":=")[0]
-                node, colon, parameter = name.rpartition(":")
-                if colon:
-                    yield FileSection(f"/{node.lstrip('/')}", {parameter: None})
+        elif ours and behind:
+            yield word, behind
+
+
+def _given_sections(arguments: Sequence[str]) -> Iterator[FileSection]:
+    """What --params-file and -p node:name:=value give, among ROS's arguments."""
+    for option, value in _given(arguments):
+        if option == _FILE:
+            yield from _sections_in(Path(value))
+        elif option in ("-p", "--param"):
+            node, colon, parameter = value.partition(":=")[0].rpartition(":")
+            if colon:
+                yield FileSection(f"/{node.lstrip('/')}", {parameter: None})
 
 
 def _sections_in(path: Path) -> list[FileSection]:
@@ -125,3 +139,16 @@ def _sections_in(path: Path) -> list[FileSection]:
     except (OSError, ValueError, RecursionError):
         # rcl has read it; what YAML itself makes of it is of no consequence here.
         return []
+
+
+def _repeated_in(path: Path) -> list[str]:
+    """What stands twice in a file that can be read: one of both counts, and the other one is lost."""
+    try:
+        read_yaml(path)
+    except (OSError, ValueError, RecursionError):
+        return []
+    try:
+        read_yaml(path, unique=True)
+    except ValueError as error:
+        return [f"parameter file {path}: {reason(error)}"]
+    return []

@@ -7,6 +7,7 @@ from __future__ import annotations
 from array import array as array_of
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from time import monotonic
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,6 +23,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.nodes.conversion import friction_message, table
 from stickslip_ros.nodes.diagnostic_bytes import StatusBytes, diagnostic_array_bytes, status_bytes
 from stickslip_ros.nodes.quiet_publisher import quiet_publisher
+from stickslip_ros.nodes.status_log import StatusLog
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 
@@ -61,6 +63,7 @@ class Publications:
         self.robot = f"{space}/" if space else ""
         self._statuses: dict[str, StatusBytes] = {}  # as they were when a joint was looked at last
         self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, likewise
+        self._log = StatusLog(lambda line: node.get_logger().warning(line), lambda line: node.get_logger().info(line))
         self._diagnostics = quiet_publisher(node, DiagnosticArray, "/diagnostics", 10)
         self._margins = quiet_publisher(node, Float64MultiArray, "~/margins", 10)
         self._cycles = quiet_publisher(node, DiagnosticArray, "~/cycles", 1000)
@@ -113,6 +116,7 @@ class Publications:
                 applied=one.applied,
                 here=one.here,
             )
+            self._log.note(name, one.trouble or one.assessment.finding.status.value, diagnosis.message, monotonic())
             self._statuses[name] = status_bytes(diagnosis, self.robot)
             self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
         statuses = [self._statuses[name] for name in told if name in joints]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from collections.abc import Callable
@@ -18,6 +19,9 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.visible import visible
 
 RCLError = rclpy_implementation.RCLError
+_PLACES = re.compile(r",? at \S+\.[ch](pp)?:\d+")  # in the middleware's own source
+_ABOUT = "failed to initialize rcl: "
+_LAYOUT = "ros__parameters"
 
 
 def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool = False) -> int:
@@ -27,8 +31,8 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
     ----------
     persevere : whether to go on after an exception, once it is logged: what another node sent must not end this one.
     """
-    rclpy.init(args=args)
     try:
+        _initialize(args)
         try:
             node = create()
         except RCLError as error:
@@ -60,3 +64,22 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _initialize(args: list[str] | None) -> None:
+    """Begin to use ROS.
+
+    Raises
+    ------
+    StickSlipError
+        If the arguments, or a file that they name, cannot be used; the text names them.
+    """
+    try:
+        rclpy.init(args=args)
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise StickSlipError(f"unknown arguments of ROS: {error}") from error
+    except RCLError as error:
+        text = _PLACES.sub("", " ".join(str(error).split())).removeprefix(_ABOUT)
+        if f"before {_LAYOUT}" in text:
+            text += f" (ROS 2 has {_LAYOUT} between the name of a node and its parameters, ROS 1 had not)"
+        raise StickSlipError(text) from error

@@ -61,7 +61,6 @@ _CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
 _IDLE_AFTER = 2.0  # [s] without a message, and with nothing under way
 _IDLE_PERIOD = 1.0  # [s] from one status to the next then
 _TOO_LATE, _NOT_LEARNT_FROM = attrgetter("pairing.too_late"), attrgetter("monitor.learner.skipped")
-_CONTESTED = "published by several nodes at once; remap all but one of them"
 
 
 class Session:
@@ -197,7 +196,7 @@ class Session:
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
-            self._inputs.look(now)
+            self._inputs.look(now, self._states)
         self._ramps.tick(now)
         self._feedforward.tick(self.joints, now)
         self._keeper.tick(self.joints, now)
@@ -294,7 +293,7 @@ class Session:
         samples, references = self._states.take(until), self._references.take(until)
         contested = self._states.contested
         if contested or self._contested:
-            self._note_contested(contested)
+            self._note_contested(contested, self._states.contest)
         for name, rows in samples.items():
             heard = self.joints.welcome(name)
             if heard is not None:
@@ -309,12 +308,12 @@ class Session:
         self._following.look(now)
         self._publications.publish_cycles(self._following.found())
 
-    def _note_contested(self, contested: frozenset[str]) -> None:
+    def _note_contested(self, contested: frozenset[str], contest: str) -> None:
         for name, joint in self.joints.items():
             if name in contested and not joint.trouble:
                 # What was taken for its motion until now was none.
                 joint.begin_anew()
-            joint.trouble = _CONTESTED if name in contested else ""
+            joint.trouble = contest if name in contested else ""
         self._contested = contested
 
     def _begin_anew(self, joint: WatchedJoint) -> None:

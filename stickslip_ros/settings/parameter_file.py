@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError, reason
+from stickslip_ros.messages.gain_layouts import some
+from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.regular_files import read_yaml
+from stickslip_ros.settings.gain_sections import NOTHING_READ, conflicts, is_read, notes_on, taken, without_sections
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_names import (
     EVERY_JOINT,
     MONITOR,
-    SECTION,
     joint_of,
     misnamed_sections,
     nearest_joint,
@@ -32,9 +34,13 @@ class ParameterFileError(StickSlipError, ValueError):
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters by name; "*" stands for every joint that has none of its own; else the defaults of the table."""
+    """Parameters by name; "*" stands for every joint that has none of its own; else the defaults of the table.
+
+    ``notes`` are sentences on what is in their files and not taken.
+    """
 
     given: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def fingerprint(self) -> str:
         """What settings depend on, joint files included.
@@ -47,7 +53,7 @@ class Parameters:
         models = {
             value: load_joint(str(value)) for name, value in self.given.items() if name.startswith("model.") and value
         }
-        return repr((sorted(self.given.items()), sorted(models.items())))
+        return repr((sorted(self.given.items()), sorted(models.items()), self.notes))
 
     @staticmethod
     def of_files(paths: Iterable[Path], given: Mapping[str, Any] | None = None) -> Parameters:
@@ -56,12 +62,16 @@ class Parameters:
         Raises
         ------
         ParameterFileError
-            If a file cannot be read, holds no `ros__parameters`, or the monitor's section has a name it does not know.
+            If a file cannot be read, holds no `ros__parameters` or nothing that is read, gives a joint two values of a
+            gain, or the monitor's section has a name it does not know.
         """
         found: dict[str, Any] = {}
+        notes: list[str] = []
         for path in paths:
-            found |= _read(path)
-        return Parameters(found | dict(given or {}))
+            parameters, more = _read(path)
+            found |= parameters
+            notes += more
+        return Parameters(found | dict(given or {}), tuple(notes))
 
     def misnamed_joints(self, joints: Collection[str]) -> list[str]:
         """What was probably meant for one of these joints and has another name; a file may be for more robots."""
@@ -73,6 +83,13 @@ class Parameters:
             unknown = unknown_name(name, joints, "which was not recorded")
             texts += [unknown.text] if unknown is not None else []
         return texts
+
+    def unused_gains(self, joints: Collection[str]) -> list[str]:
+        """A sentence on gains where they are of none of these joints; a file may be for more robots."""
+        named = {found[0] for name in self.given if (found := joint_and_kind(name)) is not None}
+        if not named or named & {EVERY_JOINT, *joints}:
+            return []
+        return [f"the gains in --parameters are not used: they are of {some(sorted(named))}, and none was recorded"]
 
     def also_of(self, joint: str, other: str) -> Parameters:
         """The same, where what is said of a joint holds for another one too, unless something is said of that."""
@@ -100,21 +117,26 @@ class Parameters:
         return settings_of(joint, values.__getitem__, typed)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Parameters of a file, and sentences on what is not taken."""
     try:
-        content = read_yaml(path)
+        content = read_yaml(path, unique=True)
     except (OSError, ValueError) as error:
         raise ParameterFileError(f"parameter file {path}: {reason(error)}") from error
     sections = sections_of(content)
     if not sections:
-        raise ParameterFileError(f"parameter file {path}: holds no {SECTION}")
-    wrong = misnamed_sections(sections, f"/{MONITOR}")
+        raise ParameterFileError(f"parameter file {path}: {without_sections(content)}")
+    wrong = misnamed_sections(sections, f"/{MONITOR}") + conflicts(sections)
     found: dict[str, Any] = {}
+    notes: list[str] = []
     for section in sections:
         if section.base == MONITOR or (section.of_any_node and section.about_monitors):
             names = [unknown_name(name, None) for name in section.parameters]
             wrong += [one.text for one in names if one is not None]
-        found |= section.parameters
+        found |= taken(section)
+        notes += notes_on(section)
+    if not wrong and not any(map(is_read, sections)):
+        wrong = ["; ".join([NOTHING_READ, *notes])]
     if wrong:
         raise ParameterFileError(f"parameter file {path}: {'; '.join(wrong)}")
-    return found
+    return found, [f"parameter file {path}: {note}" for note in notes]

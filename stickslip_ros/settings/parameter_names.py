@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from stickslip_ros.messages.gain_layouts import LAYOUT, gains_elsewhere
 from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT, RECOMMENDED
 
@@ -63,7 +64,8 @@ def unknown_name(name: str, joints: Collection[str] | None, where: str = "which 
     # Words of the name may be the joint's: the rest can be told from those.
     words = {word for word in name.split(".")[1:2] if word} | set(joints or ())
     known = _WHOLE | {spec.name.format(joint=word) for spec in PER_JOINT for word in words}
-    return UnknownName(name, f"parameter {name!r} is not known{did_you_mean(name, known)}")
+    meant = did_you_mean(name, known) or (f"; of gains, {LAYOUT} are read" if gains_elsewhere([name]) else "")
+    return UnknownName(name, f"parameter {name!r} is not known{meant}")
 
 
 def nearest_joint(joint: str, joints: Iterable[str]) -> str:
@@ -109,7 +111,7 @@ class FileSection:
 
 def sections_of(content: Any) -> list[FileSection]:
     """The sections of a parameter file's content, parameters flat."""
-    return [FileSection(node or "/**", dict(_flat("", found))) for node, found in _sections("", content)]
+    return [FileSection(node or "/**", dict(flat("", found))) for node, found in _sections("", content)]
 
 
 def misnamed_sections(sections: Iterable[FileSection], node: str) -> list[str]:
@@ -153,9 +155,10 @@ def _sections(node: str, content: Any) -> Iterable[tuple[str, Any]]:
                 yield from _sections(f"{node}/{key}".replace("//", "/"), value)
 
 
-def _flat(prefix: str, content: Any) -> Iterable[tuple[str, Any]]:
+def flat(prefix: str, content: Any) -> Iterable[tuple[str, Any]]:
+    """Nested parameters as names with dots, and their values."""
     if isinstance(content, Mapping):
         for key, value in content.items():
-            yield from _flat(f"{prefix}.{key}" if prefix else str(key), value)
+            yield from flat(f"{prefix}.{key}" if prefix else str(key), value)
     elif prefix:
         yield prefix, content

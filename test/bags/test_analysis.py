@@ -173,8 +173,8 @@ def test_a_misspelt_parameter_is_refused(tmp_path: Path, bag: Path, capsys: pyte
     assert "warn_margin" in capsys.readouterr().err
 
 
-def event(node: str, values: dict[str, float]) -> Any:
-    """A parameter event of doubles."""
+def event(node: str, values: dict[str, float | list[str]]) -> Any:
+    """A parameter event of doubles and lists of texts."""
     types = STORE.types
     stamp = types["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
     empty = np.zeros(0)
@@ -182,9 +182,11 @@ def event(node: str, values: dict[str, float]) -> Any:
         types["rcl_interfaces/msg/Parameter"](
             name=name,
             value=types["rcl_interfaces/msg/ParameterValue"](
-                type=3, bool_value=False, integer_value=0, double_value=value, string_value="",
+                type=9 if isinstance(value, list) else 3, bool_value=False, integer_value=0, string_value="",
+                double_value=0.0 if isinstance(value, list) else value,
                 byte_array_value=empty.astype(np.uint8), bool_array_value=empty.astype(bool),
-                integer_array_value=empty.astype(np.int64), double_array_value=empty, string_array_value=[],
+                integer_array_value=empty.astype(np.int64), double_array_value=empty,
+                string_array_value=value if isinstance(value, list) else [],
             ),
         )
         for name, value in values.items()
@@ -203,6 +205,9 @@ def test_gains_from_parameter_events(tmp_path: Path) -> None:
         )
         for index in range(300)
     ]
+    # Issue 34, item 11: 1/s are no N·m/rad.
+    wheels = event("/wheels", {"gains.a.p": 3.0, "command_interfaces": ["velocity"]})
+    rows[50:50] = [("/parameter_events", EVENT, 1.5, wheels)]
     rows[100:100] = [("/parameter_events", EVENT, 2.0, event("/pid", {"gains.a.p": 500.0, "other": 1.0}))]
     rows[150:150] = [("/parameter_events", EVENT, 2.5, event("/second", {"gains.a.p": 9.0}))]
     rows[200:200] = [("/parameter_events", EVENT, 3.0, event("/pid", {"gains.a.d": 7.0}))]
@@ -211,6 +216,7 @@ def test_gains_from_parameter_events(tmp_path: Path) -> None:
     gains = found.joints["a"].assessment.gains
     assert (float(gains.stiffness), float(gains.damping)) == (500.0, 7.0)
     assert any("/second has gains of a too" in warning for warning in found.warnings)
+    assert any("gains of /wheels: command_interfaces is velocity: gains" in warning for warning in found.warnings)
     chosen = replace(AnalysisOptions(), topics=replace(AnalysisOptions().topics, controller="/second"))
     assert float(analyze(path, chosen).joints["a"].assessment.gains.stiffness) == 9.0
 

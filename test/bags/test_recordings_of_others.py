@@ -348,10 +348,11 @@ def test_joint_states_in_json(kind: str, nanoseconds: str, tmp_path: Path) -> No
         (("desired", "actual"), "desired"),
         (("reference", "desired"), "desired"),
         (("reference", "desired"), "reference"),
+        (("reference", "desired"), "both"),
     ],
 )
 def test_controllers_fill_one_reference_or_the_other(points: tuple[str, ...], filled: str, tmp_path: Path) -> None:
-    """JointTrajectoryControllerState with only desired and actual, and with both of which one is filled."""
+    """JointTrajectoryControllerState with only desired and actual, and with both of which one is filled, or both."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     text = controller_state_definition(*points).replace("uint32 seq\n", "")
@@ -372,7 +373,9 @@ def test_controllers_fill_one_reference_or_the_other(points: tuple[str, ...], fi
         duration = types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
         fields = {
             name: types[POINT](
-                positions=np.array([0.3 * time]) if name == filled else nothing, time_from_start=duration, **more
+                positions=np.array([0.3 * time]) if filled in (name, "both") else nothing,
+                time_from_start=duration,
+                **more,
             )
             for name in points
         }

@@ -101,6 +101,7 @@ ROWS: dict[str, dict[str, Row]] = {
         "--start": Row(("1", "2")),
         "--stiffness": Row(("630", "900")),
         "--damping": Row(("0", "5"), ("--stiffness=630",)),
+        "--integral": Row(("0", "100"), ("--stiffness=630",)),
         "--largest-unpacked": Row(("0.001", "64"), ("{zeros}",), ("{table}",), statuses=(0, 2)),
         "--compression": Row(("zstd", "none")),
     },

@@ -42,9 +42,13 @@ _SETTLED = 0.2  # [s]
 
 
 class Probe:
-    """Publishes what a robot would, and remembers what the monitor says."""
+    """Publishes what a robot would, and remembers what the monitor says.
+
+    ``log`` gives what the monitor has printed, where it was begun by who set it.
+    """
 
     def __init__(self) -> None:
+        self.log: Callable[[], str] = str
         self.node = Node("probe")
         self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
         self.margins: dict[str, dict[str, float]] = {}

@@ -17,6 +17,7 @@ from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from support_ros import Probe, probe
 
@@ -80,6 +81,34 @@ def test_a_controller_that_is_not_there(ros_domain: int) -> None:
         assert monitor.output().count("waiting for /nobody") == 1
         assert one.set_parameters(f"/{NODE}", {"controller": ""}) == [""]
         one.wait(lambda: "waiting for" not in joint_line(one), 5.0, "the end of it")
+        _gains_elsewhere(one, monitor)
+
+
+def _gains_elsewhere(one: Probe, monitor: NodeProcess) -> None:
+    """Issue 34, item 11: what a controller has, what is taken of it, and what is not, and why; the probe is one."""
+    for name, value in (("joints", ["joint1"]), ("k_q_p", [100.0]), ("d", [1.0])):
+        one.node.declare_parameter(name, value)
+    assert one.set_parameters(f"/{NODE}", {"controller": "/probe"}) == [""]
+    elsewhere = (
+        "/probe has no parameters gains.<joint>.p/.i/.d of the joints watched; k_q_p, d look like gains, "
+        "and gains.<joint>.p, .i and .d are read"
+    )
+    one.wait(lambda: f"gains not known: {elsewhere}" in joint_line(one), 10.0, "arrays")
+    one.node.declare_parameter("gains.elbow.p", 5.0)
+    one.wait(lambda: "of the joints watched; it has those of elbow" in joint_line(one), 10.0, "another's")
+    # 1/s are no N·m/rad.
+    one.node.declare_parameter("command_interfaces", ["velocity"])
+    one.node.declare_parameter("gains.joint1.p", 630.0)
+    one.wait(lambda: "/probe: command_interfaces is velocity: gains beside it" in joint_line(one), 10.0, "a velocity")
+    assert "have the unit 1/s, not N·m/rad" in own(one)
+    assert math.isnan(one.margins["joint1"]["stiffness"])
+    one.node.set_parameters([Parameter("command_interfaces", value=["effort"])])
+    one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, 10.0, "an effort")
+    one.wait(lambda: "following /probe: gains.joint1.p" in monitor.output(), 5.0, "what was taken")
+    assert monitor.output().count(elsewhere) == 1
+    # And while the gains are in use.
+    one.node.set_parameters([Parameter("command_interfaces", value=["position"])])
+    one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), 10.0, "a position")
 
 
 IMPOSSIBLE = ["bad name!", "/a//b", "9", "/a/", "x" * 300, "{x}", ["/a", "/a"], ["/a", "no way"], 5, 0.5, True]
@@ -168,6 +197,9 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
         "stickslip_monitor: {ros__parameters: {joints: [joint1], alow_apply: true, state_file: none,\n"
         "  limits: {jiont1: {p_max: 1.0}}}}\n"
         "stickslip_monitr: {ros__parameters: {learn: false}}\n"
+        # Issue 34, item 11: gains of every node that are elsewhere, and of a joint that is listed twice.
+        "/**:\n  ros__parameters:\n    k_q_p: [630.0]\n    rate: 100\n    gains:\n"
+        "      joint1: {p: 630.0}\n      joint1: {p: 700.0}\n"
     )
     with NodeProcess("monitor", {}, params_file=path) as monitor, probe() as one:
         one.wait_for_monitor()
@@ -175,6 +207,8 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
             "parameter 'alow_apply' is not known; did you mean 'allow_apply'?",
             "'limits.jiont1.p_max' names the joint 'jiont1', which is not watched; did you mean 'joint1'?",
             "section 'stickslip_monitr' is of no node that is known; did you mean 'stickslip_monitor'?",
+            "parameter 'k_q_p' is not known; of gains, gains.<joint>.p, .i and .d are read",
+            f"parameter file {path}: must have 'joint1' once: it is in line 10 and in line 11",
         )
         one.wait(lambda: all(text in own(one) for text in texts), 5.0, "the node's status")
         assert one.diagnostics[NODE][0] == b"\x01"
@@ -182,6 +216,7 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
         for text in texts:
             assert monitor.output().count(text) == 1
         assert "update_rate" not in monitor.output()
+        assert "'rate'" not in monitor.output()
         assert "controller_manager" not in monitor.output()
 
 

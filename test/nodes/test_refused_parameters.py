@@ -27,6 +27,9 @@ REFUSED: list[tuple[dict[str, object], str]] = [
     ({"gains.a.p": float("inf")}, "'gains.a.p' must be finite, or nan where it is not set"),
     *(({f"gains.a.{key}": -1.0, "gains.a.p": 1.0} | {f"gains.a.{key}": -1.0}, f"'gains.a.{key}' {NOT_NEGATIVE}")
       for key in "pid"),
+    # Issue 34, item 13: 1/s are no N·m/rad.
+    ({"gains.a.p": 3.0, "command_interfaces": ["velocity"]},
+     "gains.a.p: command_interfaces is velocity: gains beside it have the unit 1/s, not N·m/rad"),
     ({"trial.a.p": -1.0}, f"'trial.a.p' {NOT_NEGATIVE}"),
     *(({"joints": names}, JOINTS) for names in (["a b"], ["a.b"], ["a", "a"], ["x" * 5000], ["a\x1b[2J"], ["a", ""])),
 ]  # fmt: skip

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -22,12 +23,14 @@ from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.nodes.conversion import stamp
 
 OWN = "stickslip_monitor"
+NOTHING: dict[str, object] = {"joints": "['']", "state_file": "none"}
 
 
 @contextmanager
 def watched(**parameters: object) -> Iterator[Probe]:
     """A monitor that knows nothing of any joint, and a probe that it listens to."""
-    with NodeProcess("monitor", {"joints": "['']", "state_file": "none", **parameters}) as monitor, probe() as one:
+    with NodeProcess("monitor", NOTHING | parameters) as monitor, probe() as one:
+        one.log = monitor.output
         one.wait_for_monitor()
         yield one
         assert monitor.running, monitor.output()
@@ -65,6 +68,8 @@ def test_a_bag_that_loops(ros_domain: int) -> None:
         assert len(found) == 3 * len(first)
         assert len(first) >= 8
         assert one.diagnostics["joint1"][2]["samples left out"] == ""
+        # Issue 34, item 14: the log has the change once.
+        assert one.log().count("joint1: stick_slip") == 1, one.log()
 
 
 def test_simulated_time_that_pauses_and_loops(ros_domain: int) -> None:
@@ -152,6 +157,38 @@ def test_missing_stamps(ros_domain: int) -> None:
         assert float(one.diagnostics["joint1"][2]["sample rate [Hz]"]) > 0.5 * rate
 
 
+def test_silence_and_a_simulation_without_a_clock(ros_domain: int) -> None:
+    """Issue 34, item 14: what is listened to and what there is instead; stamps of zero where simulated time stands."""
+    parameters = NOTHING | {"use_sim_time": "true"}
+    with NodeProcess("monitor", parameters, {"joint_states": "arm/states"}) as monitor, probe() as one:
+        silence = (
+            "nothing is heard on /arm/states (sensor_msgs/msg/JointState) yet, for 10 s: no node publishes "
+            "JointState there; JointState is published on /joint_references (by /probe), /joint_states (by /probe): "
+            "remap joint_states"
+        )
+        clock = "use_sim_time is true and nothing is heard on /clock"
+
+        def own() -> tuple[bytes, str]:
+            return one.diagnostics.get(OWN, (b"", "", {}))[:2]
+
+        one.wait(lambda: silence in own()[1] and clock in own()[1], 180.0, "both")
+        assert own()[0] == b"\x01"
+        one.spin(1.5)
+        assert monitor.output().count(silence) == monitor.output().count(clock) == 1
+        states = one.node.create_publisher(JointState, "/arm/states", QoSProfile(depth=100))
+        one.wait(lambda: states.get_subscription_count() > 0, 10.0, "the listener")
+        positions = staircase(20000)[1]
+        start = time.monotonic()
+        while len(cycles(one)) < 3 and (index := int(200 * (time.monotonic() - start))) < len(positions):
+            states.publish(JointState(name=["joint1"], position=[positions[index]]))
+            one.spin(0.005)
+        assert len(cycles(one)) >= 3
+        assert one.diagnostics["joint1"][2]["samples left out"] == ""
+        assert "nothing is heard on /arm" not in own()[1]
+        used = "stamp is zero; the time of arrival by the system's clock (use_sim_time is true, and nothing is "
+        assert f"joint_states: {used}heard on /clock) is used instead" in " ".join(one.diagnostics[OWN][2])
+
+
 def test_two_publishers_of_different_joints(ros_domain: int) -> None:
     """Issue 7: an arm's and a gripper's broadcaster on one topic: both are served, nothing is called lost."""
     with watched() as one:
@@ -179,7 +216,9 @@ def test_two_publishers_of_different_joints(ros_domain: int) -> None:
 def test_two_publishers_of_one_joint(ros_domain: int) -> None:
     """Issue 7: what two say at once is no motion: it is said, and followed again once one of them is gone."""
     with watched() as one:
-        other = another_publisher(one)
+        rival = Node("rival")
+        other = rival.create_publisher(JointState, "joint_states", QoSProfile(depth=5000))
+        one.wait_for_publishers(2, 10.0)
         for index in range(900):
             at = 100.0 + index / 200.0
             one.publish(["joint1", "joint2"], at, position=[0.001 * index, 0.0])
@@ -187,10 +226,13 @@ def test_two_publishers_of_one_joint(ros_domain: int) -> None:
             message.header.stamp = stamp(at + 0.002)
             other.publish(message)
             one.spin(0.005)
-        assert "published by several nodes at once" in one.diagnostics["joint1"][1]
+        # Issue 34, item 14: both are named, and the log has it too.
+        contest = "joint1: published by several nodes at once (/probe, /rival); remap all but one of them"
+        assert one.diagnostics["joint1"][1] in contest
+        one.wait(lambda: contest in one.log(), 5.0, "the log")
         assert one.diagnostics["joint1"][0] == b"\x01"
         assert "several nodes" not in one.diagnostics["joint2"][1]
-        one.node.destroy_publisher(other)
+        rival.destroy_node()
         count = len(cycles(one))
         for number in range(2):
             play(one, "joint1", *staircase(1600), begin=200.0 + 10.0 * number)

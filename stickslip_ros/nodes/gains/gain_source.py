@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
 
+from stickslip_ros.messages.gain_layouts import INTERFACES, elsewhere_text, gains_elsewhere, some, why_not_taken
 from stickslip_ros.messages.gain_parameters import KINDS, HeardGains, gain_name, gain_value, joint_and_kind
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
@@ -22,7 +23,6 @@ _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
 _LOOK_EVERY = 1.0  # [s] at the graph, while the controller is missing
 _SILENT_FOR_GOOD = 3  # answers missing in a row, 2 s each, after which its gains are known no more
-_NAMED = 6  # other nodes that are named where a controller is missing
 
 
 class ControllerGains:
@@ -86,7 +86,7 @@ class ControllerGains:
         self._asked_at = now
         self._busy = True
         # Asked by name, many controllers answer nothing at all if one name is not theirs; so they are listed first.
-        self.parameters.list("gains", now, partial(self._on_names, now))
+        self.parameters.list(["gains", *INTERFACES], now, partial(self._on_names, now))
 
     def close(self) -> None:
         """Leave the controller alone."""
@@ -96,15 +96,20 @@ class ControllerGains:
         """Whether the controller has gains of a joint."""
         return self._heard.of(joint) is not None
 
-    def _says(self, state: str, kind: str, *, waiting: bool) -> None:
-        """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged."""
+    def _says(self, state: str, kind: str, *, waiting: bool, detail: str = "") -> None:
+        """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged.
+
+        Parameters
+        ----------
+        detail : for the log alone.
+        """
         if kind not in ("", self._said):
             self._said = kind
             # Two lines of code: rclpy wants one severity from each.
             if waiting:
                 self._node.get_logger().warning(state)
             else:
-                self._node.get_logger().info(state)
+                self._node.get_logger().info(f"{state}{detail}")
         self.state, self.waiting = state, waiting
 
     def _others(self) -> str:
@@ -114,7 +119,7 @@ class ControllerGains:
         others = sorted(name for name in names - {own} if not name.rpartition("/")[2].startswith("_"))
         if not others:
             return "; no other node is there"
-        return f"; there are {', '.join(others[:_NAMED])}{', …' if len(others) > _NAMED else ''}"
+        return f"; there are {some(others)}"
 
     def _on_names(self, now: float, found: list[str] | None) -> None:
         if found is None:
@@ -122,11 +127,25 @@ class ControllerGains:
         wanted = {gain_name(joint, kind) for joint in self._joints() for kind in KINDS}
         names = [name for name in found if name in wanted]
         if not names:
-            self._busy = False
-            return self._says(
-                f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched", "none", waiting=True
-            )
+            # What there is instead is worth a question only then.
+            return self.parameters.list([], now, self._on_other_names)
+        names += [name for name in INTERFACES if name in found]
         return self.parameters.get(names, now, partial(self._on_values, names))
+
+    def _on_other_names(self, found: list[str] | None) -> None:
+        if found is None:
+            return self._no_answer()
+        self._busy = False
+        joints = sorted({of_joint[0] for name in found if (of_joint := joint_and_kind(name))})
+        elsewhere = gains_elsewhere(found)
+        others = ""
+        if joints:
+            others = f"; it has those of {some(joints)}"
+        elif elsewhere:
+            others = f"; {elsewhere_text(elsewhere)}"
+        return self._says(
+            f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched{others}", "none", waiting=True
+        )
 
     def _no_answer(self) -> None:
         self._busy = False
@@ -140,26 +159,37 @@ class ControllerGains:
             return self._no_answer()
         self._busy = False
         self._silent = 0
-        self._says(f"following {self.name}", "following", waiting=False)
-        return self._take(zip(names, values, strict=False))
+        self._take(dict(zip(names, values, strict=False)))
+        if self._heard.refusal:
+            return self._says(f"{self.name}: {self._heard.refusal}", "refused", waiting=True)
+        taken = [name for name in names if name not in INTERFACES]
+        return self._says(f"following {self.name}", "following", waiting=False, detail=f": {some(taken)}")
 
     def on_event(self, event: ParameterEvent) -> None:
         """Take a change of parameters, if it is the controller's."""
         if event.node == self.name:
             changes = {one.name: one.value for one in [*event.new_parameters, *event.changed_parameters]}
             self.parameters.hear(changes)
-            self._take(changes.items())
+            self._take(changes)
 
-    def _take(self, parameters: Iterable[tuple[str, ParameterValue]]) -> None:
+    def _take(self, parameters: Mapping[str, ParameterValue]) -> None:
         """Remember what are gains of joints watched, and tell of each joint once."""
+        if any(name in parameters for name in INTERFACES):
+            self._refuse(why_not_taken(parameters))
         watched, told = set(self._joints()), []
-        for name, value in parameters:
+        for name, value in parameters.items():
             found = joint_and_kind(name)
             if found is not None and found[0] in watched:
                 self._remember(*found, value)
                 told.append(found[0])
         for joint in dict.fromkeys(told):
             self._tell(joint)
+
+    def _refuse(self, reason: str) -> None:
+        """Know no gains for a reason, "" for none: what the controller commands may change while it is inactive."""
+        if reason and not self._heard.refusal:
+            self.forget()
+        self._heard.refusal = reason
 
     def forget(self) -> None:
         """Know the gains no more, and say so."""

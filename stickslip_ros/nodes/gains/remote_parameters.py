@@ -19,6 +19,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 PATIENCE = 2.0  # [s] for an answer
+_DEPTH = 10  # words of a name
 
 Then = Callable[[Any], None]
 Listener = Callable[[Mapping[str, ParameterValue]], None]
@@ -67,9 +68,9 @@ class RemoteParameters:
         """Whether a question waits for its answer."""
         return bool(self._waiting)
 
-    def list(self, prefix: str, now: float, then: Then) -> None:
-        """Names of parameters below a prefix."""
-        request = ListParameters.Request(prefixes=[prefix], depth=10)
+    def list(self, prefixes: Sequence[str], now: float, then: Then) -> None:
+        """Names of parameters that are, or stand below, one of some prefixes; of all for none."""
+        request = ListParameters.Request(prefixes=list(prefixes), depth=_DEPTH)
         self._ask(self._list, request, now, lambda answer: then(answer and list(answer.result.names)))
 
     def get(self, names: Sequence[str], now: float, then: Then) -> None:

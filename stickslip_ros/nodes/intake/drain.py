@@ -15,6 +15,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.waitable import NumberOfEntities, Waitable
 
 from stickslip_ros.errors import StickSlipError
@@ -72,6 +73,11 @@ class DrainedSubscription:
     def publishers(self) -> int:
         """How many publish on the topic."""
         return int(self._node.count_publishers(self._subscription.topic_name))
+
+    @property
+    def endpoints(self) -> list[TopicEndpointInfo]:
+        """What the graph knows of them."""
+        return list(self._node.get_publishers_info_by_topic(self._subscription.topic_name))
 
     def take_all(self) -> list[tuple[Any, dict[str, int]]]:
         """The messages waiting, oldest first, each with its sequence number and the times of sending and arrival."""

@@ -10,8 +10,10 @@ from rclpy.node import Node
 
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
+from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.intake.published_types import REFERENCES, PublishedTypes
 from stickslip_ros.nodes.intake.references import reference_type_name
+from stickslip_ros.nodes.intake.silence import SilentClock, SilentStates
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.not_understood import NotUnderstood
@@ -33,16 +35,21 @@ class Inputs:
             },
         )
         self._not_understood = NotUnderstood(node)
+        self._silent_states, self._silent_clock = SilentStates(node, _STATES), SilentClock(node)
 
-    def look(self, now: float) -> None:
+    def look(self, now: float, states: JointStateTopic | None) -> None:
         """Look at the graph and at what was given; ``now`` is a steady time [s]."""
         self._types.look(now)
+        self._silent_clock.look(now)
+        if states is not None:
+            self._silent_states.look(now, states.messages)
         self._not_understood.look(list(self._joints), now, others_may_come=self._joints.welcomes_others)
 
     @property
     def troubles(self) -> list[str]:
         """What there is to say of the node itself."""
-        return [*self._types.troubles.values(), *self._not_understood.texts]
+        silences = [text for text in (self._silent_states.text, self._silent_clock.text) if text]
+        return [*self._types.troubles.values(), *silences, *self._not_understood.texts]
 
     def values(self) -> list[tuple[str, object]]:
         """The same as keys and values."""
@@ -54,8 +61,8 @@ class Inputs:
     def missing(self, joint: WatchedJoint, assessment: Assessment) -> str:
         """Why something is not known of a joint that it was configured for, "" if that is not so."""
         reasons = []
-        if math.isinf(joint.heard) and _STATES in self._types.troubles:
-            reasons.append(self._types.troubles[_STATES])
+        if math.isinf(joint.heard):
+            reasons += [text for text in (self._types.troubles.get(_STATES, ""), self._silent_states.text) if text]
         if assessment.gains is None:
             why = self._gains.why_unknown(joint.name) or self._types.troubles.get(PD_GAINS, "")
             reasons += [f"gains not known: {why}"] if why else []

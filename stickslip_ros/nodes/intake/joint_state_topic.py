@@ -18,10 +18,10 @@ from stickslip_ros.messages.stamps import with_times
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.publishers import listed, name_of
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.intake.sequence_numbers import SequenceNumbers
 
-INSTEAD_OF_A_STAMP = "arrival"
 _LOOK_EVERY = 0.5  # [s] at the graph, for how many publish
 _CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
 _LONGEST_REASON = 300
@@ -48,6 +48,7 @@ class JointStateTopic:
     messages : how many came; waiting : the most that a drain found since :meth:`look_back` was called last.
     oldest : when the oldest message since then came, in the system's time [s]; NaN if none did.
     contested : joints that several publishers tell of at once, which is no motion to follow.
+    contest : names the publishers then, "" otherwise.
     """
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
@@ -64,6 +65,7 @@ class JointStateTopic:
         self.messages = self.waiting = 0
         self.oldest = np.nan
         self.contested: frozenset[str] = frozenset()
+        self.contest = ""
 
     @property
     def lost(self) -> int:
@@ -113,7 +115,7 @@ class JointStateTopic:
 
     def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
         """Stamps, or the times of arrival where there are none."""
-        return with_times(rows.time, lambda: arrivals[rows.index], INSTEAD_OF_A_STAMP, self._refuse_many)
+        return with_times(rows.time, lambda: arrivals[rows.index], self._arrivals.what, self._refuse_many)
 
     def _look_at_the_graph(self) -> None:
         now = monotonic()
@@ -122,9 +124,15 @@ class JointStateTopic:
         self._looked_at = now
         self.publishers = self.subscription.publishers
         self.contested = frozenset(name for name, steps in self._steps_back.items() if steps >= _CONTESTED)
+        self.contest = self._who_contests() if self.contested else ""
         if self.publishers < 2:
             self._last_number.clear()
         self._steps_back.clear()
+
+    def _who_contests(self) -> str:
+        # Messages do not say who sent them: of more than two publishers any two may be meant.
+        names = listed(sorted(map(name_of, self.subscription.endpoints)))
+        return f"published by several nodes at once ({names}); remap all but one of them"
 
     def _look_for_rivals(self, found: list[JointRows], numbers: Integers) -> None:
         """Count the steps back in the numbers of the messages that tell of a joint: one publisher's only grow."""

@@ -8,14 +8,12 @@ import math
 from collections.abc import Mapping
 
 from rclpy.node import Node
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from stickslip_ros.nodes.intake.publishers import is_named, listed, names_of
 from stickslip_ros.nodes.intake.references import REFERENCE_TYPES
 
 REFERENCES = "joint_references"
 _LOOK_EVERY = 1.0  # [s]
-_NAMED = 3  # publishers
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what the graph says meanwhile
 
 
 class PublishedTypes:
@@ -49,7 +47,7 @@ class PublishedTypes:
         name = self._node.resolve_topic_name(topic)
         others = [one for one in self._node.get_publishers_info_by_topic(name) if one.topic_type != wanted]
         # A publisher can be known before the name of its node is; by the next look it is known, if ever.
-        unnamed = any(_UNKNOWN in one.node_name for one in others)
+        unnamed = not all(map(is_named, others))
         if unnamed and topic not in self._unnamed:
             self._unnamed.add(topic)
             return self.troubles.get(topic, "")
@@ -58,15 +56,8 @@ class PublishedTypes:
         if not others:
             return ""
         kinds = sorted({one.topic_type for one in others})
-        nodes = sorted({_name_of(one) for one in others})
-        listed = f"{', '.join(nodes[:_NAMED])}{', …' if len(nodes) > _NAMED else ''}"
-        return f"{name} carries {', '.join(kinds)} from {listed}, and {_advice(topic, wanted, kinds)}"
-
-
-def _name_of(publisher: TopicEndpointInfo) -> str:
-    if _UNKNOWN in publisher.node_name:
-        return "a node without a name"
-    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
+        nodes = listed(names_of(others))
+        return f"{name} carries {', '.join(kinds)} from {nodes}, and {_advice(topic, wanted, kinds)}"
 
 
 def _advice(topic: str, wanted: str, kinds: list[str]) -> str:

@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
-from stickslip_ros.nodes.intake.joint_state_topic import INSTEAD_OF_A_STAMP, JointStateTopic, joined
+from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic, joined
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 
@@ -58,7 +58,7 @@ class ControllerStateTopic:
         except MessageError as error:
             self._refuse(f"{self._topic}: {error}")
             return
-        time = with_time(seconds(message.header.stamp), arrival, INSTEAD_OF_A_STAMP, self._refuse_many)
+        time = with_time(seconds(message.header.stamp), arrival, self._arrivals.what, self._refuse_many)
         for name, (position, velocity) in found.items():
             rows.setdefault(name, []).append((time, position, velocity))
 

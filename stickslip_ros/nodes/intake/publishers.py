@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Who publishes on a topic, by the names of nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+_NAMED = 3  # that are listed
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what the graph says before the name of a node is known
+
+
+def is_named(publisher: TopicEndpointInfo) -> bool:
+    """Whether the name of its node is known yet."""
+    return _UNKNOWN not in publisher.node_name
+
+
+def names_of(publishers: Iterable[TopicEndpointInfo]) -> list[str]:
+    """Fully qualified names of their nodes, each once."""
+    return sorted({name_of(one) for one in publishers})
+
+
+def publishers_by_topic(node: Node, message_type: str) -> dict[str, list[str]]:
+    """Topics on which other nodes publish messages of a type, each with their fully qualified names.
+
+    What the graph is asked for a topic goes through the node's own remappings, which are others' no business.
+    """
+    found: dict[str, list[str]] = {}
+    for name, space in sorted(node.get_node_names_and_namespaces()):
+        full = f"{space.rstrip('/')}/{name}"
+        if full == node.get_fully_qualified_name():
+            continue
+        try:
+            topics = node.get_publisher_names_and_types_by_node(name, space)
+        except NodeNameNonExistentError:  # it has gone meanwhile
+            continue
+        for topic, kinds in topics:
+            if message_type in kinds:
+                found.setdefault(topic, []).append(full)
+    return found
+
+
+def listed(names: Collection[str]) -> str:
+    """Some of the names, for a sentence."""
+    return f"{', '.join(list(names)[:_NAMED])}{', …' if len(names) > _NAMED else ''}"
+
+
+def name_of(publisher: TopicEndpointInfo) -> str:
+    """Fully qualified name of its node."""
+    if not is_named(publisher):
+        return "a node without a name"
+    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
