@@ -42,6 +42,7 @@ MOTION = np.dtype(
         ("reference_velocity", float),
         ("way", float),  # place of the reference, or the way that it has gone where only its velocity is given
         ("travels", np.bool_),  # whether the reference is known
+        ("referenced", float),  # when it was known last
         ("follows", np.bool_),  # whether the reference only repeats what was measured
         ("before", float),  # where the joint was when the two were compared last
         ("compared", float),  # how often they were, lately
@@ -526,6 +527,11 @@ def _note(time, position, reference, reference_speed, motion, detector):
     _compare(position, reference, reference_speed, motion, detector)
     if motion.follows:
         reference, reference_speed = np.nan, np.nan
+    elif np.isfinite(reference) or np.isfinite(reference_speed):
+        motion.referenced = time
+    elif not time - motion.referenced > _UNSEEN_INTERVALS * motion.interval:
+        # A few samples without a reference say nothing of it.
+        return motion.way if motion.travels else np.nan
     # From its position if given, else from its velocity.
     if np.isfinite(reference):
         motion.way = reference

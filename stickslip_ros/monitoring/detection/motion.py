@@ -78,11 +78,11 @@ class MotionRecord:
         # A record, and the array that it lies in.
         self._motions: Any = np.zeros(1, kernel.MOTION)
         self._motion = self._motions[0]
-        for name in ("now", "turned", "rested_at", "last_end"):
+        for name in ("now", "turned", "rested_at", "last_end", "referenced"):
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
-            "before", "evidence",
+            "before", "evidence", "standing",
         ):  # fmt: skip
             self._motion[name] = np.nan
         self._motion["looked"] = -1
