@@ -32,7 +32,7 @@ _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jitter
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
 PAST_COLUMNS = 6
-SWING_COLUMNS = 9  # the fields of a Swing
+SWING_COLUMNS = 10  # the fields of a Swing
 MOTION = np.dtype(
     [
         ("first_time", float),
@@ -72,6 +72,8 @@ MOTION = np.dtype(
         ("period", float),  # their median
         ("slip", float),  # longest of them
         ("dwell", float),  # likewise
+        ("distance", float),  # farthest of them
+        ("reached", float),  # where the last one ended
         ("evidence", float),  # end of the last cycle, or of the rest in which it ended
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
@@ -105,7 +107,7 @@ SLICE_COLUMNS = 6
 ) = range(11)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
-_OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
+_OUTLIVES = 2.0  # times the longest recent slip, its distance, or the dwell, until what was found says nothing of now
 _CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is seen a little late
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
@@ -127,7 +129,7 @@ _NOTICED = 0.5  # of the crossings
 _ENOUGH_CROSSINGS = 3
 # Swings about a reference that stands.
 _STANDS = 0.05  # of a swing: so little a standing reference goes
-_LEAST_SWING = 3.0  # bands: less is noise and flicker
+_LEAST_TURN = 3.0  # bands: a joint that has gone back so far has turned, if the swing is small
 _LEAST_SAMPLES = 5.0  # in a swing: less may be noise
 _MIDDLE = 0.1  # of a swing: where its middle begins, and ends before its end
 _TURNED_BACK = 0.3  # of a swing: so far back the joint has turned for certain
@@ -381,6 +383,8 @@ def _goes_on_sticking(rest, motion):
         return False
     if motion.now - motion.evidence > _CYCLES_AT_MOST * motion.period:
         return False
+    if abs(motion.position - motion.reached) > _OUTLIVES * motion.distance:
+        return False
     slip, dwell = _OUTLIVES * motion.slip, _OUTLIVES * motion.dwell
     if np.isfinite(rest):
         return rest - motion.evidence <= slip and motion.now - rest <= dwell
@@ -605,12 +609,13 @@ def _follow_swing(motion, detector):
         motion.farthest = newest
         return False
     first = motion.turns_standing == 0
-    if back < max(_LEAST_SWING * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin)):
+    if back < max(_LEAST_TURN * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin)):
         return False
     stood = detector.crossings[turn, kernel.FLAT_END] - detector.crossings[turn, kernel.TIME]
     moved = detector.crossings[farthest, kernel.TIME] - detector.crossings[turn, kernel.FLAT_END]
     # The first motion is a swing only if the joint stood before it.
     swung = (not first or stood > moved) and moved > _LEAST_SAMPLES * motion.interval
+    swung &= abs(extreme - begin) > _FLICKER * band
     if swung:
         early = _time_at(begin + _MIDDLE * (extreme - begin), motion.turn, detector)
         late = _time_at(extreme - _MIDDLE * (extreme - begin), motion.turn, detector)
@@ -623,7 +628,7 @@ def _follow_swing(motion, detector):
         motion.swing[5] = motion.reference - begin
         motion.swing[6] = detector.crossings[turn, kernel.EFFORT_FLAT_END]
         motion.swing[7] = late - early
-        motion.swing[8] = detector.crossings[farthest, kernel.FLAT_END]
+        motion.swing[8], motion.swing[9] = detector.crossings[farthest, kernel.FLAT_END], band
         motion.swung = True
     motion.turns_standing += 1
     motion.turn, motion.farthest = motion.farthest, newest

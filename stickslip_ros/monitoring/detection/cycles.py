@@ -36,8 +36,10 @@ _LEAST_QUICKNESS = 1.3  # of the reference's speed: no more, and the joint follo
 _MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
 _WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
 _STANDS = 0.05  # of a slip: a reference that goes no further stands still
-_TRAIN_OF_HUNTING = 3
-_HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles
+_TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8
+_SMALL_SWING = 12.0  # bands: a reading that wanders swings so far now and then, though not evenly
+_HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles, and a growth by more no hunting
+_EVEN = 1.4  # times as long, without its stop, as the swing before the last, which went the same way
 _SUSTAINED = 0.95  # likewise for swings without a stop: less is free oscillation that dies out
 _MIDDLE_OF_HUNTING = 0.5  # of a swing's duration, for 80 % of its way: half a cosine takes 0.59
 _BEYOND = 0.2  # of a swing: so far the reference may lie outside the places that a hunting joint swings between
@@ -123,6 +125,8 @@ class CycleDetector:
             # A swing is known only when the joint has turned: until then its period alone speaks.
             slip=math.inf if last.hunting else max(cycle.slip_duration for cycle in recent),
             dwell=math.inf if last.hunting else max(cycle.dwell for cycle in recent),
+            distance=max(abs(cycle.slip_distance) for cycle in recent),
+            reached=last.position + last.slip_distance,
             evidence=seen,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
@@ -203,7 +207,13 @@ class CycleDetector:
             # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
             sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
             kept = abs(swing.distance / last.slip_distance)
-            if kept < (_HUNTING_SHRINKS if sticks else _SUSTAINED) or swing.reached != last.arrest:
+            lasted = swing.arrest - swing.left
+            lasted /= self._swings[-2].slip_duration if len(self._swings) > 1 else lasted
+            if (
+                not (_HUNTING_SHRINKS if sticks else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
+                or not 1.0 / _EVEN <= lasted <= _EVEN
+                or swing.reached != last.arrest
+            ):
                 self._end_hunting()
         self._turned = swing.turned
         # A joint that hunts overshoots its reference; one that is moved by hand does not know of it.
@@ -222,9 +232,10 @@ class CycleDetector:
                 reference_speed=0.0,
             )
         )
-        if len(self._swings) < _TRAIN_OF_HUNTING:
+        small = abs(swing.distance) < _SMALL_SWING * swing.band
+        if len(self._swings) < (_TRAIN_OF_SMALL_SWINGS if small else _TRAIN_OF_HUNTING):
             return []
-        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_HUNTING:]
+        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_SMALL_SWINGS:]
         self._reported_swings = len(self._swings)
         return certain
 
