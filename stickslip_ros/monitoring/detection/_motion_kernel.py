@@ -32,7 +32,7 @@ _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jitter
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
 PAST_COLUMNS = 6
-SWING_COLUMNS = 10  # the fields of a Swing
+SWING_COLUMNS = 11  # the fields of a Swing
 MOTION = np.dtype(
     [
         ("first_time", float),
@@ -78,10 +78,11 @@ MOTION = np.dtype(
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
-        # Swings about a reference that stands.
-        ("standing", float),  # way of the reference since which it stands
+        # Swings about the reference.
+        ("way_began", float),  # of the reference, where it began to go the way that it goes
+        ("way_farthest", float),  # and how far it has come
         ("swing_direction", float),  # of the motion since the last turn, 0 before the first
-        ("turns_standing", np.int64),  # seen since the reference stands
+        ("swing_turns", np.int64),  # seen since then
         ("turn", np.int64),  # crossing of the last turn
         ("farthest", np.int64),  # crossing that has gone farthest since then
         ("swing", float, SWING_COLUMNS),  # the latest complete one
@@ -127,8 +128,9 @@ _GAPS_OF_A_STEP = 4  # a slip of so few bands is too short to be seen as one
 _UNEVEN = 4.0  # times as long as the shortest gap beside it: the longest one of a joint that steps
 _NOTICED = 0.5  # of the crossings
 _ENOUGH_CROSSINGS = 3
-# Swings about a reference that stands.
-_STANDS = 0.05  # of a swing: so little a standing reference goes
+# Swings about the reference.
+_STANDS = 0.05  # of a swing: so little a reference goes back that goes one way
+_LED = 0.5  # of a swing, which the reference may go the same way: a joint that it leads goes as far as it
 _LEAST_TURN = 3.0  # bands: a joint that has gone back so far has turned, if the swing is small
 _LEAST_SAMPLES = 5.0  # in a swing: less may be noise
 _MIDDLE = 0.1  # of a swing: where its middle begins, and ends before its end
@@ -586,11 +588,21 @@ def _time_at(place, turn, detector):
 
 
 @helper()
-def _follow_swing(motion, detector):
-    """Follow the newest crossing from turn to turn while the reference stands; True if it completes a swing.
+def _reference_goes_on(swing, motion, detector):
+    """Whether the reference has stood or gone one way since the swings are followed; a part of a swing is no matter."""
+    if not motion.travels:
+        return False
+    if not abs(motion.way - motion.way_began) < abs(motion.way_farthest - motion.way_began):
+        motion.way_farthest = motion.way
+    return abs(motion.way_farthest - motion.way) <= max(detector.position.band, _STANDS * abs(swing))
 
-    A turn is certain when the joint has gone back by a share of the swing. The first motion after the reference has
-    come to stand may be far longer than the swings, so that it is no measure of them.
+
+@helper()
+def _follow_swing(motion, detector):
+    """Follow the newest crossing from turn to turn about the reference; True if it completes a swing.
+
+    A turn is certain when the joint has gone back by a share of the swing, as far as the reference did not go along.
+    The first motion may be far longer than the swings, so that it is no measure of them.
     """
     newest = detector.head - 1
     now, last = newest % kernel.RING, max(newest - 1, 0) % kernel.RING
@@ -598,9 +610,10 @@ def _follow_swing(motion, detector):
     turn, farthest = motion.turn % kernel.RING, motion.farthest % kernel.RING
     begin, extreme = detector.crossings[turn, kernel.POSITION], detector.crossings[farthest, kernel.POSITION]
     band = detector.position.band
-    kept = newest - motion.turn < kernel.RING
-    if not (kept and motion.travels and abs(motion.way - motion.standing) <= max(band, _STANDS * abs(place - begin))):
-        motion.standing, motion.turns_standing = motion.way, 0
+    kept = motion.swing_direction != 0.0 and newest - motion.turn < kernel.RING
+    if not (kept and _reference_goes_on(place - begin, motion, detector)):
+        motion.way_began = motion.way_farthest = motion.way
+        motion.swing_turns = 0
         motion.turn, motion.farthest = max(newest - 1, 0), newest
         motion.swing_direction = 1.0 if place > detector.crossings[last, kernel.POSITION] else -1.0
         return False
@@ -608,14 +621,16 @@ def _follow_swing(motion, detector):
     if back <= 0.0:
         motion.farthest = newest
         return False
-    first = motion.turns_standing == 0
-    if back < max(_LEAST_TURN * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin)):
+    first = motion.swing_turns == 0
+    # Since the joint reached its turn: a reference that goes the same way as the joint may be what moves it.
+    travel = detector.crossings[farthest, kernel.REFERENCE] - detector.crossings[turn, kernel.REFERENCE]
+    if back < max(_LEAST_TURN * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin - travel)):
         return False
     stood = detector.crossings[turn, kernel.FLAT_END] - detector.crossings[turn, kernel.TIME]
     moved = detector.crossings[farthest, kernel.TIME] - detector.crossings[turn, kernel.FLAT_END]
     # The first motion is a swing only if the joint stood before it.
     swung = (not first or stood > moved) and moved > _LEAST_SAMPLES * motion.interval
-    swung &= abs(extreme - begin) > _FLICKER * band
+    swung &= abs(extreme - begin) > max(_FLICKER * band, motion.swing_direction * travel / _LED)
     if swung:
         early = _time_at(begin + _MIDDLE * (extreme - begin), motion.turn, detector)
         late = _time_at(extreme - _MIDDLE * (extreme - begin), motion.turn, detector)
@@ -629,8 +644,9 @@ def _follow_swing(motion, detector):
         motion.swing[6] = detector.crossings[turn, kernel.EFFORT_FLAT_END]
         motion.swing[7] = late - early
         motion.swing[8], motion.swing[9] = detector.crossings[farthest, kernel.FLAT_END], band
+        motion.swing[10] = travel
         motion.swung = True
-    motion.turns_standing += 1
+    motion.swing_turns += 1
     motion.turn, motion.farthest = motion.farthest, newest
     motion.swing_direction = -motion.swing_direction
     return swung

@@ -104,9 +104,10 @@ class CycleDetector:
         self._pending: list[Cycle] = []
         self._spring = SpringEvidence()
         self._train: deque[float] = deque(maxlen=_TRAIN)  # distances of the cycles that follow one another
-        self._swings: list[Cycle] = []
-        self._turned = math.nan  # when the joint left the turn that the last one ended at
+        self._swings: list[Swing] = []
+        self._turned = math.nan  # when the joint left the turn that the last one told ended at
         self._reported_swings = 0  # of these, how many are published
+        self._told_until = -math.inf  # arrest of the last cycle told
 
     def evidence(self, recent: Sequence[Cycle]) -> Evidence:
         """What the recent cycles, oldest first, and the last rests tell of the time after them."""
@@ -194,50 +195,34 @@ class CycleDetector:
             distance = rest.position - before.position
         if abs(distance) < _CREEP_SHARE * abs(self._distance) and not _keeps_up(distance, before):
             self._small = rest
-            return certain
+            return self._once(certain)
         certain += self._decide(before, rest)
         if foreseen is not None and foreseen.breakaway not in [cycle.breakaway for cycle in certain]:
             certain.append(foreseen)
-        return certain
+        return self._once(certain)
 
     def take_swing(self, swing: Swing) -> list[Cycle]:
-        """Take a swing about a reference that stands, and return the cycles of hunting that are now certain."""
-        if self._swings:
-            last = self._swings[-1]
-            # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
-            sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
-            kept = abs(swing.distance / last.slip_distance)
-            lasted = swing.arrest - swing.left
-            lasted /= self._swings[-2].slip_duration if len(self._swings) > 1 else lasted
-            if (
-                not (_HUNTING_SHRINKS if sticks else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
-                or not 1.0 / _EVEN <= lasted <= _EVEN
-                or swing.reached != last.arrest
-            ):
-                self._end_hunting()
-        self._turned = swing.turned
+        """Take a swing about the reference, and return the cycles of hunting that are now certain."""
+        if not _hunts_on(self._swings, swing):
+            self._end_hunting()
         # A joint that hunts overshoots its reference; one that is moved by hand does not know of it.
         if not -_BEYOND <= swing.error / swing.distance <= 1.0 + _BEYOND:
             self._end_hunting()
             return []
-        self._swings.append(
-            Cycle(
-                breakaway=swing.left,
-                arrest=swing.arrest,
-                dwell=swing.left - swing.reached,
-                slip_distance=swing.distance,
-                position=swing.position,
-                effort=swing.effort,
-                hunting=True,
-                reference_speed=0.0,
-            )
-        )
+        self._swings.append(swing)
         small = abs(swing.distance) < _SMALL_SWING * swing.band
         if len(self._swings) < (_TRAIN_OF_SMALL_SWINGS if small else _TRAIN_OF_HUNTING):
             return []
+        self._turned = swing.turned
         certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_SMALL_SWINGS:]
         self._reported_swings = len(self._swings)
-        return certain
+        return self._once([_cycle_of_swing(one) for one in certain])
+
+    def _once(self, cycles: list[Cycle]) -> list[Cycle]:
+        """Those of the cycles that were not told before: a slip may be seen between two rests and as a swing."""
+        new = [cycle for cycle in cycles if 0.5 * (cycle.breakaway + cycle.arrest) > self._told_until]
+        self._told_until = max([self._told_until, *(cycle.arrest for cycle in new)])
+        return new
 
     def _decide(self, before: Rest, rest: Rest) -> list[Cycle]:
         """The cycles that are certain once the motion between two rests, the next of which is complete, is known."""
@@ -308,6 +293,39 @@ def _cycle(before: Rest, rest: Rest) -> Cycle | None:
         position=before.position,
         effort=before.effort,
         reference_speed=abs(_meanwhile(before, rest)) / moved if moved > 0.0 else math.nan,
+    )
+
+
+def _cycle_of_swing(swing: Swing) -> Cycle:
+    """A swing as a cycle of hunting, with the stop at the turn before it as its dwell."""
+    return Cycle(
+        breakaway=swing.left,
+        arrest=swing.arrest,
+        dwell=swing.left - swing.reached,
+        slip_distance=swing.distance,
+        position=swing.position,
+        effort=swing.effort,
+        hunting=True,
+        reference_speed=abs(swing.reference_velocity),
+    )
+
+
+def _hunts_on(swings: Sequence[Swing], swing: Swing) -> bool:
+    """Whether a swing goes on with those before it: as far, as fast, about a reference that stands or goes on evenly."""
+    if not swings:
+        return True
+    last = swings[-1]
+    # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
+    sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
+    # As the reference sees it: where that goes on, the joint goes farther one way than the other.
+    kept = abs((swing.distance - swing.travel) / (last.distance - last.travel))
+    lasted = (swing.arrest - swing.left) / (swings[-2].arrest - swings[-2].left) if len(swings) > 1 else 1.0
+    faster = (swing.reference_velocity - last.reference_velocity) * (swing.arrest - swing.reached)
+    return (
+        swing.reached == last.arrest
+        and (_HUNTING_SHRINKS if sticks else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
+        and 1.0 / _EVEN <= lasted <= _EVEN
+        and abs(faster) <= max(_STANDS * abs(swing.distance), swing.band)
     )
 
 

@@ -42,7 +42,7 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class Swing:
-    """A motion from one turn to the next while the reference stands.
+    """A motion from one turn to the next about a reference that stands, or goes on slowly.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Swing:
     error : reference less position at the turn that it begins at [rad]; NaN if the reference has no position.
     effort : measured there [N·m], NaN if unknown.
     middle : time from a tenth to nine tenths of the way [s]; turned : when it left the next turn [s].
-    band : the smallest motion that is told from rest [rad].
+    band : the smallest motion that is told from rest [rad]. travel : of the reference from turn to turn, signed [rad].
     """
 
     reached: float
@@ -65,6 +65,12 @@ class Swing:
     middle: float
     turned: float
     band: float
+    travel: float
+
+    @property
+    def reference_velocity(self) -> float:
+        """Mean of the reference from turn to turn, signed [rad/s]."""
+        return self.travel / (self.arrest - self.reached)
 
 
 class MotionRecord:
@@ -87,7 +93,7 @@ class MotionRecord:
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
-            "before", "evidence", "standing",
+            "before", "evidence",
         ):  # fmt: skip
             self._motion[name] = np.nan
         self._motion["looked"] = -1
