@@ -351,7 +351,11 @@ class RestDetector:
             )
         durations = crossings[:, kernel.FLAT_END] - crossings[:, kernel.TIME]
         advances = crossings[:, kernel.ADVANCE] + (crossings[:, kernel.REFERENCE] - first[kernel.REFERENCE]) * durations
-        lasted = float(durations.sum())
+        # A joint that creeps stands nowhere for long: from one stand to the next the reference goes on evenly.
+        between = crossings[1:, kernel.TIME] - crossings[:-1, kernel.FLAT_END]
+        means = 0.5 * (crossings[1:, kernel.REFERENCE] + crossings[:-1, kernel.REFERENCE_FLAT_END])
+        advanced = float(advances.sum() + ((means - first[kernel.REFERENCE]) * between).sum())
+        lasted = float(last[kernel.FLAT_END] - first[kernel.TIME])
         reference = float(last[kernel.REFERENCE_FLAT_END])
         return Rest(
             arrest=arrest,
@@ -368,7 +372,7 @@ class RestDetector:
             reference=float(first[kernel.REFERENCE]),
             reference_advance=reference - float(first[kernel.REFERENCE]),
             reference_left=reference,
-            reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
+            reference_mean_advance=advanced / lasted if lasted > 0.0 else 0.0,
             effort=float(last[kernel.EFFORT_FLAT_END]),
             complete=direction_after != 0,
             dated=dated,
