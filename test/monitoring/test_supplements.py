@@ -170,7 +170,7 @@ def test_straight_friction_stays_straight() -> None:
         assert estimate.curvature is None
 
 
-_MORE_SLIPS = pytest.mark.xfail(reason="rests of 20 ms, stamps off by 2.5 ms: the noise of the dates passes for a curve: issue 38")
+_MORE_SLIPS = pytest.mark.xfail(reason="rests of 20 ms, stamps 2.5 ms off: their noise passes for a curve (issue 38)")
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from stickslip_ros.monitoring.detection._swing_kernel import STANDS
 from stickslip_ros.monitoring.detection.motion import Evidence, Swing
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvidence
@@ -35,7 +36,6 @@ _LEAST_DIRECTNESS = 0.5  # a lightly damped joint bounces back before it rests; 
 _LEAST_QUICKNESS = 1.3  # of the reference's speed: no more, and the joint follows it
 _MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
 _WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
-_STANDS = 0.05  # of a slip: a reference that goes no further stands still
 _TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8
 _SMALL_SWING = 12.0  # bands: a reading that wanders swings so far now and then, though not evenly
 _HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles, and a growth by more no hunting
@@ -311,7 +311,7 @@ def _cycle_of_swing(swing: Swing) -> Cycle:
 
 
 def _hunts_on(swings: Sequence[Swing], swing: Swing) -> bool:
-    """Whether a swing goes on with those before it: as far, as fast, about a reference that stands or goes on evenly."""
+    """Whether a swing is like those before it, about a reference that stands or goes on evenly."""
     if not swings:
         return True
     last = swings[-1]
@@ -325,7 +325,7 @@ def _hunts_on(swings: Sequence[Swing], swing: Swing) -> bool:
         swing.reached == last.arrest
         and (_HUNTING_SHRINKS if sticks else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
         and 1.0 / _EVEN <= lasted <= _EVEN
-        and abs(faster) <= max(_STANDS * abs(swing.distance), swing.band)
+        and abs(faster) <= max(STANDS * abs(swing.distance), swing.band)
     )
 
 
@@ -362,10 +362,10 @@ def _is_driven(rest: Rest, cycle: Cycle, before: Rest, after: Rest) -> bool:
     direction = math.copysign(1.0, rest.reference_advance)
     advance, mean = direction * rest.reference_advance, direction * rest.reference_mean_advance
     meanwhile = direction * _meanwhile(before, after)
-    if not meanwhile >= -_STANDS * abs(cycle.slip_distance):
+    if not meanwhile >= -STANDS * abs(cycle.slip_distance):
         return False  # it turned, or where it was is not known
     # A reference that stands while the joint moves is one that steps, and a servo answers late.
-    stands = meanwhile <= _STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance)
+    stands = meanwhile <= STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance)
     least, most = _STEADY_BETWEEN_STEPS if stands else _STEADY
     if mean < _LEAST_ADVANCE * rest.band or not least * advance <= mean <= most * advance:
         return False
