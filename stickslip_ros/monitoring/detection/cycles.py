@@ -61,6 +61,7 @@ class Cycle:
     hunting : whether the reference stood still and the slip before went the other way.
     reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
     creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
+    stands : for how long the joint stood after it, as far as that is known [s].
     dated : whether breakaway and arrest are known better than to a sample, so that friction can be learnt from it.
     """
 
@@ -73,6 +74,7 @@ class Cycle:
     hunting: bool = False
     reference_speed: float = math.nan
     creep: float = 0.0
+    stands: float = math.inf
     dated: bool = True
 
     @property
@@ -288,6 +290,7 @@ def _cycle(before: Rest, rest: Rest) -> Cycle | None:
         arrest=rest.arrest,
         dwell=before.dwell,
         creep=before.breakaway - before.stirred,
+        stands=rest.dwell,
         dated=before.dated and rest.dated,
         slip_distance=distance,
         position=before.position,

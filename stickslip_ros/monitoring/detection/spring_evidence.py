@@ -17,7 +17,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from statistics import median, pstdev
+from itertools import pairwise
+from statistics import median
 
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape
 
@@ -119,8 +120,8 @@ class SpringEvidence:
         train = train[-_LOOKED_BACK:]
         if len(train) < _ENOUGH_FOR_SCATTER:
             return False
-        speeds = pstdev([one.log_speed for one in train[1:]])
-        distances = pstdev([math.log(abs(one.distance)) for one in train])
+        speeds = _scatter([one.log_speed for one in train[1:]])
+        distances = _scatter([math.log(abs(one.distance)) for one in train])
         readings = 1.0 / median(one.bands for one in train)
         return speeds > math.hypot(_LEAST_SCATTER, _READINGS * readings, _SCATTER_RATIO * distances)
 
@@ -130,6 +131,11 @@ class SpringEvidence:
 
     def _is_straight(self) -> bool:
         return 2 * sum(one.shape.straight for one in self._train) > len(self._train)
+
+
+def _scatter(logarithms: list[float]) -> float:
+    """By how much one differs from the next, mostly: a change of speed now and then is no scatter."""
+    return median(abs(one - other) for one, other in pairwise(logarithms))
 
 
 def _fit(deviation: float, width: float, width_apart: float, count: int) -> float:
