@@ -379,7 +379,7 @@ class JointMonitor:
         if code == kernel.TOO_FEW:
             reason = TooFewSamples()
         elif code == kernel.STICKS:
-            reason = Hunting() if self._recent[-1].hunting else None
+            reason = Hunting() if any(cycle.hunting for cycle in self._recent) else None
         elif code == kernel.AT_REST and second > _TRAVELLED * self._motion.band:
             reason = Stuck(duration=first, travel=second)
         elif code == kernel.REVERSING:
@@ -515,7 +515,7 @@ def _follows(cycle: Cycle, last: Cycle) -> bool:
     if not all(speed > 0.0 for speed in speeds):  # NaN included
         speeds = [one.mean_speed for one in (cycle, last)]
     alike = max(speeds) < _ANOTHER_SPEED * min(speeds)
-    return unseen <= min(cycle.period, last.period) and alike and cycle.hunting is last.hunting
+    return unseen <= min(cycle.period, last.period) and alike
 
 
 def _short_parts(batch: Batch) -> Iterator[Batch]:

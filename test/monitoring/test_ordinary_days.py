@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from conftest import RECORDINGS, recording
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ordinary_days import DayTally, is_found, ordinary_day, watch_day
+from scipy.signal import lfilter, lsim, lti
 
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.model.friction import Gains, Joint
@@ -305,6 +307,131 @@ def test_slips_against_the_reference_are_found(puma: Joint) -> None:
     assert len(missed) <= 0.1 * len(slips)
     assert all(any(abs(slip[1] - cycle.arrest) < 0.05 for cycle in cycles) for slip in against)
     assert spent(segments, Status.STICK_SLIP, slips[2][0], slips[-1][1]) > 0.9 * (slips[-1][1] - slips[2][0])
+
+
+@pytest.mark.parametrize("missing", [math.nan, math.inf])
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.3])
+def test_references_that_are_missing_now_and_then_hide_nothing(puma: Joint, share: float, missing: float) -> None:
+    """One sample in a hundred without a reference hid half of the slips."""
+    batch, slips = after_a_move(puma, 0.3, with_reference=True)
+    lost = np.random.default_rng(3).random(len(batch)) < share
+    cycles, _, _ = watch(replace(batch, reference_position=np.where(lost, missing, batch.reference_position)))
+    assert len(cycles) >= len(slips) - 2
+
+
+def test_one_wild_reading_blinds_nobody(puma: Joint) -> None:
+    """A billion radians once, and the joint was called smooth from then on."""
+    batch, slips = after_a_move(puma, 0.3, with_reference=True)
+    batch.position[8_000] += 1e9
+    cycles, segments, _ = watch(batch)
+    assert len(cycles) >= len(slips) - 2
+    assert spent(segments, Status.SMOOTH, 9.0) == 0.0
+
+
+@pytest.mark.parametrize("contact", ["lugre", "elasto_plastic"])
+@pytest.mark.parametrize("rate", [100, 1000])
+def test_creep_hides_no_slip_from_a_fine_encoder(puma: Joint, rate: int, contact: str) -> None:
+    """Positions as a simulation has them, to the last digit: the joint creeps at every sample, and slips."""
+    friction = replace(puma.friction, presliding_stiffness=63_000.0, presliding_damping=400.0, contact=contact)
+    velocity = np.where(1e-3 * np.arange(40_000) > 1.0, 0.0058, 0.0)
+    reference = 1e-3 * np.cumsum(velocity)
+    found = simulate(replace(puma, friction=friction), Gains(stiffness=630.0), reference, velocity)
+    kept = slice(0, None, 1000 // rate)
+    cycles, segments, _ = watch(
+        Batch(time=found.time[kept], position=found.position[kept], reference_position=reference[kept])
+    )
+    way = float(np.ptp(found.position)) / float(np.median([cycle.slip_distance for cycle in cycles]))
+    assert len(cycles) > 20
+    assert len(cycles) == pytest.approx(way, abs=2.0)
+    assert spent(segments, Status.STICK_SLIP, cycles[1].arrest, cycles[-1].arrest) > 0.99 * (
+        cycles[-1].arrest - cycles[1].arrest
+    )
+
+
+@pytest.mark.parametrize("rate", [30, 100, 1000])
+@pytest.mark.parametrize("begin", [0.0, 0.1, 0.27])
+def test_oscillation_about_zero_from_the_first_sample_is_hunting(rate: int, begin: float) -> None:
+    """Found 11: the reference is zero throughout, and the recording begins amid a swing."""
+    time = np.arange(0.0, 20.0, 1.0 / rate)
+    position = rounded(0.19 * np.sin(2.0 * math.pi * (time + begin) / 1.09), 1.5e-3)
+    cycles, segments, _ = watch(Batch(time=time, position=position, reference_position=np.zeros(len(time))))
+    assert len(cycles) >= 33
+    assert spent(segments, Status.STICK_SLIP, 3.2) > 0.98 * 16.8
+
+
+def test_hunting_about_a_reference_that_goes_on(puma: Joint) -> None:
+    """Integral action on a slow ramp: to and fro, farther one way than the other; each swing is one cycle."""
+    time = np.arange(0.0, 30.0, 0.002)
+    reference = 0.003 * time
+    swing = np.tanh(4.0 * np.sin(2.0 * math.pi * time / 2.3)) / math.tanh(4.0)
+    cycles, segments, monitor = watch(
+        Batch(time=time, position=rounded(reference + 0.015 * swing, 1e-4), reference_position=reference)
+    )
+    assert len(cycles) >= 22
+    assert all(cycle.reference_speed == pytest.approx(0.003, rel=0.1) for cycle in cycles if cycle.hunting)
+    assert all(one.arrest <= other.breakaway for one, other in itertools.pairwise(cycles))
+    assert spent(segments, Status.STICK_SLIP, 5.0, 29.0) > 0.97 * 24.0
+    assert monitor.finding() == Finding(status=Status.STICK_SLIP, reason=Hunting())
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9, 0.97])
+@pytest.mark.parametrize("rate", [100, 1000])
+def test_a_reading_that_wanders_does_not_hunt(rate: int, correlation: float) -> None:
+    """Noise of three counts, each reading like the one before, about a reference that stands."""
+    generator = np.random.default_rng(11)
+    steps = math.sqrt(1.0 - correlation**2) * generator.standard_normal(40 * rate)
+    noise = lfilter([1.0], [1.0, -correlation], steps)
+    time = np.arange(len(noise)) / rate
+    cycles, segments, _ = watch(
+        Batch(time=time, position=rounded(3e-5 * noise, 1e-5), reference_position=np.zeros(len(time)))
+    )
+    assert not cycles
+    assert {one.status for one in segments} <= {Status.AT_REST, Status.NOT_JUDGED}
+
+
+def test_a_joint_that_is_swung_by_its_reference_does_not_hunt() -> None:
+    """A joint with little damping, under a sine near its resonance and under a square wave, and without friction."""
+    time = np.arange(0.0, 40.0, 0.01)
+    loop = lti([100.0], [1.0, 4.0, 100.0])
+    for reference in (np.sin(9.0 * time), 0.05 * time + np.sin(11.0 * time), np.sign(np.sin(2.0 * time))):
+        _, position, _ = lsim(loop, 0.1 * reference, time)
+        cycles, segments, _ = watch(
+            Batch(time=time, position=rounded(position, 1e-4), reference_position=0.1 * reference)
+        )
+        assert not any(cycle.hunting for cycle in cycles)
+        assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
+def test_red_ends_with_the_next_move(puma: Joint) -> None:
+    """A commanded move after a slow stretch is not coloured by it."""
+    time = 1e-3 * np.arange(40_000)
+    velocity = np.where((time > 1.0) & (time < 31.0), 0.0058, np.where((time > 33.0) & (time < 37.0), 0.25, 0.0))
+    reference = 1e-3 * np.cumsum(velocity)
+    found = simulate(puma, Gains(stiffness=630.0, damping=20.0), reference, velocity)
+    _, segments, _ = watch(Batch(time=found.time, position=rounded(found.position), reference_position=reference))
+    assert spent(segments, Status.STICK_SLIP, 6.0, 30.0) > 23.5
+    assert spent(segments, Status.STICK_SLIP, 33.0) < 0.2
+
+
+def test_steps_that_differ_are_no_slips() -> None:
+    """Smooth steps one way without a reference, steps and pauses as different as a person makes them."""
+    red = 0.0
+    for seed in range(10):
+        generator = np.random.default_rng(seed)
+        pieces, place = [np.zeros(100)], 0.0
+        for _ in range(40):
+            way, count = 0.1 * math.exp(0.6 * generator.normal()), int(50 * math.exp(0.3 * generator.normal()))
+            share = np.arange(1, count + 1) / count
+            pieces += [
+                place + way * share**3 * (10.0 - 15.0 * share + 6.0 * share**2),
+                np.full(int(50 * math.exp(0.6 * generator.normal())), place + way),
+            ]
+            place += way
+        position = np.concatenate(pieces)
+        time = 0.01 * np.arange(len(position))
+        _, segments, _ = watch(Batch(time=time, position=rounded(position, 1e-4)))
+        red += spent(segments, Status.STICK_SLIP) / time[-1] / 10
+    assert red < 0.3
 
 
 def test_speed_that_falls_again_and_again_is_at_risk() -> None:

@@ -170,7 +170,7 @@ def test_straight_friction_stays_straight() -> None:
         assert estimate.curvature is None
 
 
-_MORE_SLIPS = pytest.mark.xfail(reason="of twice as many slips as were found once some are dated badly: issue 38")
+_MORE_SLIPS = pytest.mark.xfail(reason="rests of 20 ms, stamps 2.5 ms off: their noise passes for a curve (issue 38)")
 
 
 @pytest.mark.slow

@@ -93,8 +93,8 @@ def test_margin_and_a_factor_whatever_the_effort(sticking: Batch, puma: Joint, k
     assert state.margin is not None, state.margin_reason
     true = stability_margin(puma, DRIVE, state.velocity)
     assert bool(state.margin.smooth) == bool(true.smooth)
-    assert float(state.margin.damping_ratio) == pytest.approx(float(true.damping_ratio), abs=0.045)
-    assert float(state.margin.critical_damping_ratio) == pytest.approx(float(true.critical_damping_ratio), abs=0.15)
+    assert float(state.margin.damping_ratio) == pytest.approx(float(true.damping_ratio), abs=0.03)
+    assert float(state.margin.critical_damping_ratio) == pytest.approx(float(true.critical_damping_ratio), abs=0.04)
     advice, right = state.recommended, recommend(puma, DRIVE, state.velocity, AdviceLimits())[state.variant]
     assert advice is not None
     assert advice.found, advice.reason

@@ -38,7 +38,7 @@ SIGNAL = np.dtype(
         ("band", float),  # the smallest motion that is told from rest
         ("resolution", float),
         ("noise", float),
-        ("largest", float),
+        ("largest", float),  # reading ever, impulses left out
         ("smallest", float, 3),  # steps ever seen
         ("block", float, BLOCK),  # of raw readings
         ("noises", float, (2, BLOCKS_KEPT)),  # of the latest blocks
@@ -118,6 +118,11 @@ def _upper_quartile(noise, noises):
 
 
 @helper()
+def _median(a, b, c):
+    return max(min(a, b), min(max(a, b), c))
+
+
+@helper()
 def measure_step(step, signal):
     """Update the resolution, and with it the band, from the size of a step between raw readings.
 
@@ -156,8 +161,9 @@ def measure_noise(signal):
     something the upper quartile is taken.
     """
     block = signal.block
-    for i in range(block.shape[0]):
-        signal.largest = max(signal.largest, abs(block[i]))
+    for i in range(2, block.shape[0]):
+        # One wild reading is not where the joint is.
+        signal.largest = max(signal.largest, abs(_median(block[i], block[i - 1], block[i - 2])))
     # The sum of what turns back, without the three largest.
     total, first, second, third = 0.0, 0.0, 0.0, 0.0
     for i in range(2, block.shape[0]):
@@ -175,11 +181,6 @@ def measure_noise(signal):
     if _BANDS_PER_NOISE * moved <= signal.band or moved <= noise or np.isnan(signal.noises[_LATEST, 0]):
         signal.noise = _upper_quartile(noise, signal.noises)
     _set_band(signal)
-
-
-@helper()
-def _median(a, b, c):
-    return max(min(a, b), min(max(a, b), c))
 
 
 @inlined()

@@ -14,6 +14,7 @@ from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.monitoring._quantile_kernel import quantile
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
+from stickslip_ros.monitoring.detection import _swing_kernel as swings
 
 SLICE_LENGTH = 0.05  # [s] how finely findings are dated
 PAST = 4096
@@ -25,14 +26,12 @@ _UNSEEN_INTERVALS = 10.0  # usual ones
 _INTERVAL_WEIGHT = 0.1
 _RECENT_CROSSINGS = 64
 _GAPS_AT_REST = 3.0
-_FLICKER = 6.0  # bands: a reading that is noisy now and then goes so far to and fro
 _FEW_STEPS = 2
 _FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jittered stamps make
 
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
 PAST_COLUMNS = 6
-SWING_COLUMNS = 9  # the fields of a Swing
 MOTION = np.dtype(
     [
         ("first_time", float),
@@ -42,6 +41,7 @@ MOTION = np.dtype(
         ("reference_velocity", float),
         ("way", float),  # place of the reference, or the way that it has gone where only its velocity is given
         ("travels", np.bool_),  # whether the reference is known
+        ("referenced", float),  # when it was known last
         ("follows", np.bool_),  # whether the reference only repeats what was measured
         ("before", float),  # where the joint was when the two were compared last
         ("compared", float),  # how often they were, lately
@@ -71,17 +71,20 @@ MOTION = np.dtype(
         ("period", float),  # their median
         ("slip", float),  # longest of them
         ("dwell", float),  # likewise
+        ("distance", float),  # farthest of them
+        ("reached", float),  # where the last one ended
         ("evidence", float),  # end of the last cycle, or of the rest in which it ended
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
-        # Swings about a reference that stands.
-        ("standing", float),  # way of the reference since which it stands
+        # Swings about the reference.
+        ("way_began", float),  # of the reference, where it began to go the way that it goes
+        ("way_farthest", float),  # and how far it has come
         ("swing_direction", float),  # of the motion since the last turn, 0 before the first
-        ("turns_standing", np.int64),  # seen since the reference stands
+        ("swing_turns", np.int64),  # seen since then
         ("turn", np.int64),  # crossing of the last turn
         ("farthest", np.int64),  # crossing that has gone farthest since then
-        ("swing", float, SWING_COLUMNS),  # the latest complete one
+        ("swing", float, swings.SWING_COLUMNS),  # the latest complete one
         ("swung", np.bool_),  # whether it is new
         # When to look whether the joint has come to rest.
         ("awaits_rest", np.bool_),  # whether anybody asks
@@ -104,7 +107,7 @@ SLICE_COLUMNS = 6
 ) = range(11)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
-_OUTLIVES = 2.0  # times the longest recent slip, or dwell, until what was found says nothing of now
+_OUTLIVES = 2.0  # times the longest recent slip, its distance, or the dwell, until what was found says nothing of now
 _CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is seen a little late
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
 _CYCLES_FOR_STICK_SLIP = 2
@@ -124,12 +127,6 @@ _GAPS_OF_A_STEP = 4  # a slip of so few bands is too short to be seen as one
 _UNEVEN = 4.0  # times as long as the shortest gap beside it: the longest one of a joint that steps
 _NOTICED = 0.5  # of the crossings
 _ENOUGH_CROSSINGS = 3
-# Swings about a reference that stands.
-_STANDS = 0.05  # of a swing: so little a standing reference goes
-_LEAST_SWING = 3.0  # bands: less is noise and flicker
-_LEAST_SAMPLES = 5.0  # in a swing: less may be noise
-_MIDDLE = 0.1  # of a swing: where its middle begins, and ends before its end
-_TURNED_BACK = 0.3  # of a swing: so far back the joint has turned for certain
 # Whether a reference repeats what was measured.
 _COMPARED = 3.0  # bands of motion from one comparison to the next
 _SAME = 1e-3  # of a band
@@ -191,7 +188,7 @@ def _flickers_since(lasting, detector):
     while n >= max(0, head - kernel.RING):
         place = detector.crossings[n % kernel.RING, kernel.POSITION]
         low, high = min(low, place), max(high, place)
-        if high - low > _FLICKER * detector.position.band:
+        if high - low > swings.FLICKER * detector.position.band:
             break
         steps += 1
         if steps > 0:
@@ -380,6 +377,8 @@ def _goes_on_sticking(rest, motion):
         return False
     if motion.now - motion.evidence > _CYCLES_AT_MOST * motion.period:
         return False
+    if abs(motion.position - motion.reached) > _OUTLIVES * motion.distance:
+        return False
     slip, dwell = _OUTLIVES * motion.slip, _OUTLIVES * motion.dwell
     if np.isfinite(rest):
         return rest - motion.evidence <= slip and motion.now - rest <= dwell
@@ -526,6 +525,11 @@ def _note(time, position, reference, reference_speed, motion, detector):
     _compare(position, reference, reference_speed, motion, detector)
     if motion.follows:
         reference, reference_speed = np.nan, np.nan
+    elif np.isfinite(reference) or np.isfinite(reference_speed):
+        motion.referenced = time
+    elif not time - motion.referenced > _UNSEEN_INTERVALS * motion.interval:
+        # A few samples without a reference say nothing of it.
+        return motion.way if motion.travels else np.nan
     # From its position if given, else from its velocity.
     if np.isfinite(reference):
         motion.way = reference
@@ -559,70 +563,6 @@ def _may_rest(motion, detector):
         return False
     motion.look_after = _LOOK_AGAIN * flat
     return motion.awaits_rest
-
-
-@helper()
-def _time_at(place, turn, detector):
-    """When the joint passed a place after a turn, between the crossings about it."""
-    begin = detector.crossings[turn % kernel.RING, kernel.POSITION]
-    after = turn + 1
-    while abs(detector.crossings[after % kernel.RING, kernel.POSITION] - begin) < abs(place - begin):
-        after += 1
-    at, before = after % kernel.RING, (after - 1) % kernel.RING
-    since, until = detector.crossings[before, kernel.FLAT_END], detector.crossings[at, kernel.TIME]
-    reached = detector.crossings[before, kernel.POSITION]
-    share = (place - reached) / (detector.crossings[at, kernel.POSITION] - reached)
-    return since + share * (until - since)
-
-
-@helper()
-def _follow_swing(motion, detector):
-    """Follow the newest crossing from turn to turn while the reference stands; True if it completes a swing.
-
-    A turn is certain when the joint has gone back by a share of the swing. The first motion after the reference has
-    come to stand may be far longer than the swings, so that it is no measure of them.
-    """
-    newest = detector.head - 1
-    now, last = newest % kernel.RING, max(newest - 1, 0) % kernel.RING
-    place = detector.crossings[now, kernel.POSITION]
-    turn, farthest = motion.turn % kernel.RING, motion.farthest % kernel.RING
-    begin, extreme = detector.crossings[turn, kernel.POSITION], detector.crossings[farthest, kernel.POSITION]
-    band = detector.position.band
-    kept = newest - motion.turn < kernel.RING
-    if not (kept and motion.travels and abs(motion.way - motion.standing) <= max(band, _STANDS * abs(place - begin))):
-        motion.standing, motion.turns_standing = motion.way, 0
-        motion.turn, motion.farthest = max(newest - 1, 0), newest
-        motion.swing_direction = 1.0 if place > detector.crossings[last, kernel.POSITION] else -1.0
-        return False
-    back = motion.swing_direction * (extreme - place)
-    if back <= 0.0:
-        motion.farthest = newest
-        return False
-    first = motion.turns_standing == 0
-    if back < max(_LEAST_SWING * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin)):
-        return False
-    stood = detector.crossings[turn, kernel.FLAT_END] - detector.crossings[turn, kernel.TIME]
-    moved = detector.crossings[farthest, kernel.TIME] - detector.crossings[turn, kernel.FLAT_END]
-    # The first motion is a swing only if the joint stood before it.
-    swung = (not first or stood > moved) and moved > _LEAST_SAMPLES * motion.interval
-    if swung:
-        early = _time_at(begin + _MIDDLE * (extreme - begin), motion.turn, detector)
-        late = _time_at(extreme - _MIDDLE * (extreme - begin), motion.turn, detector)
-        motion.swing[0], motion.swing[1] = (
-            detector.crossings[turn, kernel.TIME],
-            detector.crossings[turn, kernel.FLAT_END],
-        )
-        motion.swing[2] = detector.crossings[farthest, kernel.TIME]
-        motion.swing[3], motion.swing[4] = begin, extreme - begin
-        motion.swing[5] = motion.reference - begin
-        motion.swing[6] = detector.crossings[turn, kernel.EFFORT_FLAT_END]
-        motion.swing[7] = late - early
-        motion.swing[8] = detector.crossings[farthest, kernel.FLAT_END]
-        motion.swung = True
-    motion.turns_standing += 1
-    motion.turn, motion.farthest = motion.farthest, newest
-    motion.swing_direction = -motion.swing_direction
-    return swung
 
 
 @compiled()
@@ -685,7 +625,7 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
             continue
         head = detector.head
         complete = kernel.take(count, times[i], positions[i], velocities[i], way, efforts[i], detector)
-        swung = detector.head > head and _follow_swing(motion, detector)
+        swung = detector.head > head and swings.follow_swing(motion, detector)
         if complete:
             return i + 1, SPELL
         if swung:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from stickslip_ros.monitoring.detection._swing_kernel import STANDS
 from stickslip_ros.monitoring.detection.motion import Evidence, Swing
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvidence
@@ -35,9 +36,10 @@ _LEAST_DIRECTNESS = 0.5  # a lightly damped joint bounces back before it rests; 
 _LEAST_QUICKNESS = 1.3  # of the reference's speed: no more, and the joint follows it
 _MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
 _WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
-_STANDS = 0.05  # of a slip: a reference that goes no further stands still
-_TRAIN_OF_HUNTING = 3
-_HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles
+_TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8
+_SMALL_SWING = 12.0  # bands: a reading that wanders swings so far now and then, though not evenly
+_HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles, and a growth by more no hunting
+_EVEN = 1.4  # times as long, without its stop, as the swing before the last, which went the same way
 _SUSTAINED = 0.95  # likewise for swings without a stop: less is free oscillation that dies out
 _MIDDLE_OF_HUNTING = 0.5  # of a swing's duration, for 80 % of its way: half a cosine takes 0.59
 _BEYOND = 0.2  # of a swing: so far the reference may lie outside the places that a hunting joint swings between
@@ -59,6 +61,7 @@ class Cycle:
     hunting : whether the reference stood still and the slip before went the other way.
     reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
     creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
+    stands : for how long the joint stood after it, as far as that is known [s].
     dated : whether breakaway and arrest are known better than to a sample, so that friction can be learnt from it.
     """
 
@@ -71,6 +74,7 @@ class Cycle:
     hunting: bool = False
     reference_speed: float = math.nan
     creep: float = 0.0
+    stands: float = math.inf
     dated: bool = True
 
     @property
@@ -102,9 +106,10 @@ class CycleDetector:
         self._pending: list[Cycle] = []
         self._spring = SpringEvidence()
         self._train: deque[float] = deque(maxlen=_TRAIN)  # distances of the cycles that follow one another
-        self._swings: list[Cycle] = []
-        self._turned = math.nan  # when the joint left the turn that the last one ended at
+        self._swings: list[Swing] = []
+        self._turned = math.nan  # when the joint left the turn that the last one told ended at
         self._reported_swings = 0  # of these, how many are published
+        self._told_until = -math.inf  # arrest of the last cycle told
 
     def evidence(self, recent: Sequence[Cycle]) -> Evidence:
         """What the recent cycles, oldest first, and the last rests tell of the time after them."""
@@ -123,6 +128,8 @@ class CycleDetector:
             # A swing is known only when the joint has turned: until then its period alone speaks.
             slip=math.inf if last.hunting else max(cycle.slip_duration for cycle in recent),
             dwell=math.inf if last.hunting else max(cycle.dwell for cycle in recent),
+            distance=max(abs(cycle.slip_distance) for cycle in recent),
+            reached=last.position + last.slip_distance,
             evidence=seen,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
@@ -190,43 +197,34 @@ class CycleDetector:
             distance = rest.position - before.position
         if abs(distance) < _CREEP_SHARE * abs(self._distance) and not _keeps_up(distance, before):
             self._small = rest
-            return certain
+            return self._once(certain)
         certain += self._decide(before, rest)
         if foreseen is not None and foreseen.breakaway not in [cycle.breakaway for cycle in certain]:
             certain.append(foreseen)
-        return certain
+        return self._once(certain)
 
     def take_swing(self, swing: Swing) -> list[Cycle]:
-        """Take a swing about a reference that stands, and return the cycles of hunting that are now certain."""
-        if self._swings:
-            last = self._swings[-1]
-            # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
-            sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
-            kept = abs(swing.distance / last.slip_distance)
-            if kept < (_HUNTING_SHRINKS if sticks else _SUSTAINED) or swing.reached != last.arrest:
-                self._end_hunting()
-        self._turned = swing.turned
+        """Take a swing about the reference, and return the cycles of hunting that are now certain."""
+        if not _hunts_on(self._swings, swing):
+            self._end_hunting()
         # A joint that hunts overshoots its reference; one that is moved by hand does not know of it.
         if not -_BEYOND <= swing.error / swing.distance <= 1.0 + _BEYOND:
             self._end_hunting()
             return []
-        self._swings.append(
-            Cycle(
-                breakaway=swing.left,
-                arrest=swing.arrest,
-                dwell=swing.left - swing.reached,
-                slip_distance=swing.distance,
-                position=swing.position,
-                effort=swing.effort,
-                hunting=True,
-                reference_speed=0.0,
-            )
-        )
-        if len(self._swings) < _TRAIN_OF_HUNTING:
+        self._swings.append(swing)
+        small = abs(swing.distance) < _SMALL_SWING * swing.band
+        if len(self._swings) < (_TRAIN_OF_SMALL_SWINGS if small else _TRAIN_OF_HUNTING):
             return []
-        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_HUNTING:]
+        self._turned = swing.turned
+        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_SMALL_SWINGS:]
         self._reported_swings = len(self._swings)
-        return certain
+        return self._once([_cycle_of_swing(one) for one in certain])
+
+    def _once(self, cycles: list[Cycle]) -> list[Cycle]:
+        """Those of the cycles that were not told before: a slip may be seen between two rests and as a swing."""
+        new = [cycle for cycle in cycles if 0.5 * (cycle.breakaway + cycle.arrest) > self._told_until]
+        self._told_until = max([self._told_until, *(cycle.arrest for cycle in new)])
+        return new
 
     def _decide(self, before: Rest, rest: Rest) -> list[Cycle]:
         """The cycles that are certain once the motion between two rests, the next of which is complete, is known."""
@@ -292,11 +290,45 @@ def _cycle(before: Rest, rest: Rest) -> Cycle | None:
         arrest=rest.arrest,
         dwell=before.dwell,
         creep=before.breakaway - before.stirred,
+        stands=rest.dwell,
         dated=before.dated and rest.dated,
         slip_distance=distance,
         position=before.position,
         effort=before.effort,
         reference_speed=abs(_meanwhile(before, rest)) / moved if moved > 0.0 else math.nan,
+    )
+
+
+def _cycle_of_swing(swing: Swing) -> Cycle:
+    """A swing as a cycle of hunting, with the stop at the turn before it as its dwell."""
+    return Cycle(
+        breakaway=swing.left,
+        arrest=swing.arrest,
+        dwell=swing.left - swing.reached,
+        slip_distance=swing.distance,
+        position=swing.position,
+        effort=swing.effort,
+        hunting=True,
+        reference_speed=abs(swing.reference_velocity),
+    )
+
+
+def _hunts_on(swings: Sequence[Swing], swing: Swing) -> bool:
+    """Whether a swing is like those before it, about a reference that stands or goes on evenly."""
+    if not swings:
+        return True
+    last = swings[-1]
+    # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
+    sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
+    # As the reference sees it: where that goes on, the joint goes farther one way than the other.
+    kept = abs((swing.distance - swing.travel) / (last.distance - last.travel))
+    lasted = (swing.arrest - swing.left) / (swings[-2].arrest - swings[-2].left) if len(swings) > 1 else 1.0
+    faster = (swing.reference_velocity - last.reference_velocity) * (swing.arrest - swing.reached)
+    return (
+        swing.reached == last.arrest
+        and (_HUNTING_SHRINKS if sticks else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
+        and 1.0 / _EVEN <= lasted <= _EVEN
+        and abs(faster) <= max(STANDS * abs(swing.distance), swing.band)
     )
 
 
@@ -333,10 +365,10 @@ def _is_driven(rest: Rest, cycle: Cycle, before: Rest, after: Rest) -> bool:
     direction = math.copysign(1.0, rest.reference_advance)
     advance, mean = direction * rest.reference_advance, direction * rest.reference_mean_advance
     meanwhile = direction * _meanwhile(before, after)
-    if not meanwhile >= -_STANDS * abs(cycle.slip_distance):
+    if not meanwhile >= -STANDS * abs(cycle.slip_distance):
         return False  # it turned, or where it was is not known
     # A reference that stands while the joint moves is one that steps, and a servo answers late.
-    stands = meanwhile <= _STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance)
+    stands = meanwhile <= STANDS * abs(cycle.slip_distance) and advance > _LEAST_STEP * abs(cycle.slip_distance)
     least, most = _STEADY_BETWEEN_STEPS if stands else _STEADY
     if mean < _LEAST_ADVANCE * rest.band or not least * advance <= mean <= most * advance:
         return False

@@ -18,12 +18,13 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What the recent cycles and rests tell, in times [s]; NaN where there was none.
+    """What the recent cycles and rests tell; times are in seconds, and NaN where there was none.
 
     Attributes
     ----------
     cycles : how many; period : their median.
     slip, dwell : the longest among them.
+    distance : likewise of the slips, without their sign [rad]; reached : where the last cycle ended [rad].
     evidence : when the last cycle ended, or the rest in which it ended; the latest that was noted counts.
     last_breakaway : of the last rest; stop_before : of the rest before that, if the joint moved before.
     """
@@ -32,6 +33,8 @@ class Evidence:
     period: float = math.nan
     slip: float = math.nan
     dwell: float = math.nan
+    distance: float = math.nan
+    reached: float = math.nan
     evidence: float = math.nan
     last_breakaway: float = math.nan
     stop_before: float = math.nan
@@ -39,7 +42,7 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class Swing:
-    """A motion from one turn to the next while the reference stands.
+    """A motion from one turn to the next about a reference that stands, or goes on slowly.
 
     Attributes
     ----------
@@ -49,6 +52,7 @@ class Swing:
     error : reference less position at the turn that it begins at [rad]; NaN if the reference has no position.
     effort : measured there [N·m], NaN if unknown.
     middle : time from a tenth to nine tenths of the way [s]; turned : when it left the next turn [s].
+    band : the smallest motion that is told from rest [rad]. travel : of the reference from turn to turn, signed [rad].
     """
 
     reached: float
@@ -60,6 +64,13 @@ class Swing:
     effort: float
     middle: float
     turned: float
+    band: float
+    travel: float
+
+    @property
+    def reference_velocity(self) -> float:
+        """Mean of the reference from turn to turn, signed [rad/s]."""
+        return self.travel / (self.arrest - self.reached)
 
 
 class MotionRecord:
@@ -78,7 +89,7 @@ class MotionRecord:
         # A record, and the array that it lies in.
         self._motions: Any = np.zeros(1, kernel.MOTION)
         self._motion = self._motions[0]
-        for name in ("now", "turned", "rested_at", "last_end"):
+        for name in ("now", "turned", "rested_at", "last_end", "referenced"):
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",

@@ -115,6 +115,7 @@ class Rest:
             arrest=self.arrest,
             direction_before=self.direction_before,
             slip=self.slip,
+            dated=self.dated and later.dated,
             seen_from=self.seen_from,
             crept=later.position + 0.5 * later.crept - self.position + 0.5 * self.crept,
             reference=self.reference,
@@ -310,7 +311,7 @@ class RestDetector:
         )
         self._rest_end, self._left = (
             oldest + last + 1,
-            (breakaway, rest.position, rest.reference_left),
+            (breakaway, rest.position + 0.5 * rest.crept, rest.reference_left),
         )
         return rest
 
@@ -335,6 +336,7 @@ class RestDetector:
         """A rest over the flats of these crossings; with those of the slip before it, or the last of a long one."""
         shape = SlipShape()
         first, last = crossings[0], crossings[-1]
+        crept = float(last[kernel.POSITION] - first[kernel.POSITION])
         left, place, reference_left = self._left
         # What was noted before the joint is taken to have left is creep.
         slip = slip[slip[:, kernel.TIME] > left]
@@ -346,19 +348,23 @@ class RestDetector:
         elif len(slip) > 1:
             shape = slip_shape(
                 np.concatenate([[left], slip[:, kernel.TIME], [max(arrest, slip[-1, kernel.TIME])]]),
-                np.concatenate([[place], slip[:, kernel.POSITION], [position]]),
+                np.concatenate([[place], slip[:, kernel.POSITION], [position - 0.5 * crept]]),
                 np.concatenate([[reference_left], slip[:, kernel.REFERENCE], [first[kernel.REFERENCE]]]),
             )
         durations = crossings[:, kernel.FLAT_END] - crossings[:, kernel.TIME]
         advances = crossings[:, kernel.ADVANCE] + (crossings[:, kernel.REFERENCE] - first[kernel.REFERENCE]) * durations
-        lasted = float(durations.sum())
+        # A joint that creeps stands nowhere for long: from one stand to the next the reference goes on evenly.
+        between = crossings[1:, kernel.TIME] - crossings[:-1, kernel.FLAT_END]
+        means = 0.5 * (crossings[1:, kernel.REFERENCE] + crossings[:-1, kernel.REFERENCE_FLAT_END])
+        advanced = float(advances.sum() + ((means - first[kernel.REFERENCE]) * between).sum())
+        lasted = float(last[kernel.FLAT_END] - first[kernel.TIME])
         reference = float(last[kernel.REFERENCE_FLAT_END])
         return Rest(
             arrest=arrest,
             breakaway=breakaway,
             stirred=min(stirred, breakaway),
             position=position,
-            crept=float(last[kernel.POSITION] - first[kernel.POSITION]),
+            crept=crept,
             direction_before=direction_before,
             direction_after=direction_after,
             slip=shape,
@@ -368,7 +374,7 @@ class RestDetector:
             reference=float(first[kernel.REFERENCE]),
             reference_advance=reference - float(first[kernel.REFERENCE]),
             reference_left=reference,
-            reference_mean_advance=float(advances.sum()) / lasted if lasted > 0.0 else 0.0,
+            reference_mean_advance=advanced / lasted if lasted > 0.0 else 0.0,
             effort=float(last[kernel.EFFORT_FLAT_END]),
             complete=direction_after != 0,
             dated=dated,

@@ -31,7 +31,7 @@ class SlipShape:
     quickness : its fastest speed over that of the reference [1], each over a small part of its duration; infinite if
         the reference stood, NaN if unknown. A joint that follows has about 1, a spring that lets go more. Of a steady
         slide, whose fastest part may be noise, the upper quartile counts.
-    bursts : how often it got fast [1]; a slip is one burst.
+    bursts : how often it got fast on its way [1]; a slip is one burst, and its bounce back none.
     straight : whether it is a steady slide with corners, which no spring makes.
     """
 
@@ -61,7 +61,8 @@ def slip_shape(
             middle_half, asymmetry = three_quarters - quarter, (nine_tenths - half) / (half - tenth)
     straight = middle_half > _STRAIGHT * float(times[-1] - times[0])
     edges = np.linspace(times[0], times[-1], min(len(times) // _CROSSINGS_A_PART, _PARTS) + 1)
-    steps, of_reference = (np.abs(np.diff(np.interp(edges, times, places))) for places in (positions, references))
+    forward, of_reference = (np.diff(np.interp(edges, times, places)) for places in (positions, references))
+    steps, of_reference = np.abs(forward), np.abs(of_reference)
     fast, reference = float(np.max(steps)), float(np.max(of_reference))
     if straight:
         fast, reference = float(np.quantile(steps, 0.75)) / _UPPER_QUARTILE, float(np.quantile(of_reference, 0.75))
@@ -70,7 +71,7 @@ def slip_shape(
         asymmetry=asymmetry,
         directness=abs(way) / float(np.sum(np.abs(np.diff(positions)))),
         quickness=math.inf if reference == 0.0 else fast / reference,
-        bursts=_bursts(steps.tolist()),
+        bursts=_bursts((math.copysign(1.0, way) * forward).tolist()),
         straight=straight,
     )
 

@@ -17,7 +17,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from statistics import median, pstdev
+from itertools import pairwise
+from statistics import median
 
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape
 
@@ -32,8 +33,9 @@ _SPEED, _SPEED_APART = 0.45, 1.8
 _ONE_WAY, _ONE_WAY_APART = 0.95, 0.55
 _LEAST = -3.0  # a motion that fits worse, within a train, is none of its slips
 _LARGEST_ASYMMETRY = 1.45  # of most slips of a train; what follows a step of its reference is front-loaded
-_SCATTER_RATIO = 3.0  # periods may scatter so many times more than distances do, and not more
-_LEAST_SCATTER = 0.03  # of the distances, in the same comparison
+_SCATTER_RATIO = 0.8  # speeds of slips scatter less than their distances: a larger one has a longer dwell
+_LEAST_SCATTER = 0.09  # of the speeds, in the same comparison
+_READINGS = 3.0  # of a count of a slip, likewise
 _ENOUGH_FOR_SCATTER = 4
 
 
@@ -114,14 +116,14 @@ class SpringEvidence:
         return evidence + math.log(share / share_apart)
 
     def _scatters(self, train: list[Motion]) -> bool:
-        """Whether periods scatter far more than distances: nothing ties them, as when a person sets off each motion."""
+        """Whether speeds scatter as distances do: nothing ties these to the periods, as when each motion is set off."""
         train = train[-_LOOKED_BACK:]
         if len(train) < _ENOUGH_FOR_SCATTER:
             return False
-        speeds = pstdev([one.log_speed for one in train[1:]])
-        distances = pstdev([math.log(abs(one.distance)) for one in train])
+        speeds = _scatter([one.log_speed for one in train[1:]])
+        distances = _scatter([math.log(abs(one.distance)) for one in train])
         readings = 1.0 / median(one.bands for one in train)
-        return speeds > _SCATTER_RATIO * math.hypot(_LEAST_SCATTER, readings, distances)
+        return speeds > math.hypot(_LEAST_SCATTER, _READINGS * readings, _SCATTER_RATIO * distances)
 
     def _is_front_loaded(self) -> bool:
         known = [one.shape.asymmetry for one in self._train if math.isfinite(one.shape.asymmetry)]
@@ -129,6 +131,11 @@ class SpringEvidence:
 
     def _is_straight(self) -> bool:
         return 2 * sum(one.shape.straight for one in self._train) > len(self._train)
+
+
+def _scatter(logarithms: list[float]) -> float:
+    """By how much one differs from the next, mostly: a change of speed now and then is no scatter."""
+    return median(abs(one - other) for one, other in pairwise(logarithms))
 
 
 def _fit(deviation: float, width: float, width_apart: float, count: int) -> float:

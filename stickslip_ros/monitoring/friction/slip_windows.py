@@ -23,6 +23,7 @@ _SHAPE_NODES = 40  # for the reference and the effort, beside those of the obser
 _BEFORE, _AFTER = 0.4, 0.12  # of the slip's duration: where it may begin and end, beside where it seems to
 _OF_DWELL = 0.5  # of a rest: so far into it counts may still change by this slip
 _SETTLED = (0.1, 0.6)  # of a dwell: where the joint stands after the slip
+_LEAVES = 0.9  # of the rest after the slip: where it may begin to leave
 _CREEPS = 3.0  # counts, or standard deviations of noise, that a joint may creep while it stands
 _EARLY = 0.4  # of what is seen of a rest
 _LEAST_STANDING = 0.02  # of the slip: a joint that stands for less creeps from its arrest on
@@ -171,7 +172,9 @@ def slip_window(
     resting = slice(int(rest_from), max(int(rest_to), int(rest_from) + 1))
     seen_from = max(left - (1.0 - _SETTLED[0]) * dwell, float(samples.time[0]))
     arriving = slice(*np.searchsorted(samples.time, [seen_from, seen_from + _EARLY * (left - seen_from)]))
-    after_from, after_to = np.searchsorted(samples.time, [cycle.arrest + share * dwell for share in _SETTLED])
+    # The next rest may be shorter than the one before this slip, which may have been a pause.
+    settles = min(dwell, _LEAVES / _SETTLED[1] * cycle.stands)
+    after_from, after_to = np.searchsorted(samples.time, [cycle.arrest + share * settles for share in _SETTLED])
     after = slice(min(int(after_from), len(samples) - 1), max(int(after_to), int(after_from) + 1))
     part = samples.where(slice(first, int(last)))
     analog = noise > _ANALOG * resolution
