@@ -18,7 +18,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
-from statistics import median
+from statistics import fmean, median
 
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape
 
@@ -134,8 +134,8 @@ class SpringEvidence:
 
 
 def _scatter(logarithms: list[float]) -> float:
-    """By how much one differs from the next, mostly: a change of speed now and then is no scatter."""
-    return median(abs(one - other) for one, other in pairwise(logarithms))
+    """Standard deviation by the differences from one to the next: a change of speed now and then is no scatter."""
+    return math.sqrt(0.5 * fmean((one - other) ** 2 for one, other in pairwise(logarithms)))
 
 
 def _fit(deviation: float, width: float, width_apart: float, count: int) -> float:
