@@ -63,7 +63,11 @@ class Publications:
         self.robot = f"{space}/" if space else ""
         self._statuses: dict[str, StatusBytes] = {}  # as they were when a joint was looked at last
         self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, likewise
-        self._log = StatusLog(lambda line: node.get_logger().warning(line), lambda line: node.get_logger().info(line))
+        # rclpy tells callers apart by their lines, and refuses one that logs at another level than before.
+        self._log = StatusLog(
+            warn=lambda line: node.get_logger().warning(line),
+            inform=lambda line: node.get_logger().info(line),
+        )
         self._diagnostics = quiet_publisher(node, DiagnosticArray, "/diagnostics", 10)
         self._margins = quiet_publisher(node, Float64MultiArray, "~/margins", 10)
         self._cycles = quiet_publisher(node, DiagnosticArray, "~/cycles", 1000)
