@@ -29,6 +29,8 @@ from stickslip_ros.monitoring.advice.limits import (
     largest_bandwidth,
 )
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
 STICKING = Gains(stiffness=630.0)
@@ -184,6 +186,24 @@ def test_bandwidth_comes_from_samples_and_controller(puma: Joint) -> None:
         loop = np.abs(stiffness + 1j * damping * frequencies)
         loop /= np.abs(-inertia * frequencies**2 + 1j * float(puma.friction.viscous) * frequencies)
         assert frequencies[loop >= 1.0].max() <= bandwidth * 1.001
+
+
+def test_no_gains_are_advised_from_a_guess() -> None:
+    """Issue 36, items 3, 4 and 6: half cosines of 16 mrad without noise, positions alone: no friction can be told."""
+    count = np.arange(2000)
+    risen = 0.5 * (1.0 - np.cos(np.pi * np.clip((count % 80 - 50) / 30.0, 0.0, 1.0)))
+    monitor = JointMonitor()
+    monitor.process(Batch(time=0.01 * count, position=0.016 * (count // 80 + risen)))
+    monitor.learn()
+    state = monitor.assessment()
+    assert state.estimate is not None
+    assert state.estimate.is_a_guess
+    assert state.recommended is not None
+    assert not state.recommended.found
+    assert state.recommended.reason == (
+        "no advice: nothing of the friction is known better than a guess; "
+        "record the effort, or the reference beside the controller's gains"
+    )
 
 
 @pytest.mark.parametrize("condition", list(Criterion))

@@ -173,7 +173,7 @@ def recommend(
         margin = stability_margin(joint, asked, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
-        return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
+        return without_gains(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
     answer = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known).recommendation()
     if answer.keep or not joint.friction.of_the_paper or beyond_the_paper(joint, gains, loop.conditions):
         return answer
@@ -445,6 +445,7 @@ def _percent(reserve: float) -> str:
     return f"where {-100 * reserve:.0f} % of the damping needed is missing"
 
 
-def _without(reason: str, velocity: float, condition: Criterion, *, gains_known: bool) -> Recommendation:
+def without_gains(reason: str, velocity: float, condition: Criterion, *, gains_known: bool) -> Recommendation:
+    """Advice that has no gains, of any kind, and why."""
     variants = tuple(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=reason) for kind in Kind)
     return Recommendation(variants=variants, velocity=velocity, condition=condition, gains_known=gains_known)
