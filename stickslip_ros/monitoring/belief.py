@@ -39,6 +39,7 @@ class Belief:
     per_inertia : whether both are, gains and effort being unknown.
     uncertainty : None for what is configured.
     rests_on : in words.
+    no_advice : why no gains can be advised, "" where they can.
     """
 
     joint: Joint
@@ -47,6 +48,7 @@ class Belief:
     gains_known: bool
     rests_on: str
     per_inertia: bool = False
+    no_advice: str = ""
 
 
 def much_the_same(one: Belief, other: Belief) -> bool:
@@ -108,7 +110,7 @@ def believed(
     if estimate is not None and estimate.usable:
         belief = _learnt(estimate, gains)
         if belief is not None:
-            return belief, ""
+            return replace(belief, no_advice=_why_no_advice(estimate)), ""
         if configured is None:
             return None, "the controller's gains are not known, and the effort does not show them"
     mismatch = estimate.mismatch if estimate is not None else ""
@@ -124,6 +126,14 @@ def _configured(joint: Joint, gains: Gains | None, why: str) -> tuple[Belief | N
         return None, "the controller's gains are not known"
     rests_on = "; ".join(part for part in ("the configuration", why) if part)
     return Belief(joint=joint, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
+
+
+def _why_no_advice(estimate: FrictionEstimate) -> str:
+    """Why gains that follow from an estimate would be a guess, and what would tell more; "" if they would be none."""
+    if not estimate.is_a_guess:
+        return ""
+    more = "record the effort, or the reference beside the controller's gains" if estimate.normalised else ""
+    return f"nothing of the friction is known better than a guess; {more or 'let the joint slip at another speed, too'}"
 
 
 def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
-from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser
+from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser, no_advice
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
@@ -75,6 +75,9 @@ class MarginPrediction:
 
     def advise(self, belief: Belief, velocity: float, limits: AdviceLimits, loop: ObservedLoop) -> Advice | None:
         """Advice on the joint as it is believed to be, None as long as it is being worked out."""
+        if belief.no_advice:
+            self._advice = no_advice(belief.no_advice, abs(velocity), limits, gains_known=belief.gains_known)
+            return self._advice
         question = AdviceQuestion(
             joint=belief.joint,
             gains=belief.gains,

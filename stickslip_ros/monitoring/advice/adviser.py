@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, ObservedLoop
-from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend
+from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend, without_gains
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
@@ -121,6 +121,15 @@ def advise(question: AdviceQuestion) -> Advice:
         if possible
         else (),
         lowest_smooth_velocity=float(lowest_smooth_velocity(joint, gains)) if gains.stiffness > 0 else math.nan,
+    )
+
+
+def no_advice(reason: str, velocity: float, limits: AdviceLimits, *, gains_known: bool) -> Advice:
+    """The answer where none can be given, and why."""
+    return Advice(
+        recommendation=without_gains(f"no advice: {reason}", velocity, limits.condition, gains_known=gains_known),
+        sensitivities=(),
+        lowest_smooth_velocity=math.nan,
     )
 
 

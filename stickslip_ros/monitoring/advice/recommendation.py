@@ -2,8 +2,9 @@
 # Copyright 2026 The stickslip_ros developers
 """Gains that would make the motion smooth: the least change of both, of damping alone, of stiffness alone.
 
-A change is measured in logarithms: that of the stiffness k_p, and that of the damping of controller and viscous
-friction together, k_v + F_v, of which what lies below a damping ratio of 0.01 counts as none.
+A change is measured in logarithms: that of the stiffness k_p, which counts three times beyond a factor of two, and
+that of the damping of controller and viscous friction together, k_v + F_v, of which what lies below a damping ratio of
+0.01 counts as none.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class Variant:
     outcome : what becomes of the joint when Eqs (4)-(6) are integrated, from the worst start; None without an answer.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
-    change : √(ln² of the one + ln² of the other).
+    change : √(ln² of the one + ln² of the other), where the stiffness counts three times beyond a factor of two.
     """
 
     kind: Kind
@@ -172,7 +173,7 @@ def recommend(
         margin = stability_margin(joint, asked, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
-        return _without(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
+        return without_gains(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
     answer = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known).recommendation()
     if answer.keep or not joint.friction.of_the_paper or beyond_the_paper(joint, gains, loop.conditions):
         return answer
@@ -444,6 +445,7 @@ def _percent(reserve: float) -> str:
     return f"where {-100 * reserve:.0f} % of the damping needed is missing"
 
 
-def _without(reason: str, velocity: float, condition: Criterion, *, gains_known: bool) -> Recommendation:
+def without_gains(reason: str, velocity: float, condition: Criterion, *, gains_known: bool) -> Recommendation:
+    """Advice that has no gains, of any kind, and why."""
     variants = tuple(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=reason) for kind in Kind)
     return Recommendation(variants=variants, velocity=velocity, condition=condition, gains_known=gains_known)

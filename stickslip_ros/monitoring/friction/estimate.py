@@ -249,6 +249,12 @@ class FrictionEstimate:
             others.append(replace(other, logarithms=its_logarithms, covariance=its_covariance))
         return replace(self, normalised=False, logarithms=logarithms, covariance=covariance, alternatives=tuple(others))
 
+    @property
+    def is_a_guess(self) -> bool:
+        """Whether nothing of the friction is known, not even roughly, nor configured."""
+        known = [self[name] for name in NAMES[1:] if name != "coulomb"]
+        return not self.configured and not any(one.std < _ROUGHLY * one.value for one in known)
+
     def _not_identified(self) -> str:
         """What is known of it roughly, and what is not known."""
         errors = {name: self[name].std / self[name].value for name in self.unidentified}
