@@ -50,6 +50,7 @@ OPTIONAL = ("bokeh", "catkin_pkg", "dask", "distributed", "lz4", "mcap", "mcap_r
 WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _tests = itertools.count(os.getpid() * 13)
+_LONG = ("nodes", "test_documents", "test_warm_up", "test_demo", "test_identify_experiment")  # files, and a folder
 
 
 def imported(path: Path) -> set[str]:
@@ -88,7 +89,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what takes long, where that is asked for."""
+    """Leave out what takes long, where that is asked for; files that wait for processes begin first."""
+    items.sort(key=lambda item: not any(one in item.path.parts or one in item.path.name for one in _LONG))
     if config.getoption("--quick"):
         items[:] = [item for item in items if "ros_domain" not in item.fixturenames and not _is_slow(item)]  # type: ignore[attr-defined]
 

@@ -121,7 +121,7 @@ SCALE = st.sampled_from([1e-320, 1e-200, 1e-100, 1e-12, 1e-3, 1.0, 1e6, 1e11, 1e
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(position=SCALE, effort=SCALE, gain=SCALE, time=st.sampled_from([1e-9, 1.0, 1e6]), spikes=st.booleans())
 def test_no_scale_of_the_inputs_makes_a_fit_warn(
     position: float, effort: float, gain: float, time: float, spikes: bool
