@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = Path(stickslip_ros.__file__).parent
 COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main"]
-MONITOR = [sys.executable, "-m", "stickslip_ros.nodes.monitor", "--ros-args", "-p", "state_file:=none"]
+MONITOR = [sys.executable, "-m", "stickslip_ros.nodes", "monitor", "--ros-args", "-p", "state_file:=none"]
 _BEGIN = 1e6  # [s] stamps
 
 
