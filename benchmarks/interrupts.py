@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Signals at random moments of the lives of nodes and commands: each ends soon, without a word, and leaves nothing.
+
+As a command: python -m benchmarks.interrupts [HOW_MANY [SEED]]; prints each process that ended otherwise.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import cycle, islice
+from pathlib import Path
+
+from stickslip_ros.cli.processes import isolate
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SOON = 3.5  # [s]; on a machine with nothing else to do it is 1.5
+_TWICE = 0.2  # share of the processes that are signalled again while they end
+_AT_ONCE = 3  # nodes that hear each other
+_LIMIT = 30.0  # [s]
+_USUAL = re.compile(r"\[(INFO|WARN)\] |http://")
+_NODE = (sys.executable, "-m", "stickslip_ros.nodes")
+_COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is interrupted: its words, and until when at most [s] after its beginning.
+
+    ``empty_cache`` : whether nothing is compiled yet.
+    """
+
+    words: tuple[str, ...]
+    until: float = 4.0
+    empty_cache: bool = False
+
+    @property
+    def is_node(self) -> bool:
+        """Whether it is a node, and no command."""
+        return self.words[: len(_NODE)] == _NODE
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How one ended."""
+
+    subject: Subject
+    moment: float  # [s]
+    number: int
+    status: int
+    said: str
+    took: float  # [s]
+    left: tuple[str, ...]  # files that nobody finished
+
+    @property
+    def complaints(self) -> list[str]:
+        """What is wrong with it."""
+        # A command may be done before the signal counts.
+        right = {0} if self.subject.is_node else {0, 128 + self.number}
+        said = [line for line in self.said.splitlines() if not _USUAL.match(line)]
+        found = [f"said {said}"] if said else []
+        found += [f"ended with {self.status}"] if self.status not in right else []
+        found += [f"took {self.took:.1f} s"] if self.took > _SOON else []
+        return found + ([f"left {self.left}"] if self.left else [])
+
+    def __str__(self) -> str:
+        words = " ".join(self.subject.words[2:])
+        return f"{signal.Signals(self.number).name} after {self.moment:.3f} s of {words}: {'; '.join(self.complaints)}"
+
+
+def nodes() -> list[Subject]:
+    """Each of them: idle alone, busy with one another; the monitor while it is compiled, too."""
+    joint = ("-p", "joints:=[a,b]", "-p", "time_factor:=2.0")
+    monitor = ("--ros-args", "-p", "state_file:=none")
+    return [
+        Subject((*_NODE, "monitor", *monitor)),
+        Subject((*_NODE, "simulated_joint", "--ros-args", *joint)),
+        Subject((*_NODE, "replay", "--ros-args", "-p", "recording:=slider")),
+        Subject((*_NODE, "monitor", *monitor), 6.0, empty_cache=True),
+    ]
+
+
+def commands(folder: Path) -> list[Subject]:
+    """Some that compute, read, write, wait and begin processes; their files are in the folder."""
+    bag = folder / "read.mcap"
+    subprocess.run([*_COMMAND, "simulate", "--duration", "60", "--out", str(bag)], check=True, capture_output=True)
+    fleet = folder / "fleet"
+    fleet.mkdir()
+    for name in ("a", "b", "c"):
+        (fleet / f"{name}.mcap").write_bytes(bag.read_bytes())
+    words = (
+        ("margin", "--joint", "puma560_joint1"),
+        ("recommend", "--joint", "puma560_joint1"),
+        ("analyze", str(bag), "--json"),
+        ("analyze", str(fleet), "--jobs", "2"),
+        ("identify", str(bag)),
+        ("simulate", "--duration", "3000", "--out", str(folder / "written.mcap")),
+        ("simulate", "--duration", "3000", "--out", str(folder / "written")),
+        ("map", "--joint", "puma560_joint1", "--out", str(folder / "map.png")),
+        ("watch",),
+        ("watch", "--browser"),
+    )
+    found = [Subject((*_COMMAND, *one)) for one in words]
+    return [*found, Subject((*_COMMAND, "warm-up"), empty_cache=True)]
+
+
+def interrupted(subject: Subject, random_numbers: random.Random, folder: Path) -> Ending:
+    """Begin a process, and signal it at a random moment, perhaps twice."""
+    moment, number = random_numbers.uniform(0.0, subject.until), random_numbers.choice(_SIGNALS)
+    again = random_numbers.uniform(0.0, 0.5) if random_numbers.random() < _TWICE else None
+    with tempfile.TemporaryDirectory(dir=folder) as own, tempfile.TemporaryFile("w+") as said:
+        environment = {**os.environ, **({"NUMBA_CACHE_DIR": own} if subject.empty_cache else {})}
+        process = subprocess.Popen(
+            subject.words, stdout=subprocess.DEVNULL, stderr=said, env=environment, preexec_fn=_hold_back
+        )
+        time.sleep(moment)
+        process.send_signal(number)
+        begin = time.monotonic()
+        if again is not None:
+            time.sleep(again)
+            process.send_signal(number)
+        try:
+            process.wait(_LIMIT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        status, took = process.wait(), time.monotonic() - begin
+        said.seek(0)
+        left = tuple(str(path) for path in [*folder.glob(".*.part"), *folder.glob("*/.*.part")])
+        return Ending(subject, moment, number, status, said.read(), took, left)
+
+
+def _hold_back() -> None:
+    """Until the program takes them: what comes while Python itself starts is not its business."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+
+
+def endings(subjects: Sequence[Subject], count: int, seed: int, folder: Path, at_once: int = 1) -> Iterator[Ending]:
+    """Of so many processes, one subject after the other, some at the same time."""
+    with ThreadPoolExecutor(at_once) as pool:
+        pairs = enumerate(islice(cycle(subjects), count))
+        running = [pool.submit(interrupted, one, random.Random(f"{seed} {n}"), folder) for n, one in pairs]
+        for future in running:
+            yield future.result()
+
+
+def run(count: int = 100, seed: int = 0) -> int:
+    """Interrupt so many, half of them nodes; returns how many ended otherwise than they should."""
+    isolate()
+    wrong = 0
+    took: list[float] = []
+    statuses: Counter[int] = Counter()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for subjects, at_once in ((nodes(), _AT_ONCE), (commands(folder), 1)):
+            for ending in endings(subjects, count // 2, seed, folder, at_once):
+                took.append(ending.took)
+                statuses[ending.status] += 1
+                if ending.complaints:
+                    wrong += 1
+                    print(ending, flush=True)
+    took.sort()
+    print(
+        f"{len(took)} signals, {wrong} of them with complaints; statuses {dict(statuses)}; "
+        f"the end took {took[len(took) // 2]:.2f} s in the median, {took[-1]:.2f} s at most"
+    )
+    return wrong
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(*map(int, sys.argv[1:3])) > 0)
