@@ -97,8 +97,8 @@ def check() -> None:
     Interrupted
         Once: what brings the work to its end is not interrupted.
     """
-    if not _signals.raised and threading.current_thread() is threading.main_thread() and came():
-        _signals.raised = True
+    if _signals.number and not _signals.raised and threading.current_thread() is threading.main_thread():
+        _signals.noticed = _signals.raised = True
         raise Interrupted(_signals.number)
 
 

@@ -72,6 +72,32 @@ def test_work_without_steps_ends_all_the_same(number: signal.Signals, tmp_path: 
     assert not list(tmp_path.iterdir())
 
 
+_READ_MEANWHILE = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from stickslip_ros.bags.table import load_table
+from stickslip_ros.interrupts import came, take_signals
+
+def often():
+    for _ in range(20):
+        time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+take_signals()
+threading.Thread(target=often, daemon=True).start()
+table = load_table(Path(sys.argv[1]), [], 10**9)
+assert came() == signal.SIGINT
+"""
+
+
+def test_reading_a_table_takes_no_signals(tmp_path: Path) -> None:
+    """Issue 35: pyarrow cancels what it reads, and the table was said to be wrong: "received signal 2"."""
+    table = tmp_path / "a.csv"
+    table.write_text("time [s],position [rad]\n" + "".join(f"{n},{n}\n" for n in range(500_000)))
+    done = subprocess.run([sys.executable, "-c", _READ_MEANWHILE, str(table)], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 def _not_ignored() -> None:
     """As nohup would have it."""
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
