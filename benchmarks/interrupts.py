@@ -113,6 +113,7 @@ def commands(folder: Path) -> list[Subject]:
         ("simulate", "--duration", "3000", "--out", str(folder / "written.mcap")),
         ("simulate", "--duration", "3000", "--out", str(folder / "written")),
         ("map", "--joint", "puma560_joint1", "--out", str(folder / "map.png")),
+        ("demo", "--out", str(folder / "demo.png")),
         ("watch",),
         ("watch", "--browser"),
     )
@@ -165,22 +166,20 @@ def endings(subjects: Sequence[Subject], count: int, seed: int, folder: Path, at
 def run(count: int = 100, seed: int = 0) -> int:
     """Interrupt so many, half of them nodes; returns how many ended otherwise than they should."""
     isolate()
-    wrong = 0
-    took: list[float] = []
-    statuses: Counter[int] = Counter()
+    found: list[Ending] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for subjects, at_once in ((nodes(), _AT_ONCE), (commands(folder), 1)):
             for ending in endings(subjects, count // 2, seed, folder, at_once):
-                took.append(ending.took)
-                statuses[ending.status] += 1
+                found.append(ending)
                 if ending.complaints:
-                    wrong += 1
                     print(ending, flush=True)
-    took.sort()
+    found.sort(key=lambda ending: ending.took)
+    wrong = sum(bool(ending.complaints) for ending in found)
+    statuses = dict(Counter(ending.status for ending in found))
     print(
-        f"{len(took)} signals, {wrong} of them with complaints; statuses {dict(statuses)}; "
-        f"the end took {took[len(took) // 2]:.2f} s in the median, {took[-1]:.2f} s at most"
+        f"{len(found)} signals, {wrong} of them with complaints; statuses {statuses}; the "
+        f"end took {found[len(found) // 2].took:.2f} s in the median, {found[-1].took:.2f} s at most: {found[-1]}"
     )
     return wrong
 

@@ -63,7 +63,7 @@ def _spin(node: Node, *, persevere: bool) -> None:
     # One that has something to call back: for nothing else does the executor leave off waiting.
     ending = node.create_guard_condition(lambda: None)
     with woken(ending.trigger, patience=_LONGEST_CALLBACK):
-        while not came():
+        while node.context.ok() and not came():
             try:
                 executor.spin_once()
             except Exception:

@@ -105,7 +105,7 @@ class SlowWork:
             )
         others = multiprocessing.active_children() if not self._processes else []
         try:
-            with without_interrupts():
+            with contextlib.nullcontext() if self._processes else without_interrupts():
                 future = self._pool.submit(function, question)
             self._running[key] = _Running(question, future, self._pool, monotonic())
             if not self._processes:
