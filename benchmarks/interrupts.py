@@ -125,7 +125,7 @@ def interrupted(subject: Subject, random_numbers: random.Random, folder: Path) -
     """Begin a process, and signal it at a random moment, perhaps twice."""
     moment, number = random_numbers.uniform(0.0, subject.until), random_numbers.choice(_SIGNALS)
     again = random_numbers.uniform(0.0, 0.5) if random_numbers.random() < _TWICE else None
-    with tempfile.TemporaryDirectory(dir=folder) as own, tempfile.TemporaryFile("w+") as said:
+    with tempfile.TemporaryDirectory() as own, tempfile.TemporaryFile("w+") as said:
         environment = {**os.environ, **({"NUMBA_CACHE_DIR": own} if subject.empty_cache else {})}
         process = subprocess.Popen(
             subject.words, stdout=subprocess.DEVNULL, stderr=said, env=environment, preexec_fn=_hold_back,
@@ -145,7 +145,9 @@ def interrupted(subject: Subject, random_numbers: random.Random, folder: Path) -
             process.kill()
         status, took = process.wait(), time.monotonic() - begin
         said.seek(0)
-        left = tuple(str(path) for path in folder.rglob(f".*.{process.pid}.*.part"))
+        # Others may remove their folders meanwhile.
+        names = (name for *_, names in os.walk(folder) for name in names)
+        left = tuple(name for name in names if f".{process.pid}." in name and name.endswith(".part"))
         return Ending(subject, moment, number, status, said.read(), took, left)
 
 
