@@ -85,9 +85,9 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "monitor = stickslip_ros.nodes.monitor:main",
-            "replay = stickslip_ros.nodes.replay:main",
-            "simulated_joint = stickslip_ros.nodes.simulated_joint:main",
+            "monitor = stickslip_ros.nodes.__main__:monitor",
+            "replay = stickslip_ros.nodes.__main__:replay",
+            "simulated_joint = stickslip_ros.nodes.__main__:simulated_joint",
             "stickslip = stickslip_ros.cli.main:main",
         ],
     },

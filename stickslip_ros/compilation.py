@@ -17,7 +17,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ import llvmlite
 import numba
 from llvmlite import binding
 from numba import config, njit
+
+from stickslip_ros.interrupts import at_hard_end
 
 _PACKAGE = Path(__file__).resolve().parent
 _GIVEN = "NUMBA_CACHE_DIR"
@@ -89,7 +91,8 @@ def cache_folder() -> CacheFolder:
         if _can_be_written(folder / f"{_NAME}{contents}"):
             return CacheFolder(folder / f"{_NAME}{contents}")
     passing = tempfile.mkdtemp(prefix=_NAME)
-    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    for at_end in (atexit.register, at_hard_end):
+        at_end(partial(shutil.rmtree, passing, ignore_errors=True))
     os.environ[_GIVEN] = passing
     return CacheFolder(Path(passing) / f"{_NAME}{contents}", lasting=False)
 

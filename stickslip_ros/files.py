@@ -17,8 +17,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
+from stickslip_ros.interrupts import at_hard_end
+
 _PART = ".part"
 _READ_BY_ALL = 0o666  # but for what the user's umask forbids
+_begun: set[Path] = set()  # by this process, and not yet whole
 
 
 @contextmanager
@@ -39,6 +42,7 @@ def whole_file(path: Path, *, mode: int = _READ_BY_ALL, durable: bool = False) -
     path = Path(os.path.realpath(path))
     remove_abandoned(path)
     partial, handle = _opened(path, mode)
+    _begun.add(partial)
     try:
         with os.fdopen(handle, "wb") as file:
             # The lock goes with the process, however it ends; some network folders have none.
@@ -54,6 +58,8 @@ def whole_file(path: Path, *, mode: int = _READ_BY_ALL, durable: bool = False) -
         if isinstance(error, OSError) and error.filename in (None, str(partial)):
             error.filename, error.filename2 = str(path), None
         raise
+    finally:
+        _begun.discard(partial)
 
 
 def check_writable(path: Path) -> None:
@@ -102,6 +108,14 @@ def remove_abandoned(path: Path) -> None:
             found = ours.fullmatch(name)
             if found and not _lives(int(found[1])):
                 _remove_unless_locked(path.with_name(name))
+
+
+def _remove_begun() -> None:
+    for partial in list(_begun):
+        partial.unlink(missing_ok=True)
+
+
+at_hard_end(_remove_begun)
 
 
 def _begin(path: Path) -> str:

@@ -29,6 +29,7 @@ from numba.core import event
 
 from stickslip_ros.compilation import cache_folder, forget_earlier_sources, marker, without_linear_algebra
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.interrupts import check
 from stickslip_ros.parent_death import die_with_parent
 
 if TYPE_CHECKING:
@@ -240,11 +241,17 @@ def compile_ahead(tell: Callable[[Progress], None], jobs: int | None = None) -> 
     Parameters
     ----------
     tell : called now and then.
+
+    Raises
+    ------
+    Interrupted
+        If this process is asked to end meanwhile; the others are ended.
     """
     if is_warm():
         return ""
     with Compilation(jobs) as compilation:
         while compilation.running:
+            check()
             tell(compilation.progress)
             time.sleep(_TELL_EVERY / 5.0)
         return compilation.failure

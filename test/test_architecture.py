@@ -62,7 +62,7 @@ def test_imports_only_go_down(floor: str) -> None:
 
 # From the ground up, as docs/design.md has them.
 ROOMS = (
-    "visible", "errors", "files", "regular_files", "parent_death", "interrupts", "compilation", "model", "messages",
+    "visible", "errors", "interrupts", "files", "regular_files", "parent_death", "compilation", "model", "messages",
     "monitoring", "settings", "output", "bags", "analysis", "warm_up", "nodes", "cli",
 )  # fmt: skip
 

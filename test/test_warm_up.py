@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = Path(stickslip_ros.__file__).parent
 COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main"]
-MONITOR = [sys.executable, "-m", "stickslip_ros.nodes.monitor", "--ros-args", "-p", "state_file:=none"]
+MONITOR = [sys.executable, "-m", "stickslip_ros.nodes", "monitor", "--ros-args", "-p", "state_file:=none"]
 _BEGIN = 1e6  # [s] stamps
 
 
@@ -190,13 +190,12 @@ def breakaways(one: Probe) -> list[float]:
     return [float(cycle["breakaway [s]"]) for cycle in one.cycles if cycle["joint"] == "a"]
 
 
-@pytest.mark.parametrize("after", [0.0, 0.7, 4.0])
-def test_ctrl_c_while_it_compiles(ros_domain: int, tmp_path: Path, after: float) -> None:
-    """Issue 15: it ended after 20 to 30 s, with a traceback."""
+def test_ctrl_c_while_it_compiles(ros_domain: int, tmp_path: Path) -> None:
+    """Issue 15: it ended after 20 to 30 s, with a traceback. Other moments: nodes/test_interrupts_over_dds.py."""
     monitor = Monitor(tmp_path / "cache", tmp_path / "log")
     try:
         monitor.wait_for("once after installation", 30.0)
-        time.sleep(after)
+        time.sleep(0.7)
         status, took = monitor.interrupt()
     finally:
         monitor.process.kill()

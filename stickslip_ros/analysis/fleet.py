@@ -12,6 +12,8 @@ import hashlib
 import json
 import math
 import multiprocessing
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -28,6 +30,8 @@ from stickslip_ros.bags.lerobot import episodes, is_data_set
 from stickslip_ros.bags.storage.bag_paths import files_of, is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
+from stickslip_ros.interrupts import check, take_signals, without_interrupts
+from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.regular_files import read_regular
 
 _LAYOUT = 3  # of an answer: another one where keys are new, or mean something else
@@ -227,15 +231,19 @@ def analyze_fleet(
 _shares: Any = None  # of the bags that have been read, shared by the processes
 
 
-def _share_with(shares: Any) -> None:
+def _begin(parent: int, shares: Any) -> None:
+    """In a process of its own: it ends with the one that began it, or when that says so."""
     global _shares
     _shares = shares
+    take_signals([signal.SIGTERM])
+    die_with_parent(parent)
 
 
 def _answer_of(number: int, task: BagTask) -> TimedAnswer:
     """An answer, in a process of its own."""
 
     def tell(share: float) -> None:
+        check()
         _shares[number] = share
 
     return answer(task, tell)
@@ -252,14 +260,15 @@ def _by_processes(
         done: set[int] = set()
         # Plain memory: a lock would stay with a process that dies.
         shares = context.RawArray("d", len(tasks))
-        with ProcessPoolExecutor(min(jobs, len(waiting)), context, _share_with, (shares,)) as pool:
+        with ProcessPoolExecutor(min(jobs, len(waiting)), context, _begin, (os.getpid(), shares)) as pool:
             running: dict[Future[TimedAnswer], int] = {}
             queue = iter(list(waiting))
             try:
                 while True:
                     # No more than there are processes, so that it is known which bags were being read.
                     while len(running) < jobs and (number := next(queue, None)) is not None:
-                        running[pool.submit(_answer_of, number, tasks[number])] = number
+                        with without_interrupts():
+                            running[pool.submit(_answer_of, number, tasks[number])] = number
                     if not running:
                         break
                     for future in wait(running, _LOOKED_EVERY, FIRST_COMPLETED).done:
@@ -269,6 +278,11 @@ def _by_processes(
             except BrokenProcessPool:
                 for number in running.values():
                     attempts[number] += 1
+            except BaseException:
+                # Nobody waits for what is being read.
+                for process in multiprocessing.active_children():
+                    process.terminate()
+                raise
         waiting = [number for number in waiting if number not in done]
         for number in [number for number in waiting if attempts[number] >= _ATTEMPTS]:
             yield number, _no_answer(tasks[number])

@@ -108,6 +108,8 @@ def _pyarrow() -> Any:
         import pyarrow.parquet
     except ImportError as error:
         raise MissingPackageError(f"reading it needs the package {error.name}: pip install pyarrow") from error
+    # It cancels what it reads when a signal comes, and that would be said of the table.
+    pyarrow.enable_signal_handlers(False)
     return pyarrow
 
 

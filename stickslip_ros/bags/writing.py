@@ -20,6 +20,7 @@ from stickslip_ros.bags.storage.bag_paths import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.files import whole_file, write_whole
+from stickslip_ros.interrupts import check
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 
@@ -105,6 +106,7 @@ class BagWriter:
     def write(self, *streams: Iterable[Serialized]) -> None:
         """Write serialized messages, of several streams in the order of their recording."""
         for time, topic, data in heapq.merge(*streams, key=lambda one: one[0]):
+            check()
             self._writer.add_message(self._channels[topic], log_time=time, data=data, publish_time=time)
             self._counts[topic] += 1
             self._first, self._last = min(self._first, time), max(self._last, time)

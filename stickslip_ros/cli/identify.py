@@ -29,6 +29,7 @@ from stickslip_ros.cli.outputs import JOINT_FILE
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.interrupts import Interrupted
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
@@ -213,9 +214,8 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
         for step in steps:
             console.print(f"  {step.duration:6.1f} s at {step.velocity:+.4g} rad/s")
         return None
-    # Ctrl-C and SIGTERM must reach this process as an exception, so that the joint is brought to rest first.
+    # A signal is noticed between two steps of the node, which then brings the joint to rest.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         node = LadderNode(
             options.on,
@@ -229,8 +229,10 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
             return batch, node.gains
         finally:
             node.destroy_node()
+    except Interrupted as interrupted:
+        # Whichever signal it was, the experiment was interrupted.
+        raise Interrupted(signal.SIGINT) from interrupted
     finally:
-        signal.signal(signal.SIGTERM, before)
         rclpy.try_shutdown()
 
 

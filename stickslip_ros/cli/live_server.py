@@ -18,6 +18,7 @@ from stickslip_ros.cli.live_listener import LiveListener
 from stickslip_ros.cli.live_page import LivePage
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, reason
+from stickslip_ros.interrupts import check, without_interrupts, woken
 from stickslip_ros.parent_death import die_with_parent
 
 _HERE = "127.0.0.1"
@@ -29,10 +30,12 @@ _PAGE = """{% extends base %}
 
 
 def serve(address: str, port: int) -> None:
-    """Serve the page until Ctrl-C.
+    """Serve the page until a signal ends it.
 
     Raises
     ------
+    Interrupted
+        When one does.
     InvalidParameterError
         If the port is taken, or the address is none of this machine.
     """
@@ -40,6 +43,9 @@ def serve(address: str, port: int) -> None:
     # Compiled code holds Python's lock: what takes a second is worked out in a process of its own.
     context = multiprocessing.get_context("spawn")
     with LiveListener() as listener, ProcessPoolExecutor(1, context, die_with_parent) as work:
+        # The process is begun by the first question.
+        with without_interrupts():
+            work.submit(int)
 
         def begin(document: Document) -> None:
             document.template = _template()
@@ -60,9 +66,9 @@ def serve(address: str, port: int) -> None:
         console.print(f"http://{address}:{port} shows every joint; Ctrl-C ends it.")
         try:
             server.start()
-            server.io_loop.start()
-        except KeyboardInterrupt:
-            pass
+            with woken(lambda: server.io_loop.add_callback(server.io_loop.stop)):
+                server.io_loop.start()
+            check()
         finally:
             server.stop()
             work.shutdown(wait=False, cancel_futures=True)

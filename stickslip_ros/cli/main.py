@@ -9,15 +9,17 @@ line on stderr.
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import signal
 import sys
 from collections.abc import Container, Sequence
 from importlib import import_module
 from typing import NamedTuple, NoReturn
 
 import stickslip_ros
-from stickslip_ros.cli.ending import Ended, ended_by_exception
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
+from stickslip_ros.interrupts import Interrupted, at_hard_end, check, take_signals
 from stickslip_ros.visible import visible
 
 
@@ -46,6 +48,8 @@ COMMANDS = {
     "warm-up": Command("warm_up", "compile everything ahead, once after installation", compiled=False),
 }
 
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_CURSOR_AND_EMPTY_LINE = b"\x1b[?25h\r\x1b[2K"
 _OPTION, _NEGATIVE = re.compile(r"--[a-z][a-z-]*"), re.compile(r"-\.?\d")
 
 
@@ -78,14 +82,18 @@ def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns its exit status."""
+    """Run one command; returns its exit status. Without arguments it is the process's, and takes its signals."""
+    if arguments is None:
+        # What is ignored, as by nohup, stays so.
+        take_signals([number for number in _SIGNALS if signal.getsignal(number) != signal.SIG_IGN])
+        at_hard_end(_give_back_terminal)
     given = _with_negative_values(sys.argv[1:] if arguments is None else arguments)
     try:
-        with ended_by_exception():
-            options = build_parser(given[:1]).parse_args(given)
-            if options.compiled:
-                _compile()
-            return _run(options)
+        options = build_parser(given[:1]).parse_args(given)
+        check()
+        if options.compiled:
+            _compile()
+        return _run(options)
     except BrokenPipeError:
         return 0
     except (StickSlipError, OSError) as error:
@@ -93,10 +101,14 @@ def main(arguments: list[str] | None = None) -> int:
 
         complain(in_words(error))
         return 2
-    except KeyboardInterrupt:
-        return 130
-    except Ended as ended:
-        return ended.status
+    except Interrupted as interrupted:
+        return interrupted.status
+
+
+def _give_back_terminal() -> None:
+    """What draws a status hides the cursor meanwhile."""
+    if os.isatty(2):
+        os.write(2, _CURSOR_AND_EMPTY_LINE)
 
 
 def _with_negative_values(given: Sequence[str]) -> list[str]:

@@ -65,13 +65,15 @@ class NodeProcess:
         arguments += [item for name, value in (remappings or {}).items() for item in ("-r", f"{name}:={value}")]
         if params_file is not None:
             arguments += ["--params-file", str(params_file)]
-        target = [module] if module.endswith(".py") else ["-m", f"stickslip_ros.nodes.{module}"]
+        ours = not module.endswith(".py")
+        target = ["-m", "stickslip_ros.nodes", module] if ours else [module]
         command = [sys.executable, *target, "--ros-args", *arguments]
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115
         # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
         self._process = subprocess.Popen(
-            command, stdout=self._log, stderr=subprocess.STDOUT, preexec_fn=die_with_parent, start_new_session=True
-        )
+            command, stdout=self._log, stderr=subprocess.STDOUT, start_new_session=True,
+            preexec_fn=_begin if ours else die_with_parent,
+        )  # fmt: skip
 
     def __enter__(self) -> NodeProcess:
         return self
@@ -117,3 +119,9 @@ class NodeProcess:
             except subprocess.TimeoutExpired:
                 continue
         raise RuntimeError(f"process {self._process.pid} ({self.module}) cannot be ended")
+
+
+def _begin() -> None:
+    die_with_parent()
+    # Until the node takes its signals: Python has a traceback for those that come while it starts.
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from rich.progress import BarColumn, Progress, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.interrupts import interrupts
+from stickslip_ros.interrupts import check
 
 
 @contextmanager
@@ -25,13 +25,11 @@ def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[floa
     columns += [TimeRemainingColumn()] if foretold else []
     console = Terminal(stderr=True)
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    with interrupts() as came, bar as progress:
+    with bar as progress:
         task = progress.add_task(text, total=None)
 
         def tell(done: float, total: float) -> None:
-            if came:
-                came.clear()
-                raise KeyboardInterrupt
+            check()
             progress.update(task, completed=done, total=total)
 
         yield tell

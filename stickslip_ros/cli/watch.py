@@ -12,8 +12,9 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import signal
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 from rich.live import Live
@@ -22,6 +23,10 @@ from rich.status import Status
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.interrupts import Interrupted
+
+if TYPE_CHECKING:
+    from stickslip_ros.cli.watch_listener import WatchListener
 
 _LISTENING = "Listening for a monitor"
 _REFRESH = 0.25  # [s]
@@ -61,13 +66,22 @@ def run(options: argparse.Namespace) -> int:
         from stickslip_ros.cli.watch_listener import WatchListener
     except ImportError as error:
         raise StickSlipError(f"watch needs ROS 2 (rclpy): {error}") from error
-    if options.browser:
-        from stickslip_ros.cli.live_server import serve
+    try:
+        if options.browser:
+            from stickslip_ros.cli.live_server import serve
 
-        serve(options.address, options.port)
-        return 0
+            serve(options.address, options.port)
+        else:
+            _show(WatchListener(), options)
+    except Interrupted as interrupted:
+        if interrupted.number != signal.SIGINT:
+            raise
+    return 0
+
+
+def _show(listener: WatchListener, options: argparse.Namespace) -> None:
+    """Show the view in the terminal."""
     console = Terminal(highlight=False)
-    listener = WatchListener()
 
     def shown(height: int | None) -> RenderableType:
         joints, header = listener.joints(), listener.header()
@@ -79,13 +93,11 @@ def run(options: argparse.Namespace) -> int:
         if options.once or not console.is_terminal:
             listener.listen(options.seconds)
             console.print(shown(None))
-            return 0
+            return
         with Live(shown(console.height), console=console, screen=True, auto_refresh=False) as live:
             while True:
                 listener.listen(_REFRESH)
                 live.update(shown(console.height), refresh=True)
-    except KeyboardInterrupt:
-        return 0
     finally:
         listener.close()
 

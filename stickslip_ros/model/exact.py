@@ -128,10 +128,14 @@ def ask(
     with ThreadPoolExecutor(max_workers=workers) as pool:
         # A thread costs more than a joint's verdict.
         sizes = map(work, parts) if workers == 1 or len(parts) == 1 else pool.map(work, parts)
-        for size in sizes:
-            done += size
-            if progress is not None:
-                progress(done, count)
+        try:
+            for size in sizes:
+                done += size
+                if progress is not None:
+                    progress(done, count)
+        finally:
+            # After an exception the parts that nobody has begun are left out.
+            pool.shutdown(wait=False, cancel_futures=True)
     return found
 
 

@@ -8,7 +8,6 @@ import gc
 import math
 from time import monotonic
 
-from rclpy.executors import ExternalShutdownException
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
@@ -82,15 +81,13 @@ def wait_until_compiled(node: Node) -> None:
 
     Raises
     ------
-    ExternalShutdownException
-        If the node is told to end meanwhile.
+    Interrupted
+        If the process is asked to end meanwhile.
     """
     said_at = -math.inf
 
     def tell(progress: Progress) -> None:
         nonlocal said_at
-        if not node.context.ok():
-            raise ExternalShutdownException
         if monotonic() - said_at >= _SAY_EVERY:
             said_at = monotonic()
             node.get_logger().info(str(progress))

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 import traceback
 from collections.abc import Callable
 
@@ -26,7 +25,6 @@ from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session
 
 _FIRST_TICK = 0.02  # [s]
-_SIGNALLED = 0.1  # [s]
 RCLError = rclpy_implementation.RCLError
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -158,10 +156,6 @@ class Monitor(LifecycleNode):
             self._session.tick()
             self._set_pace(self._session.pace())
         except Exception:
-            # A signal makes what it interrupts fail, and ends the context a moment later: that is no error.
-            time.sleep(_SIGNALLED)
-            if not self.context.ok():
-                raise
             # Whatever it was, the next tick may well succeed, and a monitor that is gone helps nobody.
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,7 +94,8 @@ class Replay(Node):
         if self._next is None:
             self._end = now if math.isnan(self._end) else self._end
             if now - self._end >= self._linger:
-                raise KeyboardInterrupt
+                # As anybody else would end it.
+                signal.raise_signal(signal.SIGTERM)
 
 
 def _of_table(name: str, joint: str) -> Iterator[Recorded]:

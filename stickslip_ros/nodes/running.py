@@ -11,17 +11,19 @@ from collections.abc import Callable
 
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.interrupts import Interrupted, came, check, take_signals, woken
 from stickslip_ros.visible import visible
 
 RCLError = rclpy_implementation.RCLError
 _PLACES = re.compile(r",? at \S+\.[ch](pp)?:\d+")  # in the middleware's own source
 _ABOUT = "failed to initialize rcl: "
 _LAYOUT = "ros__parameters"
+_LONGEST_CALLBACK = 4.0  # [s], on a busy machine: after 5 s ros2 launch loses its patience
 
 
 def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool = False) -> int:
@@ -31,39 +33,44 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
     ----------
     persevere : whether to go on after an exception, once it is logged: what another node sent must not end this one.
     """
+    take_signals(status=0)
     try:
         _initialize(args)
+        check()
         try:
             node = create()
         except RCLError as error:
             # No node can be had of the middleware: with DDS security asked for and not there, for one.
             raise StickSlipError(str(error).partition("\n")[0]) from error
         try:
-            while node.context.ok():
-                try:
-                    rclpy.spin(node)
-                except (KeyboardInterrupt, ExternalShutdownException):
-                    raise
-                except Exception:
-                    if not persevere:
-                        raise
-                    # A signal in the middle of a callback makes its next publication fail: that is no error.
-                    if node.context.ok():
-                        node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+            _spin(node, persevere=persevere)
         finally:
             node.destroy_node()
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except Interrupted:
         pass
     except (StickSlipError, ParameterException) as error:
         print(visible(f"error: {error}"), file=sys.stderr)
         return 2
-    except Exception:
-        # A signal while the node is being made, or ended, makes its next publication fail: that is no error either.
-        if rclpy.ok():
-            raise
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _spin(node: Node, *, persevere: bool) -> None:
+    """Call back until the process is asked to end; the callback that is under way then is finished."""
+    executor = rclpy.get_global_executor()
+    executor.add_node(node)
+    # One that has something to call back: for nothing else does the executor leave off waiting.
+    ending = node.create_guard_condition(lambda: None)
+    with woken(ending.trigger, patience=_LONGEST_CALLBACK):
+        while node.context.ok() and not came():
+            try:
+                executor.spin_once()
+            except Exception:
+                if not persevere:
+                    raise
+                node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+    executor.remove_node(node)
 
 
 def _initialize(args: list[str] | None) -> None:
@@ -75,7 +82,7 @@ def _initialize(args: list[str] | None) -> None:
         If the arguments, or a file that they name, cannot be used; the text names them.
     """
     try:
-        rclpy.init(args=args)
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.UnknownROSArgsError as error:
         raise StickSlipError(f"unknown arguments of ROS: {error}") from error
     except RCLError as error:

@@ -160,14 +160,12 @@ class Session:
         if self._states is None or self._references is None:
             return
         self._ramps.stop("the monitor was deactivated")
-        if self._node.context.ok():
-            self._feedforward.silence()
+        self._feedforward.silence()
         if self._compiled.ready:
             for name in self.joints:
                 self._following.catch_up(name)
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
-            if self._node.context.ok():
-                self._publications.publish_cycles([*self._following.found(), *last])
+            self._publications.publish_cycles([*self._following.found(), *last])
         if self._first is not None:
             self._first.close()
         self._states.close()

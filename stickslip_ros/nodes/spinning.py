@@ -7,18 +7,16 @@ from __future__ import annotations
 import rclpy
 from rclpy.node import Node
 
-from stickslip_ros.interrupts import interrupts
+from stickslip_ros.interrupts import check
 
 
 def turn(node: Node, timeout: float) -> None:
-    """As :func:`rclpy.spin_once`, for at most so long [s]; Ctrl-C waits until it is done.
-
-    In the middle of a message's conversion its exception would be lost, and be an error of rclpy's instead.
+    """As :func:`rclpy.spin_once`, for at most so long [s].
 
     Raises
     ------
-    KeyboardInterrupt
-        If Ctrl-C came meanwhile.
+    Interrupted
+        If the process was asked to end meanwhile; see :func:`stickslip_ros.interrupts.check`.
     """
-    with interrupts(held=True):
-        rclpy.spin_once(node, timeout_sec=timeout)
+    rclpy.spin_once(node, timeout_sec=timeout)
+    check()

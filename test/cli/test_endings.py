@@ -36,24 +36,71 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_that_comes_within_a_callback_is_not_lost(number: signal.Signals) -> None:
-    """An event loop, as of `watch --browser`, lets it out: once swallowed, it would be ignored for ever."""
-    code = f"""
-import asyncio, os, signal, sys
-from stickslip_ros.cli.ending import Ended, ended_by_exception
-signal.signal({int(number)}, signal.SIG_DFL)  # nohup ignores it
-loop = asyncio.new_event_loop()
-loop.call_soon(os.kill, os.getpid(), {int(number)})
-loop.call_later(10.0, loop.stop)
-try:
-    with ended_by_exception():
-        loop.run_forever()
-except Ended as ended:
-    sys.exit(ended.status)
+_LONG = """
+import ctypes, sys
+from pathlib import Path
+from stickslip_ros.cli.main import main
+from stickslip_ros.files import whole_file
+
+def run(options):
+    with whole_file(Path(options.file)) as file:
+        file.write(b"half of it")
+        file.flush()
+        print("begun", flush=True)
+        ctypes.PyDLL(None).sleep(1)  # as compiled code does, with Python's lock
+        ctypes.CDLL(None).sleep(60)
+
+sys.modules["stickslip_ros.cli.margin"] = type(sys)("margin")
+sys.modules["stickslip_ros.cli.margin"].add_arguments = lambda parser: parser.add_argument("file")
+sys.modules["stickslip_ros.cli.margin"].run = run
+sys.argv[1:] = ["margin", *sys.argv[1:]]
+sys.exit(main())
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 128 + number, done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_work_without_steps_ends_all_the_same(number: signal.Signals, tmp_path: Path) -> None:
+    """Issue 35: where nothing asks whether a signal came, the process ends after two seconds, and nothing is left."""
+    command = [sys.executable, "-c", _LONG, str(tmp_path / "a.json")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=_not_ignored) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"begun\n"
+        process.send_signal(number)
+        _, complaint = process.communicate(timeout=20.0)
+    assert process.returncode == 128 + number
+    assert complaint == b""
+    assert not list(tmp_path.iterdir())
+
+
+_READ_MEANWHILE = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from stickslip_ros.bags.table import load_table
+from stickslip_ros.interrupts import came, take_signals
+
+def often():
+    for _ in range(20):
+        time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+take_signals()
+threading.Thread(target=often, daemon=True).start()
+table = load_table(Path(sys.argv[1]), [], 10**9)
+assert came() == signal.SIGINT
+"""
+
+
+def test_reading_a_table_takes_no_signals(tmp_path: Path) -> None:
+    """Issue 35: pyarrow cancels what it reads, and the table was said to be wrong: "received signal 2"."""
+    table = tmp_path / "a.csv"
+    table.write_text("time [s],position [rad]\n" + "".join(f"{n},{n}\n" for n in range(500_000)))
+    done = subprocess.run([sys.executable, "-c", _READ_MEANWHILE, str(table)], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def _not_ignored() -> None:
+    """As nohup would have it."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def main() -> int:
         "ROS_DOMAIN_ID": "33",
     }
     here = ["ip", "netns", "exec", _NAMES[0], sys.executable, __file__, "watch", _LINKS[0]]
-    there = ["ip", "netns", "exec", _NAMES[1], sys.executable, "-m", "stickslip_ros.nodes.simulated_joint"]
+    there = ["ip", "netns", "exec", _NAMES[1], sys.executable, "-m", "stickslip_ros.nodes", "simulated_joint"]
     robot = subprocess.Popen(there, env=environment)
     try:
         time.sleep(0.5)

@@ -266,15 +266,6 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
     )
 
 
-def test_interrupt_ends_every_node_quietly(ros_domain: int) -> None:
-    """Issue 2: SIGINT ends each node with status 0 and no traceback."""
-    with NodeProcess("simulated_joint", {}) as joint, NodeProcess("monitor", PUMA) as monitor, probe() as one:
-        one.wait_for_monitor()
-        for node in (joint, monitor):
-            assert node.stop() == 0
-            assert "Traceback" not in node.output()
-
-
 def test_simulated_joint_profiles_and_faster_time(ros_domain: int) -> None:
     """Issue 2: two joints, hold and reverse, ten times as fast on /clock, with noise."""
     parameters = {

@@ -39,7 +39,6 @@ class RampService:
     """
 
     def __init__(self, node: Node, services: Mapping[str, Begin]) -> None:
-        self._node = node
         self._services = [
             DeferredService(node, Trigger, f"~/{name}", partial(self._on_request, name, begin))
             for name, begin in services.items()
@@ -123,6 +122,6 @@ class RampService:
 
     def _end(self, *, success: bool, message: str) -> None:
         self.state, self.failed = f"{self._name}: {message}", not success
-        if self._answer is not None and self._node.context.ok():
+        if self._answer is not None:
             self._answer(Trigger.Response(success=success, message=message))
         self._answer = None

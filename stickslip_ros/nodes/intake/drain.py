@@ -63,8 +63,6 @@ class DrainedSubscription:
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
         except (RuntimeError, InvalidQosOverridesError) as error:
-            if not node.context.ok():
-                raise
             # What the defaults make is sound, so it is the overrides.
             where = f"qos_overrides.{node.resolve_topic_name(topic)}.subscription"
             raise StickSlipError(f"{where}: {' '.join(str(error).split())}") from error

@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import signal
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -18,6 +17,7 @@ from threading import Thread
 from time import monotonic
 from typing import Any
 
+from stickslip_ros.interrupts import without_interrupts
 from stickslip_ros.parent_death import die_with_parent
 
 _NICE = 10  # what else runs on the robot comes first
@@ -105,7 +105,9 @@ class SlowWork:
             )
         others = multiprocessing.active_children() if not self._processes else []
         try:
-            self._running[key] = _Running(question, self._pool.submit(function, question), self._pool, monotonic())
+            with contextlib.nullcontext() if self._processes else without_interrupts():
+                future = self._pool.submit(function, question)
+            self._running[key] = _Running(question, future, self._pool, monotonic())
             if not self._processes:
                 # Begun by the first question; nobody else begins one meanwhile.
                 self._processes = [one for one in multiprocessing.active_children() if one not in others]
@@ -168,6 +170,4 @@ class SlowWork:
 
 def _begin(parent: int) -> None:
     os.nice(_NICE)
-    # Ctrl-C is for the node, which ends this process in its own time.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(parent)
