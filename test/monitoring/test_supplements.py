@@ -174,7 +174,7 @@ _MORE_SLIPS = pytest.mark.xfail(reason="rests of 20 ms, stamps 2.5 ms off: their
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(15, marks=_MORE_SLIPS), 24, pytest.param(39, marks=_MORE_SLIPS)])
+@pytest.mark.parametrize("seed", [pytest.param(15, marks=_MORE_SLIPS), 24, 39])
 def test_noise_is_no_curve(seed: int) -> None:
     """With stray stamps and lost samples each of these had a curve, and up to three of six verdicts were wrong."""
     drawn = random_joint_recording(seed)
