@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 def visible(text: str, *, kept: str = "") -> str:
     r"""The text, with ``\x1b``, ``\n`` or ``\u202e`` for characters that are not seen but do something.
@@ -16,6 +18,11 @@ def visible(text: str, *, kept: str = "") -> str:
     if text.isprintable():
         return text
     return "".join(one if one in kept or one.isprintable() else _shown(one) for one in text)
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """So many of the names at most, for a sentence."""
+    return f"{', '.join(names[:most])}{', …' if len(names) > most else ''}"
 
 
 def _shown(character: str) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.messages.gain_parameters import joint_and_kind
-from stickslip_ros.visible import visible
+from stickslip_ros.visible import listed, visible
 
 INTERFACES = ("command_interfaces", "command_interface")  # of joint_trajectory_controller, of pid_controller
 LAYOUT = "gains.<joint>.p, .i and .d"
@@ -66,8 +66,7 @@ def elsewhere_text(names: Collection[str], parameters: Mapping[str, Any] | None 
 
 def some(names: Sequence[str]) -> str:
     """The first few names of others, for a sentence."""
-    shown = [visible(name[:_LONGEST]) for name in names[:_NAMED]]
-    return f"{', '.join(shown)}{', …' if len(names) > _NAMED else ''}"
+    return listed([visible(name[:_LONGEST]) for name in names], _NAMED)
 
 
 def _with_size(name: str, parameters: Mapping[str, Any]) -> str:

@@ -51,10 +51,13 @@ class Bag:
         self.path, self._limit = path, limit or UnpackLimit()
         self.warnings: list[str] = []
         self._stack = ExitStack()
-        self._transcoded: dict[Channel, tuple[Channel, Transcode | None]] = {}
         self._per_message = False
         try:
             self._storages = self._open()
+            # Each channel as ROS 2 has it, and what makes its messages so.
+            self._transcoded: dict[Channel, tuple[Channel, Transcode | None]] = {
+                channel: transcoded(channel) for _, _, channels in self._storages for channel in channels
+            }
         except BaseException:
             self._stack.close()
             raise
@@ -75,13 +78,12 @@ class Bag:
         counts: dict[Channel, int] = {}
         for _, _, channels in self._storages:
             for raw, count in channels.items():
-                channel, _ = self._transcoded[raw] = transcoded(raw)
+                channel, _ = self._transcoded[raw]
                 counts[channel] = counts.get(channel, 0) + count
         return counts
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None] = lambda _: None) -> Iterator[Block]:
         """The messages of the wanted channels, perhaps with others among them; ``progress`` is told of bytes."""
-        self.channels()
         raw = {one for one, (channel, _) in self._transcoded.items() if channel in wanted}
         for file, storage, _ in self._storages:
             allowance = Allowance(self._limit, file.stat().st_size)

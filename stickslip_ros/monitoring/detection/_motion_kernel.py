@@ -81,7 +81,7 @@ MOTION = np.dtype(
         ("way_began", float),  # of the reference, where it began to go the way that it goes
         ("way_farthest", float),  # and how far it has come
         ("swing_direction", float),  # of the motion since the last turn, 0 before the first
-        ("swing_turns", np.int64),  # seen since then
+        ("swing_turned", np.bool_),  # whether a turn was seen since then
         ("turn", np.int64),  # crossing of the last turn
         ("farthest", np.int64),  # crossing that has gone farthest since then
         ("swing", float, swings.SWING_COLUMNS),  # the latest complete one

@@ -61,7 +61,7 @@ def follow_swing(motion, detector):
     kept = motion.swing_direction != 0.0 and newest - motion.turn < kernel.RING
     if not (kept and _reference_goes_on(place - begin, motion, detector)):
         motion.way_began = motion.way_farthest = motion.way
-        motion.swing_turns = 0
+        motion.swing_turned = False
         motion.turn, motion.farthest = max(newest - 1, 0), newest
         motion.swing_direction = 1.0 if place > detector.crossings[last, kernel.POSITION] else -1.0
         return False
@@ -69,7 +69,7 @@ def follow_swing(motion, detector):
     if back <= 0.0:
         motion.farthest = newest
         return False
-    first = motion.swing_turns == 0
+    first = not motion.swing_turned
     # Since the joint reached its turn: a reference that goes the same way as the joint may be what moves it.
     travel = detector.crossings[farthest, kernel.REFERENCE] - detector.crossings[turn, kernel.REFERENCE]
     if back < max(_LEAST_TURN * band, 0.0 if first else _TURNED_BACK * abs(extreme - begin - travel)):
@@ -94,7 +94,7 @@ def follow_swing(motion, detector):
         motion.swing[8], motion.swing[9] = detector.crossings[farthest, kernel.FLAT_END], band
         motion.swing[10] = travel
         motion.swung = True
-    motion.swing_turns += 1
+    motion.swing_turned = True
     motion.turn, motion.farthest = motion.farthest, newest
     motion.swing_direction = -motion.swing_direction
     return swung

@@ -4,7 +4,7 @@
 
 Not every rest is a stick: a joint also stops where it is told to. With a reference, a rest is a stick if the
 reference went on steadily meanwhile, and a slip is a burst faster than the reference. Swings to and fro about a
-reference that stands still are hunting. Without a reference :mod:`.spring_evidence` decides.
+reference that stands, or goes on evenly, are hunting. Without a reference :mod:`.spring_evidence` decides.
 
 Every decision rests on the motions beside it: on the rests before and after a motion, on the motion before that, and
 on the cycles that follow one another without a break, the train. Nothing older has a say.
@@ -58,7 +58,7 @@ class Cycle:
     slip_distance : signed [rad].
     position : where the slip began [rad].
     effort : measured effort at breakaway [N·m], NaN if unknown.
-    hunting : whether the reference stood still and the slip before went the other way.
+    hunting : whether it is a swing to and fro about the reference.
     reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
     creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
     stands : for how long the joint stood after it, as far as that is known [s].

@@ -18,9 +18,10 @@ from stickslip_ros.messages.stamps import with_times
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
-from stickslip_ros.nodes.intake.publishers import listed, name_of
+from stickslip_ros.nodes.intake.publishers import NAMED, name_of
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.intake.sequence_numbers import SequenceNumbers
+from stickslip_ros.visible import listed
 
 _LOOK_EVERY = 0.5  # [s] at the graph, for how many publish
 _CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
@@ -131,7 +132,7 @@ class JointStateTopic:
 
     def _who_contests(self) -> str:
         # Messages do not say who sent them: of more than two publishers any two may be meant.
-        names = listed(sorted(map(name_of, self.subscription.endpoints)))
+        names = listed(sorted(map(name_of, self.subscription.endpoints)), NAMED)
         return f"published by several nodes at once ({names}); remap all but one of them"
 
     def _look_for_rivals(self, found: list[JointRows], numbers: Integers) -> None:

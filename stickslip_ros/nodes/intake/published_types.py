@@ -9,8 +9,9 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
-from stickslip_ros.nodes.intake.publishers import is_named, listed, names_of
+from stickslip_ros.nodes.intake.publishers import NAMED, is_named, names_of
 from stickslip_ros.nodes.intake.references import REFERENCE_TYPES
+from stickslip_ros.visible import listed
 
 REFERENCES = "joint_references"
 _LOOK_EVERY = 1.0  # [s]
@@ -56,7 +57,7 @@ class PublishedTypes:
         if not others:
             return ""
         kinds = sorted({one.topic_type for one in others})
-        nodes = listed(names_of(others))
+        nodes = listed(names_of(others), NAMED)
         return f"{name} carries {', '.join(kinds)} from {nodes}, and {_advice(topic, wanted, kinds)}"
 
 

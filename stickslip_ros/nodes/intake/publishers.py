@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-_NAMED = 3  # that are listed
+NAMED = 3  # that are listed
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what the graph says before the name of a node is known
 
 
@@ -41,11 +41,6 @@ def publishers_by_topic(node: Node, message_type: str) -> dict[str, list[str]]:
             if message_type in kinds:
                 found.setdefault(topic, []).append(full)
     return found
-
-
-def listed(names: Collection[str]) -> str:
-    """Some of the names, for a sentence."""
-    return f"{', '.join(list(names)[:_NAMED])}{', …' if len(names) > _NAMED else ''}"
 
 
 def name_of(publisher: TopicEndpointInfo) -> str:

@@ -10,7 +10,8 @@ import os
 from rclpy.node import Node
 
 from stickslip_ros.messages.joint_states import TYPE
-from stickslip_ros.nodes.intake.publishers import listed, publishers_by_topic
+from stickslip_ros.nodes.intake.publishers import NAMED, publishers_by_topic
+from stickslip_ros.visible import listed
 
 _PATIENCE = 10.0  # [s] without a message that are worth a warning
 _CLOCK_PATIENCE = 5.0  # [s] from the start of the node to the first message on /clock
@@ -59,11 +60,11 @@ class SilentStates:
         own = self._node.resolve_topic_name(self._topic)
         found = publishers_by_topic(self._node, TYPE)
         here = found.pop(own, [])
-        others = [f"{topic} (by {listed(names)})" for topic, names in sorted(found.items())]
+        others = [f"{topic} (by {listed(names, NAMED)})" for topic, names in sorted(found.items())]
         # Who publishes there is silent; without anybody another topic was meant.
-        who = f"{listed(here)} publishes there and sends nothing" if here else f"no node publishes {_WORD} there"
+        who = f"{listed(here, NAMED)} publishes there and sends nothing" if here else f"no node publishes {_WORD} there"
         if others:
-            what = f"; {_WORD} is published on {listed(others)}" + ("" if here else f": remap {self._topic}")
+            what = f"; {_WORD} is published on {listed(others, NAMED)}" + ("" if here else f": remap {self._topic}")
         else:
             domain = os.environ.get("ROS_DOMAIN_ID", "0")
             what = "" if here else f", and {_WORD} is on no other topic in ROS_DOMAIN_ID {domain}"
