@@ -293,9 +293,12 @@ def _by_dask(tasks: Sequence[BagTask], numbers: Sequence[int], scheduler: str) -
     """Answers as they come from the workers of a cluster, which gives the bags of a dead worker to others."""
     try:
         from distributed import Client, KilledWorker, as_completed
+        from distributed.comm import get_address_host_port
     except ImportError as error:
         raise StickSlipError(f"--scheduler needs Dask ({error.name}): pip install 'stickslip_ros[dask]'") from error
     try:
+        # Asked first: a client of an address that is none stays half made, and its end waits for ten seconds.
+        get_address_host_port(scheduler)
         client = Client(scheduler, timeout="5s")
     except (OSError, ValueError) as error:
         raise StickSlipError(f"no Dask scheduler answers at {scheduler}: {error}") from error

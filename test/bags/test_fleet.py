@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -207,3 +208,12 @@ def test_a_scheduler_that_is_not_there(fleet: Path, capsys: pytest.CaptureFixtur
     status, _, errors = printed([str(fleet), "--scheduler", "tcp://127.0.0.1:1"], capsys)
     assert status == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:1" in errors
+
+
+def test_an_address_that_is_none_leaves_no_client(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A client that was half made waited for ten seconds when it was thrown away, in whatever ran then."""
+    before = threading.active_count()
+    status, _, errors = printed([str(fleet), "--scheduler", "nonsense,"], capsys)
+    assert status == 2
+    assert "no Dask scheduler answers at nonsense,: missing port number" in errors
+    assert threading.active_count() == before
