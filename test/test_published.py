@@ -31,6 +31,7 @@ KNOWN = ExactVerdict(
     smooth=False,
     outcome=Outcome.STICKS,
     critical_damping_ratio=0.3,
+    damping_reserve=-0.8,
     steady_damping_ratio=0.4,
     lowest_smooth_velocity=0.2,
     least_smooth_stiffness=900.0,
@@ -115,7 +116,7 @@ def test_the_places_of_the_margin_table(state: Assessment) -> None:
         "exact_smooth", "exact_critical_damping_ratio", "exact_lowest_smooth_velocity", "exact_least_smooth_stiffness",
         "margin_std", "stick_slip_probability", "stiffness_factor", "damping_factor", "trial_energy_margin",
         "trial_damping_ratio", "trial_critical_damping_ratio", "trial_exact_smooth", "exact_steady_damping_ratio",
-        "reversal_standing", "reversal_peak_error",
+        "reversal_standing", "reversal_peak_error", "exact_damping_reserve",
     )  # fmt: skip
     numbers = dict(zip(MARGIN_FIELDS, margin_row(state, KNOWN, KNOWN), strict=True))
     assert numbers["stiffness"] == 100.0

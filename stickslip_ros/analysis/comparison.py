@@ -31,7 +31,6 @@ from stickslip_ros.analysis.judgement import JUDGED
 from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
-from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
@@ -138,7 +137,7 @@ def compare_joints(before: JointAnalysis, after: JointAnalysis) -> JointComparis
     share = _share_of(before, after)
     slip = _quantity("usual_slip", "usual slip", "rad", _slip(before), _slip(after), f"fewer than {_LEAST_SLIPS} slips")
     reserve = _quantity(
-        "reserve", "damping reserve by Eq. (43)", "1", _reserve(before), _reserve(after),
+        "reserve", "damping reserve", "1", _reserve(before), _reserve(after),
         "the motion does not identify the friction that it rests on",
     )  # fmt: skip
     verdict, reason = _verdict(before, after, share, slip)
@@ -246,8 +245,7 @@ def _reserve(joint: JointAnalysis) -> Measured:
     # What is not identified rests on the prior, and so would the comparison.
     if not all(state.estimate[name].identified for name in _OF_THE_MARGIN):
         return Measured(value=joint.reserve)
-    gains = Gains(stiffness=float(state.margin_gains.stiffness) * drawn.stiffness, damping=state.margin_gains.damping)
-    reserves = np.asarray(stability_margin(drawn.joint, gains, joint.velocity).damping_reserve, dtype=float)
+    reserves = drawn.damping_reserves(state.margin_gains, joint.velocity)
     known = reserves[np.isfinite(reserves)]
     if 2 * len(known) < len(reserves):
         return Measured(value=joint.reserve)

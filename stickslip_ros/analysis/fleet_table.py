@@ -13,12 +13,10 @@ from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import whole_file
-from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.output import published as told
 from stickslip_ros.output.csv_table import write_csv
-from stickslip_ros.output.published import number
 
 _NEVER = 0.0
 
@@ -120,7 +118,8 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
         "sticking_time": joint["time_in"]["stick_slip"] or _NEVER if joint else None,
         "cycles": None if cycles is None else len(cycles),
         "usual_slip": slips[len(slips) // 2] if slips else None,
-        "reserve": None if margin is None else _reserve(margin),
+        # An answer that an older version has kept has none.
+        "reserve": None if margin is None else margin["exact"].get("damping_reserve"),
     }
     for section in (
         told.MARGIN,
@@ -141,11 +140,6 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     for section in told.OF_ADVICE:
         row |= section.for_fleet(advice)
     return row
-
-
-def _reserve(margin: Mapping[str, Any]) -> float | None:
-    damping, critical = (margin[key] for key in ("damping_ratio", "critical_damping_ratio"))
-    return None if damping is None or critical is None else number(damping_reserve(damping, critical))
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> None:

@@ -92,9 +92,8 @@ class JointAnalysis:
 
     @property
     def reserve(self) -> float:
-        """Relative damping reserve ρ/ρ_c − 1 by Eq. (43); NaN if unknown, ∞ where no damping is needed."""
-        margin = self.assessment.margin
-        return math.nan if margin is None else float(margin.damping_reserve)
+        """Relative damping reserve ρ/ρ_c − 1 by integration; NaN if unknown, ∞ where no damping is needed."""
+        return self.exact.damping_reserve
 
     def time_in(self, status: Status) -> float:
         """How long the joint was in a status [s]."""

@@ -108,7 +108,7 @@ def advice(joint: JointAnalysis) -> str:
         if joint.worst is Status.STICK_SLIP and joint.transient is None:
             return "Its gains have the wanted margin by the friction believed, which therefore is not the true one."
         return "Its gains have the wanted margin: keep them."
-    slowest = state.lowest_smooth_velocity
+    slowest = joint.exact.lowest_smooth_velocity
     faster = (
         f", or move no slower than {slowest:.3g} rad/s" if math.isfinite(slowest) and slowest > joint.velocity else ""
     )

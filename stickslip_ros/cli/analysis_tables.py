@@ -45,7 +45,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
     console.print(_joints_table(joints, _columns(console, joints)))
     console.print(
         "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
-        "stuck\nreserve: of damping, by Eq. (43); exactly: by integration of (4)-(6)[/]",
+        "stuck\nreserve: damping beyond what ends stick slip; exactly: what becomes of it; both by integration[/]",
         soft_wrap=True,
     )
     if len(analysis.robots) > 1:

@@ -29,6 +29,7 @@ from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_positive
+from stickslip_ros.output.margin_table import RESERVE
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.warm_up import compile_ahead, is_warm
 
@@ -147,17 +148,21 @@ def _cure(console: Console, out: Path) -> int:
         wait(
             listener,
             nodes,
-            lambda: listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE and bool(data.margins),
+            lambda: (
+                listener.status == "stick_slip"
+                and len(data.cycles) >= _CYCLES_TO_SEE
+                and bool(data.margins)
+                and not math.isnan(data.margins[-1][RESERVE])
+            ),
             _STICK_LIMIT,
             "stick slip",
             show,
         )
         wait(listener, nodes, lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice", show)
-        margin = data.margins[-1]["energy_margin"]
         console.print(
             f"[bold red]Stick slip[/]: {len(data.cycles)} cycles, the last slip "
             f"{1e3 * data.cycles[-1]['slip_distance']:.2f} mrad after {data.cycles[-1]['dwell']:.2f} s at rest. "
-            f"Margin of Eq. (43): [red]{margin:.3g}[/] M·x˙_s² (negative)."
+            f"Damping reserve: [red]{_reserve(data)}[/], so much of the damping that ends stick slip is missing."
         )
         console.print(f"Advice: [bold]{listener.value('recommendation')}[/].")
         changed_at, gains_before = listener.now, _gains_heard(listener)
@@ -181,15 +186,12 @@ def _cure(console: Console, out: Path) -> int:
             return bool(smooth_since) and listener.now - smooth_since[0] >= _SMOOTH_TO_SEE
 
         wait(listener, nodes, smooth_for_long, _SMOOTH_LIMIT, "smooth motion", show)
-        after = data.margins[-1]["energy_margin"]
         late = [cycle for cycle in data.cycles if cycle["arrest"] > smooth_since[0]]
-        if late or not after > 0 > margin:
-            raise StickSlipError(
-                f"not cured: {len(late)} cycles after the change, margin {margin:.3g} before and {after:.3g} after"
-            )
+        if late or not data.margins[-1][RESERVE] > 0:
+            raise StickSlipError(f"not cured: {len(late)} cycles after the change, damping reserve {_reserve(data)}")
         console.print(
             f"[bold green]Smooth[/]: no cycle for {listener.now - smooth_since[0]:.0f} s. "
-            f"Margin of Eq. (43): [green]+{after:.3g}[/] M·x˙_s²."
+            f"Damping reserve: [green]{_reserve(data)}[/]."
         )
         halves = (
             _half(data, -math.inf, changed_at, gains_before),
@@ -205,6 +207,10 @@ def _cure(console: Console, out: Path) -> int:
         )
     console.print(f"Picture: [bold]{out}[/]")
     return 0
+
+
+def _reserve(data: DemoData) -> str:
+    return f"{100.0 * data.margins[-1][RESERVE]:+.0f} %"
 
 
 def _gains_heard(listener: DemoListener) -> dict[str, object]:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The demo's picture: position, velocity and margin over time, with the cycles marked."""
+"""The demo's picture: position, velocity and damping reserve over time, with the cycles marked."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.cli.demo_log import DemoData
+from stickslip_ros.output.margin_table import RESERVE
 from stickslip_ros.output.plotting import BLUE, GREEN, GREY, RED
 
 _MOST_POINTS = 6000
 _LINE = 0.06  # of the panel's height
+_MOST_RESERVE = 120.0  # [%]: what is beyond is drawn at the edge
 
 
 def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float, str]] = (), unit: str) -> None:
@@ -33,10 +35,10 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
     states = states[np.argsort(states[:, 0], kind="stable")]
     states = states[:: max(1, len(states) // _MOST_POINTS)]
     start = states[0, 0]
-    margins = [(row["time"] - start, row["energy_margin"]) for row in data.margins if np.isfinite(row["energy_margin"])]
+    reserves = [(row["time"] - start, 100.0 * row[RESERVE]) for row in data.margins if not np.isnan(row[RESERVE])]
     has_velocity = bool(np.isfinite(states[:, 2]).any())
-    rows = 1 + has_velocity + bool(margins)
-    heights = [2.2, 1.3, 1.2][:1] + [1.3] * has_velocity + [1.2] * bool(margins)
+    rows = 1 + has_velocity + bool(reserves)
+    heights = [2.2, 1.3, 1.2][:1] + [1.3] * has_velocity + [1.2] * bool(reserves)
     figure, axes = pyplot.subplots(
         rows, 1, figsize=(10, 2.3 + 2.1 * rows), sharex=True, height_ratios=heights, squeeze=False, layout="constrained"
     )
@@ -60,16 +62,16 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
         panel = panels.pop(0)
         panel.plot(states[:, 0] - start, scale * states[:, 2], color=BLUE, linewidth=1.0)
         panel.set_ylabel(f"velocity [{prefix}{unit}/s]")
-    if margins:
+    if reserves:
         panel = panels.pop(0)
-        times, values = np.array(margins).T
+        times, values = np.array(reserves).T
+        values = np.minimum(values, _MOST_RESERVE)
         panel.axhline(0.0, color=GREY, linewidth=0.8)
         panel.fill_between(times, values, 0.0, where=values > 0, color=GREEN, alpha=0.25, linewidth=0, step="post")
         panel.fill_between(times, values, 0.0, where=values <= 0, color=RED, alpha=0.25, linewidth=0, step="post")
         panel.step(times, values, where="post", color=BLUE, linewidth=1.4)
-        smallest = np.min(np.abs(values[values != 0]), initial=1.0)
-        panel.set_yscale("symlog", linthresh=max(smallest, 1e-4), linscale=1.0)
-        panel.set_ylabel("energy margin of\nEq. (43) [$M \\dot{x}_s^2$]")
+        panel.set_ylim(-_MOST_RESERVE, _MOST_RESERVE)
+        panel.set_ylabel("damping reserve [%]")
         panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=GREEN)
         panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=RED)
     for panel in axes[:, 0]:

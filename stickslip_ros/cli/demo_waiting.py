@@ -13,10 +13,12 @@ from rich.console import Console
 from stickslip_ros.cli.demo_log import DemoListener
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.output.margin_table import RESERVE
 
 _COLUMNS = (
-    "[dim]Once a second: position; cycles, which are the slips seen so far; the margin of Eq. (43) in M·x˙_s²,\n"
-    "negative where it sticks; and the monitor's verdict on the motion, not_judged until it has seen enough of it.[/]"
+    "[dim]Once a second: position; cycles, which are the slips seen so far; the damping reserve, by which the damping\n"
+    "exceeds what ends stick slip, below 0 where it sticks; and the monitor's verdict on the motion, not_judged until\n"
+    "it has seen enough of it.[/]"
 )
 
 
@@ -40,8 +42,8 @@ class Ticker:
             self._start = listener.data.states[0][0]
             self._console.print(_COLUMNS)
         colour = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}.get(listener.status, "dim")
-        margin = listener.data.margins[-1]["energy_margin"] if listener.data.margins else math.nan
-        text = f"margin {margin:+8.3g}" if math.isfinite(margin) else "no margin"
+        reserve = listener.data.margins[-1][RESERVE] if listener.data.margins else math.nan
+        text = f"reserve {100.0 * reserve:+5.0f} %" if math.isfinite(reserve) else "reserve     –  "
         self._console.print(
             f"  {listener.now - self._start:5.1f} s  position {1e3 * listener.data.states[-1][1]:9.2f} m{self._unit}  "
             f"cycles {len(listener.data.cycles):3d}  {text}  [{colour}]{listener.status}[/]"

@@ -306,10 +306,8 @@ def _answer(subject: Subject, found: Mapping[str, Any]) -> str:
     exact = found["exact"]
     outcome = exact.get("outcome")
     does = "cannot be judged" if outcome is None else OUTCOME_TEXTS[Outcome(outcome)]
-    ratio, critical = found["damping_ratio"], found["critical_damping_ratio"]
-    reserve = ""
-    if found["applicable"] and ratio is not None and critical:
-        reserve = f"; damping reserve {100.0 * (ratio / critical - 1.0):+.0f} % by Eq. (43)"
+    spare = exact["damping_reserve"]
+    reserve = "" if spare is None else f"; damping reserve {100.0 * spare:+.0f} %"
     word = {"sticks": "bad", "swings": "warn", "steady": "good"}.get(outcome or "", "none")
     return (
         f"<p>With k_p {float(subject.gains.stiffness):.4g} N·m/rad and k_v {float(subject.gains.damping):.4g} N·m·s/rad"

@@ -18,7 +18,6 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
-from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.nodes.spinning import turn
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.visible import visible
@@ -128,9 +127,7 @@ class WatchListener:
         silent = time.monotonic() - heard.at
         gone = silent > _STALE_AFTER
         # A joint whose friction has no time to rise needs no damping: its reserve is boundless.
-        exactly = heard.number("exact critical_damping_ratio [1]")
-        critical = heard.number("critical_damping_ratio [1]") if math.isnan(exactly) else exactly
-        reserve = float(damping_reserve(heard.number("damping_ratio [1]"), critical))
+        reserve = heard.number("exact damping_reserve [1]")
         known = heard.values.get("margin applicable") == "true"
         return JointView(
             name=name,

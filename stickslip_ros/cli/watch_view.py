@@ -34,7 +34,7 @@ class JointView:
     ----------
     message : a summary for a person. velocity : commanded [rad/s]. slip : the last one's distance [rad].
     outcome : what becomes of it by integration: sticks, swings or steady; "" if unknown.
-    reserve : relative damping reserve ρ/ρ_c − 1 [1], by integration if that is known, else by Eq. (43); NaN if unknown.
+    reserve : relative damping reserve ρ/ρ_c − 1 by integration [1]; NaN if unknown.
     history : times [s] and positions [rad] of late, of shape (n, 2).
     """
 

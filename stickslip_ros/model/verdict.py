@@ -27,6 +27,7 @@ from stickslip_ros.model.exact import (
 )
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.hunting import hunting
+from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 
 _CONTROLLED_TOLERANCE = 1e-2
@@ -47,6 +48,7 @@ class ExactVerdict:
     reason : why there is none, or "hunting", or None.
     critical_damping_ratio : ρ_c, the damping ratio at which the cycle of a stuck joint just dies, to a relative 1e-3
         (1e-2 with integral action or sampled control); NaN if none.
+    damping_reserve : ρ/ρ_c − 1, by which the damping exceeds what ends the cycle; infinite where none is needed.
     steady_damping_ratio : ρ_steady, from which on the joint moves steadily from every start, to a relative 2e-3; 0
         where 0.01 is enough, NaN if none, and beyond the paper's case.
     lowest_smooth_velocity : [rad/s]; 0 if every speed is smooth, infinite if none is; NaN beyond the paper's case.
@@ -60,6 +62,7 @@ class ExactVerdict:
     depends_on_start: bool = False
     reason: str | None = None
     critical_damping_ratio: float = math.nan
+    damping_reserve: float = math.nan
     steady_damping_ratio: float = math.nan
     lowest_smooth_velocity: float = math.nan
     least_smooth_stiffness: float = math.nan
@@ -90,12 +93,14 @@ def exact_verdict(
     found = outcomes(groups)
     if found.worst is None:
         return _no_answer(_UNDECIDED)
+    critical = float(exact_critical_damping_ratio(groups))
     return ExactVerdict(
         smooth=found.worst is not Outcome.STICKS,
         outcome=found.worst,
         depends_on_start=found.depends_on_start,
         steady_damping_ratio=float(steady_damping_ratio(groups)) if limits else math.nan,
-        critical_damping_ratio=float(exact_critical_damping_ratio(groups)),
+        critical_damping_ratio=critical,
+        damping_reserve=float(damping_reserve(float(groups.damping_ratio), critical)),
         lowest_smooth_velocity=exact_lowest_smooth_velocity(joint, gains) if limits else math.nan,
         least_smooth_stiffness=(
             exact_least_smooth_stiffness(joint, velocity, damping=float(gains.damping)) if limits else math.nan
@@ -199,10 +204,13 @@ def _controlled(
         damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
         return controlled_cycle_persists(joint, replace(gains, damping=damping), velocity, conditions) == 1.0
 
+    critical = _least_calming_ratio(persists_at) if boundary else math.nan
+    ratio = float(dimensionless_groups(joint, gains, velocity).damping_ratio)
     return ExactVerdict(
         smooth=outcome is not Outcome.STICKS,
         outcome=outcome,
-        critical_damping_ratio=_least_calming_ratio(persists_at) if boundary else math.nan,
+        critical_damping_ratio=critical,
+        damping_reserve=float(damping_reserve(ratio, critical)),
     )
 
 

@@ -421,7 +421,7 @@ class JointMonitor:
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, Criterion]:
         self._believe()
-        return self._prediction.damping_reserves(velocities, self.options.limits.condition)
+        return self._prediction.damping_reserves(velocities, self.options.limits.condition, self.options.conditions)
 
     def velocity(self) -> tuple[float, str]:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""

@@ -8,13 +8,19 @@ import math
 
 import numpy as np
 
+from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.model.margin import StabilityMargin, damping_reserve, stability_margin
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser, no_advice
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
+
+_SPEEDS_APART = 0.2  # difference of the logarithms of two speeds at which a reserve is integrated
+_SAME = 0.01  # relative error of a critical damping ratio that makes no difference to a status
 
 
 class MarginPrediction:
@@ -36,6 +42,7 @@ class MarginPrediction:
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
         self.belief: Belief | None = None
         self.disbelief = ""
+        self._critical: tuple[Belief, dict[int, float]] | None = None
 
     def follow(
         self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool
@@ -90,25 +97,40 @@ class MarginPrediction:
         self._advice = self._adviser(question)
         return self._advice
 
-    def damping_reserves(self, velocities: FloatArray, condition: Criterion) -> tuple[FloatArray, Criterion]:
+    def damping_reserves(
+        self, velocities: FloatArray, condition: Criterion, conditions: OperatingConditions
+    ) -> tuple[FloatArray, Criterion]:
         """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
         reserves = np.full(len(velocities), np.inf)
-        if self.belief is None and self._advice is None:
+        speeds = np.abs(velocities)
+        known = np.isfinite(speeds) & (speeds > 0)
+        belief = self.belief
+        if belief is None or not known.any() or not belief.gains.stiffness > 0:
             return reserves, condition
-        if self.belief is not None:
-            condition = criterion_for(self.belief.joint, condition)
+        condition = criterion_for(belief.joint, condition)
+        joint = conditions.at_constant_speed.applied_to(belief.joint)
         if condition is Criterion.EXACT:
-            # Worked out with the advice, if at all: an integration is too long for every batch of samples.
-            if self._advice is not None and math.isfinite(self._advice.recommendation.reserve):
-                reserves[:] = self._advice.recommendation.reserve
-                return reserves, condition
-            if self.belief is None or not self.belief.joint.friction.of_the_paper:
-                return reserves, condition
-            # Eq. (43) is the first answer, until there is the exact one.
-            condition = Criterion.PAPER
-        known = np.isfinite(velocities)
-        if self.belief is not None and known.any():
-            margin = stability_margin(self.belief.joint, self.belief.gains, velocities[known])
-            found = np.asarray(margin.damping_reserve)
-            reserves[known] = np.where(np.isnan(found), np.inf, found)
+            ratio = dimensionless_groups(joint, belief.gains, 1.0).damping_ratio
+            found = np.asarray(damping_reserve(ratio, self._critical_ratios(belief, joint, speeds[known])))
+        else:
+            found = np.asarray(stability_margin(joint, belief.gains, speeds[known]).damping_reserve)
+        reserves[known] = np.where(np.isnan(found), np.inf, found)
         return reserves, condition
+
+    def _critical_ratios(self, belief: Belief, joint: Joint, speeds: FloatArray) -> FloatArray:
+        """Critical damping ratios by integration at speeds [rad/s], interpolated between a few at which it is made.
+
+        An integration takes a millisecond or more, and there are many batches of samples a second.
+        """
+        if self._critical is None or self._critical[0] is not belief:
+            self._critical = (belief, {})
+        known = self._critical[1]
+        places = np.log(speeds) / _SPEEDS_APART
+        below = np.floor(places).astype(int)
+        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in known]
+        if missing:
+            groups = dimensionless_groups(joint, belief.gains, np.exp(_SPEEDS_APART * np.array(missing, dtype=float)))
+            found = np.asarray(exact_critical_damping_ratio(groups, tolerance=_SAME))
+            known.update(zip(missing, found.tolist(), strict=True))
+        low, high = (np.array([known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
+        return np.asarray(low + (places - below) * (high - low))

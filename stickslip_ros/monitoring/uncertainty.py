@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
-from stickslip_ros.model.exact import cycle_persists
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
+from stickslip_ros.model.friction import Gains, Joint, Real
+from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.samples import FloatArray
 
 _DRAWS = 32  # of each law, that are integrated
@@ -41,6 +43,36 @@ class Uncertainty:
         others = tuple(other.under(conditions) for other in self.others)
         return replace(self, joint=conditions.applied_to(self.joint), others=others)
 
+    def thinned(self) -> Uncertainty:
+        """As many of the draws as can be integrated in time; of this law alone."""
+        count = len(self.stiffness)
+        every = slice(None, None, max(1, count // _DRAWS))
+
+        def some(value: Real) -> FloatArray:
+            return np.broadcast_to(np.asarray(value, dtype=float), (count,))[every]
+
+        return replace(self, joint=each_number(self.joint, some), stiffness=self.stiffness[every], others=())
+
+    def groups(self, gains: Gains, velocity: float) -> DimensionlessGroups:
+        """The dimensionless groups of the draws of this law, under nominal gains at a velocity [rad/s]."""
+        drawn = Gains(stiffness=float(gains.stiffness) * self.stiffness, damping=gains.damping)
+        return dimensionless_groups(self.joint, drawn, velocity)
+
+    def damping_reserves(self, gains: Gains, velocity: float) -> FloatArray:
+        """Relative damping reserves ρ/ρ_c − 1 by integration, of some draws of this law; NaN without an answer."""
+        groups = self.thinned().groups(gains, velocity)
+        return np.asarray(damping_reserve(groups.damping_ratio, exact_critical_damping_ratio(groups)))
+
+
+def each_number(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
+    """The joint with every number changed."""
+    values = {name: change(value) for name, value in joint.friction.numbers.items()}
+    return Joint(
+        inertia=change(joint.inertia),
+        friction=joint.friction.changed(values),
+        actuation_delay=change(joint.actuation_delay),
+    )
+
 
 def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: float) -> float:
     """Probability that stick slip goes on by the exact condition, over draws and laws; NaN where there is no answer.
@@ -55,22 +87,10 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
         return math.nan
     total = answered = 0.0
     for law in (uncertainty, *uncertainty.others):
-        drawn = Gains(stiffness=float(gains.stiffness) * law.stiffness, damping=gains.damping)
-        groups = dimensionless_groups(law.joint, drawn, velocity)
-        every = slice(None, None, max(1, len(law.stiffness) // _DRAWS))
-        frequency, ratio, stribeck, speed, lag, rise_time = (
-            np.broadcast_to(np.asarray(value, dtype=float), law.stiffness.shape)[every] for value in groups.numbers
-        )
-        some = DimensionlessGroups(
-            natural_frequency=frequency,
-            damping_ratio=np.maximum(ratio, 0.0),
-            stribeck=stribeck,
-            velocity=speed,
-            lag=lag,
-            rise_time=rise_time,
-            law=groups.law,
-        )
-        persists = np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(some, patient=False)))
+        groups = law.thinned().groups(gains, velocity)
+        ratio = np.asarray(groups.damping_ratio)
+        damped = replace(groups, damping_ratio=np.maximum(ratio, 0.0))
+        persists = np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(damped, patient=False)))
         known = np.isfinite(persists)
         if known.any():
             total += law.weight * float(persists[known].mean())

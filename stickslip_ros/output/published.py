@@ -191,6 +191,8 @@ EXACT = Section(
         _row(value=lambda exact: exact.critical_damping_ratio, unit="1",
              diagnostics="exact critical_damping_ratio", json="critical_damping_ratio",
              margins=_field(14, "exact_critical_damping_ratio")),
+        _row(value=lambda exact: exact.damping_reserve, unit="1",
+             diagnostics="exact damping_reserve", json="damping_reserve", margins=_field(28, "exact_damping_reserve")),
         _row(value=lambda exact: exact.steady_damping_ratio, unit="1",
              diagnostics="exact steady_damping_ratio", json="steady_damping_ratio", fleet="steady_damping_ratio",
              margins=_field(25, "exact_steady_damping_ratio")),

@@ -44,6 +44,7 @@ def test_the_papers_joint(capsys: pytest.CaptureFixture[str]) -> None:
         "reason": None,
         "steady_damping_ratio": pytest.approx(0.577, rel=0.01),
         "critical_damping_ratio": pytest.approx(0.1628, rel=0.005),
+        "damping_reserve": pytest.approx(0.021917 / 0.1628 - 1.0, rel=0.005),
         "lowest_smooth_velocity": pytest.approx(0.010478, rel=0.002),
         "least_smooth_stiffness": pytest.approx(3983.3, rel=0.002),
     }

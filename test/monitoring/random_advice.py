@@ -81,7 +81,9 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     if limits.steady_sliding:
         # Without this none of the candidates would do.
         feasible &= ratio >= np.asarray(sliding_damping_ratio(groups))[:, None]
-    changes = np.hypot(*np.meshgrid(softer, damped, indexing="ij"))
+    # Beyond a factor of two the stiffness counts three times, in the logarithm.
+    costs = np.where(np.abs(softer) > math.log(2.0), 3.0 * np.abs(softer) - 2.0 * math.log(2.0), np.abs(softer))
+    changes = np.hypot(*np.meshgrid(costs, damped, indexing="ij"))
     feasible &= (damping**2 <= squared) & (changes < within)
     order = sorted(np.argwhere(feasible).tolist(), key=lambda index: changes[tuple(index)])
     for row, column in order[:_CANDIDATES]:

@@ -121,9 +121,9 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: a bound moves the advice; where none is left, the bounds in the way and the best are said."""
     base = AdviceLimits(condition=condition, steady_sliding=False, damping_ratio_range=(0.0, math.inf))
     free = recommend(puma, STICKING, SPEED, base)[Kind.LEAST_CHANGE]
-    assert free.stiffness > 2000.0
-    bound = recommend(puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 2000.0)))
-    assert bound[Kind.LEAST_CHANGE].stiffness <= 2000.0
+    assert 700.0 < free.stiffness < 2.5 * 630.0
+    bound = recommend(puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 640.0)))
+    assert bound[Kind.LEAST_CHANGE].stiffness <= 640.0
     assert bound[Kind.LEAST_CHANGE].damping > free.damping
     assert bound[Kind.DAMPING_ONLY].found
     assert not bound[Kind.STIFFNESS_ONLY].found
@@ -206,14 +206,29 @@ def test_no_gains_are_advised_from_a_guess() -> None:
     )
 
 
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_a_near_tie_is_decided_by_softness(puma: Joint, condition: Criterion) -> None:
+    """Issue 36, item 1: twelve times the stiffness and ten times the damping were nearly tied, and noise decided."""
+    for factor in (0.9, 0.95, 1.0, 1.05, 1.1):
+        friction = replace(puma.friction, stribeck=puma.friction.stribeck * factor)
+        for damping in (0.0, 12.0):
+            advice = recommend(
+                replace(puma, friction=friction),
+                Gains(stiffness=630.0, damping=damping),
+                SPEED,
+                AdviceLimits(condition=condition),
+            )
+            assert 1.0 <= advice[Kind.LEAST_CHANGE].stiffness_factor < 2.01
+
+
 def test_effort_at_the_present_error(puma: Joint) -> None:
     """Issue 5, item 1: advised gains ask for no more than the effort limit at the errors of now."""
     errors = ObservedLoop(tracking_error=0.016, velocity_error=0.03)
     free = recommend(puma, STICKING, SPEED, AdviceLimits(), loop=errors)[Kind.LEAST_CHANGE]
-    assert free.stiffness * 0.016 > 25.0
-    bound = recommend(puma, STICKING, SPEED, AdviceLimits(effort=25.0), loop=errors)[Kind.LEAST_CHANGE]
+    most = 0.97 * (free.stiffness * 0.016 + free.damping * 0.03)
+    bound = recommend(puma, STICKING, SPEED, AdviceLimits(effort=most), loop=errors)[Kind.LEAST_CHANGE]
     assert bound.found
-    assert bound.stiffness * 0.016 + bound.damping * 0.03 <= 25.0 * (1 + 1e-9)
+    assert bound.stiffness * 0.016 + bound.damping * 0.03 <= most * (1 + 1e-9)
     none = recommend(puma, STICKING, SPEED, AdviceLimits(effort=0.5), loop=errors)
     assert none.obstruction is not None
     assert "effort" in none.obstruction.bounds
@@ -306,7 +321,7 @@ def test_factors_where_gains_are_unknown(puma: Joint) -> None:
     unknown = recommend(per_inertia, Gains(stiffness=100.0), SPEED, limits, gains_known=False)
     for one, other in zip(known.variants, unknown.variants, strict=True):
         # The exact condition is asked at other stiffnesses, and interpolated.
-        assert other.stiffness_factor == pytest.approx(one.stiffness_factor, rel=0.02)
+        assert other.stiffness_factor == pytest.approx(one.stiffness_factor, rel=0.05)
         assert other.damping_factor == pytest.approx(one.damping_factor, rel=0.02)
         assert " × " in other.reason
         assert "N·m" not in other.reason

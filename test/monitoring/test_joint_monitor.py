@@ -108,8 +108,9 @@ def test_cure_is_seen(puma: Joint) -> None:
     )
     cured = monitor.assessment()
     assert cured.finding.status is Status.SMOOTH
-    assert cured.margin is not None
-    assert cured.margin.energy_margin > 0
+    assert cured.recommendation is not None
+    assert sick.recommendation is not None
+    assert sick.recommendation.reserve < 0 < cured.recommendation.reserve
 
 
 def test_without_gains_or_joint_the_motion_is_judged_all_the_same(puma: Joint) -> None:

@@ -161,8 +161,9 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
         one.wait(
             lambda: one.diagnostics["joint1"][2].get("recommendation is by") == "paper", 30.0, "the paper's condition"
         )
+        # Eq. (43) asks for other gains than the integration.
         one.wait(
-            lambda: 630.0 < one.get_parameters("/stickslip_monitor", names)[0] < 0.9 * steady[0], 10.0, "less of it"
+            lambda: abs(one.get_parameters("/stickslip_monitor", names)[0] / steady[0] - 1.0) > 0.1, 10.0, "its gains"
         )
         assert "one of paper, exact" in one.set_parameters("/stickslip_monitor", {"condition": "guess"})[0]
         assert "one of least_change" in one.set_parameters("/stickslip_monitor", {"variant": "none"})[0]

@@ -138,7 +138,7 @@ def test_gains_from_a_topic_and_the_advice(ros_domain: int) -> None:
         assert "cannot be set" in reason
         # What was published can be fed back as gains.
         one.gains.publish(one.recommended)
-        one.wait(lambda: one.margins["joint1"]["energy_margin"] > 0, 10.0, "a positive margin")
+        one.wait(lambda: one.margins["joint1"]["exact_damping_reserve"] > 0, 10.0, "damping to spare")
 
 
 def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int) -> None:

@@ -28,7 +28,7 @@ from stickslip_ros.visible import visible
 _PLOTS = {
     "stick_slip": ("Stick slip [% of moving time]", 100.0),
     "coulomb": ("Coulomb friction, with any load [N·m]", 1.0),
-    "reserve": ("Damping reserve by Eq. (43) [%]", 100.0),
+    "reserve": ("Damping reserve [%]", 100.0),
     "stribeck": ("Stribeck friction [N·m]", 1.0),
     "viscous": ("Viscous friction [N·m·s/rad]", 1.0),
 }

@@ -2,8 +2,9 @@
 # Copyright 2026 The stickslip_ros developers
 """Gains that would make the motion smooth: the least change of both, of damping alone, of stiffness alone.
 
-A change is measured in logarithms: that of the stiffness k_p, and that of the damping of controller and viscous
-friction together, k_v + F_v, of which what lies below a damping ratio of 0.01 counts as none.
+A change is measured in logarithms: that of the stiffness k_p, which counts three times beyond a factor of two, and
+that of the damping of controller and viscous friction together, k_v + F_v, of which what lies below a damping ratio of
+0.01 counts as none.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class Variant:
     outcome : what becomes of the joint when Eqs (4)-(6) are integrated, from the worst start; None without an answer.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
-    change : √(ln² of the one + ln² of the other).
+    change : √(ln² of the one + ln² of the other), where the stiffness counts three times beyond a factor of two.
     """
 
     kind: Kind

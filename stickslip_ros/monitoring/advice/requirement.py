@@ -17,12 +17,11 @@ from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.uncertainty import Uncertainty
+from stickslip_ros.monitoring.uncertainty import Uncertainty, each_number
 
 _LEAST_RATIO = 1e-6  # without any damping no oscillation dies
 _ROUNDING = 1e-9
 _EXACT_TOLERANCE = 4e-4  # by so much more damping is asked for, the exact critical ratio being bisected
-_EXACT_DRAWS = 32
 _SPEEDS, _EXACT_SPEEDS = 16, 8
 _FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
 _STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
@@ -48,7 +47,7 @@ class Requirement:
     ) -> None:
         self.exact = limits.condition is Criterion.EXACT
         if uncertainty is not None and self.exact:
-            uncertainty = _thinned(uncertainty)
+            uncertainty = uncertainty.thinned()
         self._joint = uncertainty.joint if uncertainty else joint
         self._ratios = uncertainty.stiffness if uncertainty else np.ones(1)
         self._share = limits.confidence if uncertainty else 1.0
@@ -120,7 +119,7 @@ class SteadySliding:
         self, joint: Joint, speeds: FloatArray, uncertainties: Sequence[Uncertainty] = (), confidence: float = 1.0
     ) -> None:
         self._joint, self._speeds, self._confidence = joint, speeds, confidence
-        self._uncertainties = [_thinned(one) for one in uncertainties]
+        self._uncertainties = [one.thinned() for one in uncertainties]
 
     def damping(self, stiffness: FloatArray) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
@@ -256,27 +255,6 @@ def speeds_needed(joint: Joint, velocity: float, limits: AdviceLimits) -> FloatA
     return np.geomspace(slowest, fastest, count) if fastest > slowest else np.array([slowest])
 
 
-def _thinned(uncertainty: Uncertainty) -> Uncertainty:
-    """As many of the draws as can be integrated in time."""
-    count = len(uncertainty.stiffness)
-    every = slice(None, None, max(1, count // _EXACT_DRAWS))
-
-    def some(value: Real) -> FloatArray:
-        return np.broadcast_to(np.asarray(value, dtype=float), (count,))[every]
-
-    return Uncertainty(joint=_each(uncertainty.joint, some), stiffness=uncertainty.stiffness[every])
-
-
 def _with_axis(joint: Joint) -> Joint:
     """The draws along the last axis but one, beside the speeds."""
-    return _each(joint, lambda value: np.atleast_1d(np.asarray(value, dtype=float))[:, None])
-
-
-def _each(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
-    """The joint with every number changed."""
-    values = {name: change(value) for name, value in joint.friction.numbers.items()}
-    return Joint(
-        inertia=change(joint.inertia),
-        friction=joint.friction.changed(values),
-        actuation_delay=change(joint.actuation_delay),
-    )
+    return each_number(joint, lambda value: np.atleast_1d(np.asarray(value, dtype=float))[:, None])

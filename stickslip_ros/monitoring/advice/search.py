@@ -28,6 +28,7 @@ _NO_DAMPING = 0.01  # damping ratio that counts as none
 _POINTS, _SPACING = 101, 0.04  # of the logarithm of the stiffness, at most
 _AT_ONCE = 16
 _STEP = 0.12  # of the logarithms, where gains are only tried
+_SOFT, _BEYOND = math.log(2.0), 3.0  # change of the stiffness beyond which it costs more, and how many times as much
 _SLACK = 1e-6  # so that rounding does not lose the best known
 _MOST_EXACT = 60  # stiffnesses at which the exact requirement is asked for to say what is in the way
 _COARSE = 2001
@@ -107,7 +108,8 @@ class AdviceSearch:
         """How large a change of gains is; see the head of advice.py."""
         floor = damping_floor(joint, present)
         before, after = (max(float(joint.total_damping(each)), floor) for each in (present, gains))
-        return math.hypot(math.log(float(gains.stiffness) / float(present.stiffness)), math.log(after / before))
+        stiffness = np.array([math.log(float(gains.stiffness) / float(present.stiffness))])
+        return math.hypot(float(_stiffness_cost(stiffness)[0]), math.log(after / before))
 
     def enough(self) -> bool:
         """Whether the present gains reach the wanted margin, whatever the bounds."""
@@ -190,7 +192,7 @@ class AdviceSearch:
         dampings = np.where(damped.ravel() == 0.0, present, changed)
         least, largest = self._within_bounds(stiffnesses)
         inside = (least <= dampings) & (dampings <= largest)
-        changes = np.where(inside, np.hypot(softer, damped).ravel(), math.inf)
+        changes = np.where(inside, np.hypot(_stiffness_cost(softer), damped).ravel(), math.inf)
         for index in np.argsort(changes)[: int(inside.sum())].tolist():
             yield Gains(stiffness=float(stiffnesses[index]), damping=float(dampings[index]))
 
@@ -311,14 +313,14 @@ class AdviceSearch:
     def _evaluate_at_once(self, logarithm: FloatArray, best: float) -> tuple[FloatArray, FloatArray]:
         costs, damping = np.full(logarithm.shape, math.inf), np.full(logarithm.shape, math.nan)
         best *= 1.0 + _SLACK
-        stiffness = np.exp(logarithm)
+        stiffness, stiffer = np.exp(logarithm), _stiffness_cost(logarithm - self._present)
         least, largest = self._within_bounds(stiffness)
         own = np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
         # No damping further away than this is cheaper; most stiffnesses need more, which is soon seen.
         with np.errstate(all="ignore"):
-            room = np.sqrt(best**2 - (logarithm - self._present) ** 2)
+            room = np.sqrt(best**2 - stiffer**2)
             useful = np.minimum(largest, np.where(np.isfinite(room), self._before * np.exp(room) - own, math.inf))
-        hopeful = (least <= useful) & (np.abs(logarithm - self._present) <= best)
+        hopeful = (least <= useful) & (stiffer <= best)
         bounded = hopeful & np.isfinite(useful)
         if bounded.any():
             hopeful[bounded] = self._reached(stiffness[bounded], useful[bounded])
@@ -330,7 +332,7 @@ class AdviceSearch:
         with np.errstate(all="ignore"):
             change = np.log(np.maximum(chosen + own[hopeful], self._floor) / self._before)
         damping[hopeful] = chosen
-        costs[hopeful] = np.where(possible, np.hypot(logarithm[hopeful] - self._present, change), math.inf)
+        costs[hopeful] = np.where(possible, np.hypot(stiffer[hopeful], change), math.inf)
         return costs, damping
 
     def _allows_present_damping(self, logarithm: FloatArray) -> NDArray[np.bool_]:
@@ -343,6 +345,15 @@ class AdviceSearch:
     def _as_gains(self, logarithm: float, damping: float) -> Gains:
         same = logarithm == self._present
         return Gains(stiffness=self._gains.stiffness if same else math.exp(logarithm), damping=float(damping))
+
+
+def _stiffness_cost(logarithm: FloatArray) -> FloatArray:
+    """What a change of the stiffness costs, by its logarithm: more from a factor of two on.
+
+    A drive's noise, resonances and torque bound its stiffness, not its damping alone; nobody trusts a model so far.
+    """
+    size = np.abs(logarithm)
+    return size + (_BEYOND - 1.0) * np.maximum(size - _SOFT, 0.0)
 
 
 def damping_floor(joint: Joint, present: Gains) -> float:
