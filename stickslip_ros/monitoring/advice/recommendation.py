@@ -10,13 +10,13 @@ that of the damping of controller and viscous friction together, k_v + F_v, of w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import islice
 
 import numpy as np
 
+from stickslip_ros.model.bisection import bisected
+from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import (
@@ -27,18 +27,18 @@ from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.outcome import Outcome, ever_sticks, is_steady
-from stickslip_ros.model.verdict import beyond_the_paper, exact_verdict, exactly_smooth
+from stickslip_ros.model.verdict import beyond_the_paper, exact_outcome, exact_verdict, exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
-_MORE_DAMPING = 1.06  # asked for besides, where the integration refutes what a search has found
-_MOST_DAMPING = 10.0
-_TRIES, _PATIENT_TRIES, _A_LITTLE = 12, 2, 2e-3
-_MOST_TRIED = 1500
+_TRIES = 6  # searches, each with what draws and integration asked for where the last one ended
+_NEAR = 0.03  # difference of the logarithms of two stiffnesses that ask for the same factor of damping
+_LADDER, _STEPS, _BISECTIONS = 1.25, 11, 3  # by which damping is raised until the integration agrees, to 3 %
+_MOST_DAMPING = 100.0  # factor on the damping that stands for "not at this stiffness"
+_DRAWS_TOLERANCE = 5e-3  # relative, of the damping that draws need
 _AROUND = (0.97, 1.0, 1.1, 1.25)  # times the total damping
-_SLACK = 1.02  # by so much more damping than the least that will do
 _TOLERANCE = 1e-4
 
 
@@ -235,7 +235,7 @@ class _Case:
             gains_known=self._gains_known,
             reserve=self._reserve(self._gains),
         )
-        if search.enough() and self._missing(self._gains) == 1.0:
+        if search.enough() and self._is_enough(self._gains):
             kept = [self._variant(kind, self._gains, "keep the gains: the wanted margin is reached") for kind in Kind]
             lowest = self._slowest_smooth(self._gains)
             return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
@@ -263,50 +263,58 @@ class _Case:
 
     def _found(self, kind: Kind, search: AdviceSearch) -> Gains | None:
         """What a search finds, once draws and integration agree with it."""
-        if self._beyond:
-            free = {"stiffness": kind is not Kind.DAMPING_ONLY, "damping": kind is not Kind.STIFFNESS_ONLY}
-            tried = islice(search.in_order(**free), _MOST_TRIED)
-            return next((gains for gains in tried if self._holds(gains) and self._missing(gains) == 1.0), None)
         way = {
             Kind.LEAST_CHANGE: AdviceSearch.least_change,
             Kind.DAMPING_ONLY: AdviceSearch.damping_only,
             Kind.STIFFNESS_ONLY: AdviceSearch.stiffness_only,
         }[kind]
-        more, too_little = 1.0, 0.0
+        more: dict[float, float] = {}
+        best: Gains | None = None
         for number in range(_TRIES):
             gains = way(search.with_more_damping(more))
             if gains is None:
-                return None
-            missing = self._missing(gains)
-            if missing == 1.0:
-                return gains if too_little == 0.0 else self._least_enough(way, search, too_little, more, gains)
-            if number == 0 and not self._exact and self._steady is None:
+                break
+            place = math.log(float(gains.stiffness))
+            if self._is_enough(gains):
+                best = gains
+                if not more or min(abs(place - known) for known in more) < _NEAR:
+                    break
+            elif number == 0 and not self._exact and self._steady is None:
                 exact = replace(self._limits, condition=Criterion.EXACT, wanted_margin=0.0)
-                requirement = Requirement(self._joint, self._slowest, exact)
-                search = search.with_requirement(Interpolated(requirement, self._joint))
-            else:
-                # Draws ask for less where there is more damping, so that what is missing shrinks slowly.
-                too_little = more
-                more *= missing ** (1 if number < _PATIENT_TRIES else 2) * (1.0 + _A_LITTLE)
-        return None
+                search = search.with_requirement(
+                    Interpolated(Requirement(self._joint, self._slowest, exact), self._joint)
+                )
+                continue
+            # Draws and integration are asked where a search ends alone; the next one knows what they ask for there.
+            asked = search.total_damping(float(gains.stiffness))
+            least = self._least_total_damping(float(gains.stiffness), asked)
+            more[place] = min(least / max(asked, 1e-300), _MOST_DAMPING)
+        return best
 
-    def _least_enough(
-        self,
-        way: Callable[[AdviceSearch], Gains | None],
-        search: AdviceSearch,
-        too_little: float,
-        enough: float,
-        found: Gains,
-    ) -> Gains:
-        """What is found with as little more damping as will do, between two factors."""
-        while enough > _SLACK * too_little:
-            middle = math.sqrt(too_little * enough)
-            gains = way(search.with_more_damping(middle))
-            if gains is not None and self._missing(gains) == 1.0:
-                enough, found = middle, gains
-            else:
-                too_little = middle
-        return found
+    def _is_enough(self, gains: Gains) -> bool:
+        """Whether draws and integration agree with gains."""
+        return all(self._reaches(requirement, gains) for requirement in self._sure) and self._holds(gains)
+
+    def _least_total_damping(self, stiffness: float, asked: float) -> float:
+        """The least total damping at a stiffness with which draws and integration agree, from what is asked for on.
+
+        Infinite if not even ten times as much will do [N·m·s/rad].
+        """
+        own = float(self._joint.own_damping(stiffness))
+        here = np.array([stiffness])
+        needed = [float(one.damping(here, _DRAWS_TOLERANCE)[0]) * (1.0 + _DRAWS_TOLERANCE) for one in self._sure]
+        least = max([asked, *(damping + own for damping in needed)])
+
+        def enough(total: float) -> bool:
+            return self._is_enough(Gains(stiffness=stiffness, damping=total - own))
+
+        if not math.isfinite(least) or enough(least):
+            return least
+        inside = next((least * _LADDER**step for step in range(1, _STEPS) if enough(least * _LADDER**step)), math.inf)
+        if math.isinf(inside):
+            return inside
+        inside, _ = bisected(enough, inside, inside / _LADDER, _BISECTIONS)
+        return inside
 
     def _none_alone(self, kind: Kind, search: AdviceSearch) -> str:
         """Why damping or stiffness alone does not do."""
@@ -316,19 +324,6 @@ class _Case:
         names = search.in_the_way_of_damping() if kind is Kind.DAMPING_ONLY else search.in_the_way_of_stiffness()
         text = f"no {word} alone reaches the wanted margin"
         return f"{text}; in the way: {', '.join(names)}" if names else text
-
-    def _missing(self, gains: Gains) -> float:
-        """The factor by which the total damping falls short of what draws and integration ask for; 1 if it does not."""
-        # Whether draws have enough is asked at a tenth of the work of how much they need.
-        lacking = [requirement for requirement in self._sure if not self._reaches(requirement, gains)]
-        if lacking:
-            stiffness = np.array([float(gains.stiffness)])
-            needed = max(float(requirement.damping(stiffness)[0]) for requirement in lacking)
-            if not needed <= float(gains.damping) * (1.0 + 1e-9):
-                own = float(self._joint.own_damping(gains.stiffness))
-                factor = (needed + own) / max(float(gains.damping) + own, 1e-300)
-                return min(max(factor, 1.0 + 1e-6), _MOST_DAMPING)
-        return 1.0 if self._holds(gains) else _MORE_DAMPING
 
     def _holds(self, gains: Gains) -> bool:
         """Whether the integration agrees: the joint is smooth, or steady, at every speed, with the margin if exact."""
@@ -370,7 +365,9 @@ class _Case:
         """What becomes of the joint with these gains, and the integral action of now if that counts."""
         gains = replace(gains, integral=self._gains.integral if self._beyond else 0.0)
         conditions = self._loop.conditions if self._beyond else None
-        return exact_verdict(self._joint, gains, self._slowest, conditions, limits=False).outcome
+        if self._slowest == 0:
+            return exact_verdict(self._joint, gains, 0.0, conditions, limits=False).outcome
+        return exact_outcome(self._joint, gains, self._slowest, conditions or OperatingConditions()).outcome
 
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains

@@ -9,7 +9,7 @@ one variable. What a stiffness costs in damping is not convex in it: a grid come
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -27,7 +27,6 @@ _BELIEVABLE = 100.0  # times the present gain: learnt friction is not known so f
 _NO_DAMPING = 0.01  # damping ratio that counts as none
 _POINTS, _SPACING = 101, 0.04  # of the logarithm of the stiffness, at most
 _AT_ONCE = 16
-_STEP = 0.12  # of the logarithms, where gains are only tried
 _SOFT, _BEYOND = math.log(2.0), 3.0  # change of the stiffness beyond which it costs more, and how many times as much
 _SLACK = 1e-6  # so that rounding does not lose the best known
 _MOST_EXACT = 60  # stiffnesses at which the exact requirement is asked for to say what is in the way
@@ -67,6 +66,8 @@ class AdviceSearch:
     ----------
     joint, gains : scalars. learnt : whether the joint was learnt from the motion.
     requirements : each of them is to be satisfied.
+    more : factors on the total damping that the requirements ask for, by the logarithm of the stiffness at which each
+        was found; interpolated between.
     """
 
     def __init__(
@@ -78,10 +79,10 @@ class AdviceSearch:
         requirements: Sequence[Condition],
         *,
         learnt: bool,
-        more: float = 1.0,
+        more: Mapping[float, float] | None = None,
     ) -> None:
         self._joint, self._gains, self._limits, self._loop = joint, gains, limits, loop
-        self._requirements, self._learnt, self._more = list(requirements), learnt, more
+        self._requirements, self._learnt, self._more = list(requirements), learnt, dict(more or {})
         self._present = math.log(float(gains.stiffness))
         self._floor = damping_floor(joint, gains)
         self._before = max(float(joint.total_damping(gains)), self._floor)
@@ -91,17 +92,22 @@ class AdviceSearch:
         self._bisections = _EXACT_BISECTIONS if self._exact else _BISECTIONS
 
     def with_requirement(self, requirement: Condition) -> AdviceSearch:
-        """The same search with one requirement more."""
-        return self._again([*self._requirements, requirement], self._more)
+        """The same search with one requirement more, and no factors."""
+        return self._again([*self._requirements, requirement], {})
 
-    def with_more_damping(self, factor: float) -> AdviceSearch:
-        """The same search, where more total damping is required by this factor."""
-        return self._again(self._requirements, self._more * factor)
+    def with_more_damping(self, more: Mapping[float, float]) -> AdviceSearch:
+        """The same search with other factors."""
+        return self._again(self._requirements, more)
 
-    def _again(self, requirements: Sequence[Condition], more: float) -> AdviceSearch:
+    def _again(self, requirements: Sequence[Condition], more: Mapping[float, float]) -> AdviceSearch:
         return AdviceSearch(
             self._joint, self._gains, self._limits, self._loop, requirements, learnt=self._learnt, more=more
         )
+
+    def total_damping(self, stiffness: float) -> float:
+        """The total damping at a stiffness that factors multiply [N·m·s/rad]."""
+        here = np.array([stiffness])
+        return float((self._asked(here) + self._joint.own_damping(here))[0])
 
     @staticmethod
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
@@ -173,28 +179,6 @@ class AdviceSearch:
                 best, centre = min(best, found[0][0]), found[0][1]
             width *= 2.0 / (_ZOOM_POINTS - 1)
         return found[:1]
-
-    def in_order(self, *, stiffness: bool, damping: bool) -> Iterator[Gains]:
-        """Gains within the bounds on a grid, the nearest first, whether or not they satisfy any requirement.
-
-        Parameters
-        ----------
-        stiffness, damping : which of them may change.
-        """
-        reach = min(self._reach, math.log(_BELIEVABLE))
-        line = np.arange(-reach, reach + _STEP, _STEP)
-        line = line[np.argsort(np.abs(line))]
-        line[0] = 0.0
-        present = float(self._gains.damping)
-        softer, damped = np.meshgrid(line if stiffness else line[:1], line if damping else line[:1], indexing="ij")
-        stiffnesses = float(self._gains.stiffness) * np.exp(softer.ravel())
-        changed = self._before * np.exp(damped.ravel()) - self._joint.own_damping(stiffnesses)
-        dampings = np.where(damped.ravel() == 0.0, present, changed)
-        least, largest = self._within_bounds(stiffnesses)
-        inside = (least <= dampings) & (dampings <= largest)
-        changes = np.where(inside, np.hypot(_stiffness_cost(softer), damped).ravel(), math.inf)
-        for index in np.argsort(changes)[: int(inside.sum())].tolist():
-            yield Gains(stiffness=float(stiffnesses[index]), damping=float(dampings[index]))
 
     def obstruction(self) -> Obstruction:
         """What is in the way, and the best within reach."""
@@ -270,9 +254,20 @@ class AdviceSearch:
         return (float(allowed[0]), float(allowed[-1])) if len(allowed) else (math.inf, -math.inf)
 
     def _needed(self, stiffness: FloatArray) -> FloatArray:
-        needed = np.max([requirement.damping(stiffness) for requirement in self._requirements], axis=0)
+        if not self._more:
+            return np.asarray(np.max([one.damping(stiffness) for one in self._requirements], axis=0))
         own = self._joint.own_damping(stiffness)
-        return np.asarray((needed + own) * self._more - own)
+        return np.asarray((self._asked(stiffness) + own) * self._factors(stiffness) - own)
+
+    def _asked(self, stiffness: FloatArray) -> FloatArray:
+        """What requirements ask for, and some damping at least: of none there is no multiple."""
+        floor = 2.0 * _NO_DAMPING * np.sqrt(stiffness * float(self._joint.inertia))
+        needed = np.max([one.damping(stiffness) for one in self._requirements], axis=0)
+        return np.asarray(np.maximum(needed, floor - self._joint.own_damping(stiffness)))
+
+    def _factors(self, stiffness: FloatArray) -> FloatArray:
+        places = sorted(self._more)
+        return np.asarray(np.interp(np.log(stiffness), places, [self._more[place] for place in places]))
 
     def _bounds(self, stiffness: FloatArray) -> dict[str, Bound]:
         bounds = bounds_at(stiffness, self._joint, self._limits, self._loop)
@@ -286,9 +281,11 @@ class AdviceSearch:
         return bounds
 
     def _reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
-        own = self._joint.own_damping(stiffness)
-        less = (damping + own) / self._more - own
-        reached = np.ones(stiffness.shape, dtype=np.bool_)
+        less, reached = damping, np.ones(stiffness.shape, dtype=np.bool_)
+        if self._more:
+            own = self._joint.own_damping(stiffness)
+            total = (damping + own) / self._factors(stiffness)
+            less, reached = total - own, total >= 2.0 * _NO_DAMPING * np.sqrt(stiffness * float(self._joint.inertia))
         # What is quick to tell comes first, and the rest is asked where it matters.
         for one in sorted(self._requirements, key=lambda one: one.exact):
             reached[reached] = one.reached(stiffness[reached], less[reached]) if reached.any() else False
