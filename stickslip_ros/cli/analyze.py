@@ -31,7 +31,7 @@ from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import alarms_json, print_alarms, print_analysis, print_finished, print_fleet
-from stickslip_ros.cli.bag_options import add_bag_arguments, analysis_options, check_named_joints
+from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal, complain
@@ -47,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG",
         help="MCAP file, rosbag2 directory, .db3 or .bag file, LeRobot data set or episode")  # fmt: skip
     add_bag_arguments(parser)
+    add_limit_arguments(parser)
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     output.add_argument("--csv", type=CSV, metavar="FILE", help="write every cycle into a table")

@@ -24,6 +24,13 @@ GAINS_FORM = "[JOINT=]P[,D[,I]]"
 GAINS_RULE = "finite and >= 0 (without the sign, if the motor counts against its joint)"
 _EVERY = "*"
 _ORDER = ("p", "d", "i")
+# Options of the advice, by the parameter of every joint that they set.
+_LIMITS = {
+    "largest_stiffness": "limits.*.p_max",
+    "largest_damping": "limits.*.d_max",
+    "bandwidth": "limits.*.bandwidth",
+    "slowest_velocity": "slowest_velocity.*",
+}
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +67,15 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains; '' for none")
     topics.add_argument("--controller", metavar="NODE", help="whose parameter events hold the gains")
+
+
+def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
+    """What advice must keep within, for every joint; read by :func:`analysis_options` where a command has them."""
+    limits = parser.add_argument_group("limits of the advice (more, and of single joints: --parameters)")
+    limits.add_argument("--largest-stiffness", type=float, metavar="X", help="[N·m/rad]")
+    limits.add_argument("--largest-damping", type=float, metavar="X", help="[N·m·s/rad]")
+    limits.add_argument("--bandwidth", type=float, metavar="W", help="largest crossover frequency [rad/s]")
+    limits.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
 
 
 def add_unpack_argument(parser: Any) -> None:
@@ -107,6 +123,16 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
             given |= _gains(option, text)
     if options.no_learning:
         given["learn"] = False
+    for name, parameter in _LIMITS.items():
+        value = getattr(options, name, None)
+        if value is not None:
+            if not value > 0 or (name == "slowest_velocity" and value == math.inf):
+                rule = "finite and > 0" if name == "slowest_velocity" else "> 0"
+                raise InvalidParameterError(f"--{name.replace('_', '-')}", rule, value)
+            if options.no_learning and not (options.model or options.parameters):
+                rule = "left out with --no-learning, where no joint is known (--model, --parameters)"
+                raise InvalidParameterError(f"--{name.replace('_', '-')}", rule, value)
+            given[parameter] = value
     references = options.references
     return AnalysisOptions(
         topics=TopicChoice(

@@ -34,6 +34,7 @@ class Row:
 
 
 _SOFT = ("--presliding-stiffness=1e5",)
+_ADVISED = ("--model=puma560_joint1",)
 _JOINT = {
     "--joint": Row(("puma560_joint1", "erob80_100")),
     "--inertia": Row(("6.3", "60")), "--stiffness": Row(("630", "900")), "--damping": Row(("0", "5")),
@@ -114,6 +115,10 @@ ROWS: dict[str, dict[str, Row]] = {
         "--model": Row(("puma560_joint1", "erob80_100")),
         "--gains": Row(("left/joint1=630", "left/joint1=900"), ("{second}", "--gains-topic="), ("{bag}",)),
         "--no-learning": Row((None, ""), replaces=("--no-learning",)),
+        "--largest-stiffness": Row(("700", "inf"), _ADVISED),
+        "--largest-damping": Row(("1", "inf"), _ADVISED),
+        "--bandwidth": Row(("20", "inf"), _ADVISED),
+        "--slowest-velocity": Row(("0.001", "0.01"), _ADVISED),
         "--states": Row(("/left/joint_states", "/right/joint_states")),
         "--references": Row(("''", "left=/left/joint_references")),
         "--gains-topic": Row(("/left/pd_gains", "''")),
