@@ -168,6 +168,7 @@ def test_every_source_file_names_its_licence() -> None:
     for path in [
         *ROOT.glob("*.py"),
         *(p for folder in ("stickslip_ros", "test", "launch", "benchmarks") for p in (ROOT / folder).rglob("*.py")),
+        *(ROOT / "tools").glob("*.py"),
     ]:
         assert path.read_text(encoding="utf-8").startswith("# SPDX-License-Identifier: Apache-2.0\n# Copyright"), path
 
