@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
         print(json_text(result))
     else:
         _print(result, joint, gains, velocity)
-    return 0
+    return 0 if result["applicable"] or result["exact"]["outcome"] is not None else 1
 
 
 def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
@@ -289,10 +289,13 @@ def _side_by_side(result: dict[str, Any]) -> Table:
         return "-" if value is None else f"{value:.4g}{unit}"
 
     rows = (
-        ("damping ratio ρ", number(result["damping_ratio"]), "", "controller and viscous friction together"),
+        ("damping ratio ρ", number(result["damping_ratio"]), "-", "controller and viscous friction together"),
         (
             "ρ_c", number(exact["critical_damping_ratio"]), number(result["critical_damping_ratio"]),
             "from which on stick slip dies out",
+        ),
+        (
+            "damping reserve", _percent(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping beyond what ends stick slip"
         ),
         ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "from which on it moves steadily from every start"),
         (
@@ -308,5 +311,11 @@ def _side_by_side(result: dict[str, Any]) -> Table:
         ("steady Stribeck friction", "-", number(result["steady_stribeck"], " N·m"), "F_s,ss of Eq. (39)"),
     )  # fmt: skip
     for row in rows:
-        table.add_row(*row)
+        # Beyond the paper's case some have no answer.
+        if row[1:3] != ("-", "-"):
+            table.add_row(*row)
     return table
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:+.0f} %"

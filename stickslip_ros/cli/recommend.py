@@ -277,12 +277,14 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
         table = Table(box=None, padding=(0, 1))
         for heading in ("", "stiffness", "×", "damping", "× total", "reserve", "integrated, it"):
             table.add_column(heading, justify="left" if heading in ("", "integrated, it") else "right", no_wrap=True)
-        table.add_row("[dim]present", *_gains_row(joint, gains, gains, advice), "", "")
+        table.add_row("[dim]present", *_gains_row(joint, gains, gains, advice), _percent(advice.reserve), "")
         for variant in advice.variants:
             table.add_row(variant.kind.value.replace("_", " "), *_variant_row(variant, joint, gains, advice))
         if advice.beside is not None:
             name = "by Eq. (43)" if advice.condition is Criterion.EXACT else "integrated"
-            table.add_row(f"[dim]{name}", *_variant_row(advice.beside, joint, gains, advice))
+            # The reserve of the other condition is another number.
+            beside = replace(advice.beside, reserve=math.nan)
+            table.add_row(f"[dim]{name}", *_variant_row(beside, joint, gains, advice))
         console.print(table)
         units = "Stiffness in N·m/rad, damping in N·m·s/rad; " if advice.gains_known else ""
         console.print(f"[dim]{units}× total: of controller's and joint's damping.[/]")
@@ -321,9 +323,14 @@ def _gains_row(joint: Joint, gains: Gains, present: Gains, advice: Recommendatio
 def _variant_row(variant: Variant, joint: Joint, present: Gains, advice: Recommendation) -> list[str]:
     if not variant.found:
         return ["[yellow]none[/]", "", "", "", "", ""]
-    reserve = f"{100 * variant.reserve:.0f} %" if variant.reserve < _LARGEST_RESERVE else "∞"
     verdict = "" if variant.outcome is None else OUTCOME_WORDS[variant.outcome.value]
-    return [*_gains_row(joint, variant.gains, present, advice), reserve, verdict]
+    return [*_gains_row(joint, variant.gains, present, advice), _percent(variant.reserve), verdict]
+
+
+def _percent(reserve: float) -> str:
+    if math.isnan(reserve):
+        return ""
+    return f"{100 * reserve:.0f} %" if reserve < _LARGEST_RESERVE else "∞"
 
 
 def _print_what_if(result: dict[str, Any]) -> None:

@@ -16,8 +16,8 @@ PAPER = (
 )
 
 
-def answer(capsys: pytest.CaptureFixture[str], command: str) -> dict[str, object]:
-    assert main(command.split()) == 0
+def answer(capsys: pytest.CaptureFixture[str], command: str, status: int = 0) -> dict[str, object]:
+    assert main(command.split()) == status
     captured = capsys.readouterr()
     assert captured.err == ""
     result = json.loads(captured.out)
@@ -61,8 +61,8 @@ def test_a_known_joint_and_overrides(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_not_applicable_has_a_reason_and_no_number(capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 2: outside the domain every number is null and the reason is given."""
-    result = answer(capsys, "margin --joint puma560_joint1 --velocity 0 --json")
+    """Issues 2 and 36: outside the domain every number is null, the reason is given, and the exit status is 1."""
+    result = answer(capsys, "margin --joint puma560_joint1 --velocity 0 --json", status=1)
     assert result["applicable"] is False
     assert "velocity is zero" in str(result["reason"])
     assert all(value is None for key, value in result.items() if key not in ("applicable", "reason", "exact"))
@@ -119,6 +119,8 @@ def test_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert text.startswith("Judged: M 6.3 kg·m², k_p 2016 N·m/rad, k_v 0 N·m·s/rad, ")
     assert "At 0.00493 rad/s the joint sticks" in text
     assert "ρ_steady" in text
+    (reserve,) = (line.split() for line in text.splitlines() if "damping reserve" in line)
+    assert reserve[2:4] == ["-87", "%"]
     assert "N·m" in text
     assert "stiffness × 2.7" in text
 
