@@ -4,20 +4,25 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 # Tests run side by side, each on a ROS domain of its own. Those over DDS wait most of the time, so that there are more
-# workers than cores; a file stays on one of them, with what it compiled and simulated. The times are kept for
-# `python tools/slowest_tests.py`.
-WORKERS ?= 3
-SIDE_BY_SIDE := -n $(WORKERS) --dist loadfile --junitxml=.test_times.xml
+# workers than cores; a file stays on one of them, with what it compiled and simulated, in the order of
+# test/conftest.py. The times are kept for `python tools/slowest_tests.py`.
+WORKERS ?= 4
+SIDE_BY_SIDE := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo test quick check docs bench matrix coverage pictures linkcheck clean
+.PHONY: demo test nightly quick check docs bench matrix coverage pictures linkcheck clean
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
 test: check docs
 	@sh tools/install_test_packages.sh
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) $(TESTS)
+
+# Also the seeds and cases that are marked nightly; CONTRIBUTING.md says which.
+nightly: check
+	@sh tools/install_test_packages.sh
+	FUZZ_EXAMPLES=300 $(BIN)/python -m pytest $(SIDE_BY_SIDE) --nightly $(TESTS)
 
 # For every save, in less than a minute: what starts no processes and is no long calculation.
 quick: check

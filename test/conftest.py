@@ -10,6 +10,7 @@ import itertools
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ OPTIONAL = ("bokeh", "catkin_pkg", "dask", "distributed", "lz4", "mcap", "mcap_r
 WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _tests = itertools.count(os.getpid() * 13)
-_LONG = ("nodes", "test_documents", "test_warm_up", "test_demo", "test_identify_experiment")  # files, and a folder
+_LONG = ("nodes", "test_documents", "test_warm_up", "test_demo", "test_identify_experiment", "test_fleet.py")
+_BEGUN_BY = 0.6  # share of the other files after which they have begun
 
 
 def imported(path: Path) -> set[str]:
@@ -84,15 +86,31 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option of `make quick`."""
+    """Add the options of `make quick` and `make nightly`."""
     parser.addoption("--quick", action="store_true", help="leave out what starts processes, and what is marked slow")
+    parser.addoption("--nightly", action="store_true", help="also run what is marked nightly")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what takes long, where that is asked for; files that wait for processes begin first."""
-    items.sort(key=lambda item: not any(one in item.path.parts or one in item.path.name for one in _LONG))
+    """Leave out what takes long, where that is asked for; put files that wait for processes among those that compute.
+
+    None of the first are left for the end, when others have no more to do.
+    """
+    files = list(dict.fromkeys(item.path for item in items))
+    waiting = [path for path in files[::-1] if any(one in path.parts or one in path.name for one in _LONG)]
+    computing = [path for path in files if path not in waiting]
+    place = {path: _BEGUN_BY * index / len(waiting) for index, path in enumerate(waiting)}
+    place |= {path: index / len(computing) for index, path in enumerate(computing)}
+    items.sort(key=lambda item: place[item.path])
+    if not config.getoption("--nightly"):
+        items[:] = [item for item in items if item.get_closest_marker("nightly") is None]
     if config.getoption("--quick"):
         items[:] = [item for item in items if "ros_domain" not in item.fixturenames and not _is_slow(item)]  # type: ignore[attr-defined]
+
+
+def nightly(*values: object) -> Any:
+    """Arguments of a parametrised test that `make nightly` runs: more seeds, more cases of a claim."""
+    return pytest.param(*values, marks=pytest.mark.nightly)
 
 
 def _is_slow(item: pytest.Item) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conftest import nightly
 from mcap.writer import CompressionType
 from support_bags import JOINT_STATE, WITHOUT_LEARNING, definition, joint_state, messages_of, simulated_bag, write_mcap
 
@@ -63,14 +64,15 @@ def check(path: Path, intact: str) -> str:
     return "error" if error else "partial" if joints != intact else "whole"
 
 
-def test_truncated_anywhere(whole: Path, tmp_path: Path) -> None:
-    """Issue 6: truncated at 50 random bytes: an error in one line, or what was before the cut, with a warning."""
+@pytest.mark.parametrize("count", [20, nightly(50)])
+def test_truncated_anywhere(whole: Path, tmp_path: Path, count: int) -> None:
+    """Issue 6: truncated at random bytes: an error in one line, or what was before the cut, with a warning."""
     intact, warnings, _ = outcome(whole)
     assert not warnings
     content, generator = whole.read_bytes(), np.random.default_rng(1)
     path = tmp_path / "cut.mcap"
     found = []
-    for length in sorted(generator.integers(0, len(content), 50).tolist()):
+    for length in sorted(generator.integers(0, len(content), count).tolist()):
         path.write_bytes(content[:length])
         found.append(check(path, intact))
         if length > 0.5 * len(content):
@@ -80,13 +82,14 @@ def test_truncated_anywhere(whole: Path, tmp_path: Path) -> None:
     assert "partial" in found
 
 
-def test_bits_flipped_anywhere(whole: Path, tmp_path: Path) -> None:
-    """Issue 6: a bit flipped at 70 random places of each kind of file: no traceback, no wrong answer without a word."""
+@pytest.mark.parametrize("count", [25, nightly(70)])
+def test_bits_flipped_anywhere(whole: Path, tmp_path: Path, count: int) -> None:
+    """Issue 6: a bit flipped at random places of each kind of file: no traceback, no wrong answer without a word."""
     intact, _, _ = outcome(whole)
     content, generator = whole.read_bytes(), np.random.default_rng(2)
     path = tmp_path / "flipped.mcap"
     found = []
-    for place, bit in zip(generator.integers(0, len(content), 70), generator.integers(0, 8, 70), strict=True):
+    for place, bit in zip(generator.integers(0, len(content), count), generator.integers(0, 8, count), strict=True):
         damaged = bytearray(content)
         damaged[place] ^= 1 << int(bit)
         path.write_bytes(damaged)

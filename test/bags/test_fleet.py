@@ -13,9 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet
 import pytest
@@ -49,6 +47,12 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_simulation(root / "robot2" / "directory", {"shoulder": sticking(0.007)}, duration=5.0, rate=200.0)
     (root / "robot1" / "broken.mcap").write_bytes(b"no bag at all")
     return root
+
+
+@pytest.fixture(scope="module")
+def alone(fleet: Path) -> str:
+    """What one process finds in the fleet, as JSON."""
+    return json.dumps(analyze_fleet(find_bags([fleet]), _OPTIONS))
 
 
 def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
@@ -145,32 +149,26 @@ def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.
     assert len(list(results.glob("*.json"))) == 14
 
 
-@contextmanager
-def cluster(workers: int = 2) -> Iterator[tuple[str, Any]]:
-    """A real Dask scheduler and worker processes on this machine."""
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[str]:
+    """Address of a real Dask scheduler with two worker processes on this machine, which are begun anew if killed."""
     with (
         LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1",
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1",
             silence_logs=50,
         ) as local,
     ):  # fmt: skip
-        yield local.scheduler_address, local
+        yield local.scheduler_address
 
 
-def test_a_cluster_gives_the_same_bytes(fleet: Path) -> None:
+def test_a_cluster_gives_the_same_bytes(fleet: Path, alone: str, cluster: str) -> None:
     """Issue 6: a Dask cluster of two worker processes gives byte-identical results to one process."""
-    bags = find_bags([fleet])
-    alone = analyze_fleet(bags, _OPTIONS)
-    with cluster() as (address, _):
-        together = analyze_fleet(bags, _OPTIONS, scheduler=address)
-    assert json.dumps(together) == json.dumps(alone)
+    assert json.dumps(analyze_fleet(find_bags([fleet]), _OPTIONS, scheduler=cluster)) == alone
 
 
-def test_a_killed_worker_loses_nothing(fleet: Path) -> None:
+def test_a_killed_worker_loses_nothing(fleet: Path, alone: str, cluster: str) -> None:
     """Issue 6: a worker of the cluster that is killed in mid-run loses nothing."""
-    bags = find_bags([fleet])
-    expected = analyze_fleet(bags, _OPTIONS)
-    with cluster() as (address, _), Client(address) as client:
+    with Client(cluster) as client:
         workers = list(client.run(os.getpid).values())
         killed = []
 
@@ -179,17 +177,15 @@ def test_a_killed_worker_loses_nothing(fleet: Path) -> None:
                 os.kill(workers[0], signal.SIGKILL)
                 killed.append(total)
 
-        found = analyze_fleet(bags, _OPTIONS, scheduler=address, progress=kill_one)
+        found = analyze_fleet(find_bags([fleet]), _OPTIONS, scheduler=cluster, progress=kill_one)
     assert killed
-    assert json.dumps(found) == json.dumps(expected)
+    assert json.dumps(found) == alone
 
 
-def test_a_killed_process_loses_nothing(fleet: Path) -> None:
+def test_a_killed_process_loses_nothing(fleet: Path, alone: str) -> None:
     """Issue 6, item 5: on one machine neither: the bags of a process that was killed are given to another."""
     import multiprocessing
 
-    bags = find_bags([fleet])
-    expected = analyze_fleet(bags, _OPTIONS)
     killed = []
 
     def kill_one(done: int, total: int) -> None:
@@ -198,9 +194,9 @@ def test_a_killed_process_loses_nothing(fleet: Path) -> None:
             os.kill(children[0].pid, signal.SIGKILL)
             killed.append(total)
 
-    found = analyze_fleet(bags, _OPTIONS, jobs=2, progress=kill_one)
+    found = analyze_fleet(find_bags([fleet]), _OPTIONS, jobs=2, progress=kill_one)
     assert killed
-    assert json.dumps(found) == json.dumps(expected)
+    assert json.dumps(found) == alone
 
 
 def test_a_scheduler_that_is_not_there(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:

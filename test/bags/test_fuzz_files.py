@@ -42,7 +42,7 @@ from stickslip_ros.settings.parameter_file import Parameters
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "300"))
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "100"))
 LONGEST = 10.0  # [s] for a file of some kB
 Change = tuple[float, int, bytes]
 

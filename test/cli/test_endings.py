@@ -30,7 +30,10 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
             time.sleep(0.02)
         assert process.poll() is None
         process.send_signal(number)
-        _, complaint = process.communicate(timeout=20.0)
+        try:
+            _, complaint = process.communicate(timeout=20.0)
+        finally:
+            process.kill()
     assert process.returncode == 128 + number
     assert b"Traceback" not in complaint
     assert not list(tmp_path.iterdir())

@@ -113,7 +113,9 @@ def test_watch_over_dds(ros_domain: int) -> None:
     ):
         until = time.monotonic() + 120.0
         while True:
-            done = subprocess.run([*COMMAND, "--once"], capture_output=True, text=True, timeout=120, check=False)
+            done = subprocess.run(
+                [*COMMAND, "--once", "--seconds", "5"], capture_output=True, text=True, timeout=120, check=False
+            )
             # What is to be done comes with the advice, some time after the status.
             if "■ stick_slip" in done.stdout and "robot1/joint1" in done.stdout and "stick_slip; " in done.stdout:
                 break

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from brute_presliding import critical_ratio
+from conftest import nightly
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -44,7 +45,7 @@ def breakaways(motion: Trajectory) -> list[tuple[float, float]]:
     return [(event.time, event.stribeck_level) for event in motion.events if event.kind is EventKind.BREAKAWAY]
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(4), *map(nightly, range(4, 12))])
 def test_a_stiff_contact_is_the_papers_law(seed: int) -> None:
     """Issue 23: from σ₀ = 1000 k_p on, period and breakaway level of the cycles are within 1 % of the paper's law."""
     random = np.random.default_rng(seed)
@@ -73,7 +74,7 @@ def test_a_stiff_contact_is_the_papers_law(seed: int) -> None:
 
 
 # k_p and speed of joint 1, and how far ρ_c may be from that of a rigid contact: with σ₀ of 10³, 10⁴ and 10⁵ k_p.
-BOUNDARIES = [(2016.0, 0.005), (630.0, 0.01), (630.0, 0.005), (630.0, 0.003)]
+BOUNDARIES = [(2016.0, 0.005), nightly(630.0, 0.01), nightly(630.0, 0.005), nightly(630.0, 0.003)]
 NEAR = {"elasto_plastic": (0.10, 0.035, 0.02), "lugre": (0.21, 0.08, 0.025)}
 
 

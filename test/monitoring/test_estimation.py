@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import recording
+from conftest import nightly, recording
 from other_laws import EXPONENTIAL, LOAD_DEPENDENT, LUGRE, OtherJoint, sticks
 from random_joints import RandomRecording, cut_slips, later, random_recording
 from support import record
@@ -214,7 +214,7 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [nightly("LuGre"), "exponential", "load"])
 def test_other_laws_get_the_right_verdict(law: str) -> None:
     """Issue 4, show 3: the exact verdict by estimated parameters agrees with joints of other laws."""
     joint, stiffness, rate, count = LAWS[law], 100.0, 1000.0, 30_000

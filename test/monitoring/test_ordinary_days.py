@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import RECORDINGS, recording
+from conftest import RECORDINGS, nightly, recording
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ordinary_days import DayTally, is_found, ordinary_day, watch_day
@@ -86,10 +86,11 @@ def test_what_came_before_hides_nothing(puma: Joint, way: float, with_reference:
     assert spent(segments, Status.STICK_SLIP, begin, slips[-1][1]) > 0.98 * (slips[-1][1] - begin)
 
 
-def test_ordinary_days() -> None:
+@pytest.mark.parametrize("days", [8, nightly(24)])
+def test_ordinary_days(days: int) -> None:
     """The short form of docs/measure_ordinary_days.py, which has the figures of 200 joints."""
     known, unknown = DayTally(), DayTally()
-    for seed in range(24):
+    for seed in range(days):
         day = ordinary_day(seed)
         known.add(watch_day(day, with_reference=True))
         unknown.add(watch_day(day, with_reference=False))

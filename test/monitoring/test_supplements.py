@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import nightly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from machines import Machine
@@ -153,7 +154,7 @@ def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, nightly(3)])
 def test_errors_have_what_curved_friction_may_make(seed: int) -> None:
     """Two random joints: Stribeck friction 7.1 and 3.9 % off, 8.7 and 3.5 standard errors."""
     machine, estimate = learnt_from("drag", seed)

@@ -11,6 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import nightly
 from machines import Machine, sticks
 from varying_machines import EVEN, LOAD, PLACE, VaryingRecording, learnt_monitor, random_varying, recorded
 
@@ -179,7 +180,7 @@ def test_what_does_not_vary_is_not_claimed(machine: Machine) -> None:
     assert growth_json(estimate, 0.0) is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_load_alone_is_no_growth() -> None:
     """An arm's weight varies, its friction does not."""
     _, _, estimate = learnt(replace(ARM, load_share=0.0))
@@ -188,7 +189,7 @@ def test_a_load_alone_is_no_growth() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), [(LOAD, 1), (EVEN, 2)])
+@pytest.mark.parametrize(("kind", "seed"), [nightly(LOAD, 1), (EVEN, 2)])
 def test_random_machines(kind: str, seed: int) -> None:
     """The advice for a random machine, whatever is claimed of it, ends its stick slip at the worst place.
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import nightly
 from machines import Machine
 from random_machines import CONDITIONS, random_recording
 from two_speeds import SECONDS, monitor_of, recording
@@ -42,7 +43,7 @@ def assert_right(estimate: FrictionEstimate, machine: Machine, names: set[str], 
         assert abs(found.value - float(getattr(machine, name))) < errors * found.std, name
 
 
-@pytest.mark.parametrize("ratio", [100.0, 300.0])
+@pytest.mark.parametrize("ratio", [nightly(100.0), 300.0])
 def test_slips_between_creep(puma: Joint, ratio: float) -> None:
     """A third of a per cent of creep left no parameter identified: the slips did not fit by a tenth of a per cent."""
     machine = yielding(puma, ratio)
@@ -107,7 +108,7 @@ def test_a_joint_that_swings_on_its_contact_is_not_explained() -> None:
     assert "before it has come to rest" in estimate.mismatch
 
 
-@pytest.mark.parametrize("seed", [3, 14])
+@pytest.mark.parametrize("seed", [nightly(3), 14])
 def test_other_joints_on_springs(seed: int) -> None:
     """Two random joints of which nothing was identified, at other rates, encoders and stiffnesses."""
     recorded = random_recording(seed, CONDITIONS["elastic_contact"])

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import nightly
 from support_ros import Probe, probe
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
@@ -133,13 +134,14 @@ def played_in_time(
     pytest.fail(f"what was played did not come in time {_ATTEMPTS} times")
 
 
-def test_ten_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path) -> None:
-    """Issue 6, item 2: ten random recordings through DDS and from the file: identical cycles and statuses."""
+@pytest.mark.parametrize("count", [5, nightly(10)])
+def test_random_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path, count: int) -> None:
+    """Issue 6, item 2: random recordings through DDS and from the file: identical cycles and statuses."""
     options = AnalysisOptions(parameters=Parameters({"learn": False}))
     sticking = 0
     with NodeProcess("monitor", {"learn": "false", **_RELIABLE}), probe() as one:
         one.wait_for_monitor()
-        for number in range(10):
+        for number in range(count):
 
             def record(name: str, number: int = number) -> Path:
                 return random_bag(tmp_path, number, f"{name}_{number}", with_gains=number % 2 == 0)
@@ -165,7 +167,7 @@ def test_ten_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path) 
             gains = expected.assessment.gains
             assert (gains is None) == np.isnan(live["stiffness"])
             assert gains is None or live["stiffness"] == float(gains.stiffness)
-    assert 4 <= sticking <= 9
+    assert 0.4 * count <= sticking <= 0.9 * count
 
 
 def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import math
 import time
 
 import pytest
-from conftest import recording
+from conftest import nightly, recording
 from support_ros import probe, staircase
 
 from stickslip_ros.bags.table import load_recording
@@ -229,7 +229,13 @@ def test_an_unknown_model_ends_the_node_with_one_line(ros_domain: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["kinova_gen3_joint7_0.03rad_s", "openarm_joint3_tracking", "fairino_joint3_line_slow", "slider"]
+    "name",
+    [
+        nightly("kinova_gen3_joint7_0.03rad_s"),
+        "openarm_joint3_tracking",
+        nightly("fairino_joint3_line_slow"),
+        "slider",
+    ],
 )
 def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, name: str) -> None:
     """Issue 2: a recording published to the monitor and the same given to JointMonitor: the same cycles."""
