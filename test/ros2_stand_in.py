@@ -310,9 +310,11 @@ def topic(verb: str, once: str, name: str) -> int:
 
 def _with_node(use: Callable[[Any], int]) -> int:
     rclpy.init(args=[])
+    one = rclpy.create_node("ros2_stand_in")
     try:
-        return use(rclpy.create_node("ros2_stand_in"))
+        return use(one)
     finally:
+        one.destroy_node()
         rclpy.try_shutdown()
 
 
@@ -326,8 +328,14 @@ _VERBS: dict[str, Callable[..., int]] = {
     "launch": launch, "run": run, "param": param, "service": service, "topic": topic
 }  # fmt: skip
 
+
+def main(words: list[str]) -> int:
+    """Do what a command says; returns its exit status."""
+    return _VERBS[words[0]](*words[1:])
+
+
 if __name__ == "__main__":
     try:
-        raise SystemExit(_VERBS[sys.argv[1]](*sys.argv[2:]))
+        raise SystemExit(main(sys.argv[1:]))
     except AssertionError as error:
         raise SystemExit(f"ros2 (stand-in): {error}") from error

@@ -2,6 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """README and docs: every command is run, every file example is read, every link leads somewhere.
 
+Commands that need nothing of a shell run in this process, one after another, which loads what they share once.
+
 A comment before a block of code says what is special about it:
 
     <!-- test: background -->      runs until the document ends
@@ -24,8 +26,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +36,7 @@ import pytest
 import yaml
 from conftest import ROOT
 
-from stickslip_ros.cli.main import build_parser
+from stickslip_ros.cli.main import build_parser, main
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT
 
 pytestmark = pytest.mark.slow
@@ -46,6 +49,7 @@ BLOCK = re.compile(
 )
 LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 HIDDEN = re.compile(r"^ {4,}(?:stickslip|ros2|make|pip|\.venv/bin/\w+) .*$", re.MULTILINE)
+OF_A_SHELL = re.compile(r"[|&;<>$`*?]")
 INLINE = re.compile(r"(?<!`)`((?:stickslip|python|make|pytest) [^`]+)`(?!`)")
 
 
@@ -126,9 +130,9 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
                     assert how != "shows" or rest in shown, shown
             elif block.language == "python" and how == "launch":
                 (folder / "own.launch.py").write_text(block.code)
-                run(f"{sys.executable} -c {shlex.quote(LAUNCH_CHECK)} own.launch.py", folder, environment, 0)
+                run_in_shell(f"{sys.executable} -c {shlex.quote(LAUNCH_CHECK)} own.launch.py", folder, environment, 0)
             elif block.language == "python":
-                run(f"{sys.executable} -c {shlex.quote(block.code)}", folder, environment, 0)
+                run_in_shell(f"{sys.executable} -c {shlex.quote(block.code)}", folder, environment, 0)
             elif block.language == "yaml":
                 content = yaml.safe_load(block.code)
                 if how == "monitor":
@@ -137,12 +141,41 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
 
 def run(code: str, folder: Path, environment: dict[str, str], status: int) -> str:
     """Run commands as a shell would that stops at the first that fails; returns what they print."""
+    if not OF_A_SHELL.search(re.sub(r"'[^']*'|#.*", "", code)):
+        lines = [shlex.split(line, comments=True) for line in code.replace("\\\n", " ").splitlines()]
+        if all(map(runs_here, lines)):
+            return run_here(lines, folder, status)
+    return run_in_shell(code, folder, environment, status)
+
+
+def run_in_shell(code: str, folder: Path, environment: dict[str, str], status: int) -> str:
+    """Run commands each of which is a process."""
     command = ["bash", "-e", "-c", code]
     done = subprocess.run(
         command, cwd=folder, env=environment, timeout=400, check=False, capture_output=True, text=True
     )  # fmt: skip
     assert done.returncode == status, f"{code}\n{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+def runs_here(words: list[str]) -> bool:
+    """Whether it needs no process of its own: `watch` and `demo` take signals, `launch` and `run` start nodes."""
+    own = {"stickslip": ("watch", "demo"), "ros2": ("launch", "run")}
+    return words[0] == "mkdir" or (words[0] in own and words[1] not in own[words[0]])
+
+
+def run_here(lines: list[list[str]], folder: Path, status: int) -> str:
+    """Run commands of the package in this process, in a folder; returns what they print."""
+    import ros2_stand_in
+
+    programs = {"stickslip": main, "ros2": ros2_stand_in.main}
+    shown, said = StringIO(), StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(shown), redirect_stderr(said):
+        patch.chdir(folder)
+        patch.setenv("COLUMNS", "120")
+        found = [programs[name](rest) if name in programs else subprocess.call([name, *rest]) for name, *rest in lines]
+    assert found == [*[0] * (len(lines) - 1), status], f"{lines}\n{shown.getvalue()}\n{said.getvalue()}"
+    return shown.getvalue()
 
 
 LAUNCH_CHECK = f"""
