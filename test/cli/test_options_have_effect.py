@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from conftest import nightly
 
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.cli.main import build_parser, main
@@ -173,7 +174,7 @@ def _cases() -> Iterator[object]:
         for option in options(command):
             if (command, option) not in NO_EFFECT:
                 slow = command == "recommend" and option in SLOW
-                yield pytest.param(command, option, marks=[pytest.mark.slow] if slow else [])
+                yield nightly(command, option) if slow else (command, option)
 
 
 def _write_bag(path: Path, *, with_events: bool = True) -> None:

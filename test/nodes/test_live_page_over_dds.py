@@ -113,6 +113,7 @@ def test_the_page_lives(ros_domain: int) -> None:
         assert [one for one in page.complaints() if "could not set initial ranges" not in one] == []
 
 
+@pytest.mark.nightly
 def test_sixty_joints(ros_domain: int) -> None:
     """All of them are in the table soon."""
     simulated = {"joints": f"[{', '.join(f'j{number}' for number in range(60))}]", "rate": 50.0}
