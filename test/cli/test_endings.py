@@ -25,18 +25,26 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
     """Neither a file nor a folder; the exit status is the signal's."""
     command = [sys.executable, "-m", "stickslip_ros.cli.main", "simulate", "--duration", "100000", "--out"]
     with subprocess.Popen([*command, str(tmp_path / name)], stderr=subprocess.PIPE) as process:
-        until = time.monotonic() + 60.0
-        while not [one for one in tmp_path.rglob("*.part") if one.stat().st_size] and time.monotonic() < until:
-            time.sleep(0.02)
-        assert process.poll() is None
-        process.send_signal(number)
         try:
+            until = time.monotonic() + 60.0
+            while not _begun(tmp_path) and time.monotonic() < until:
+                time.sleep(0.02)
+            assert process.poll() is None
+            process.send_signal(number)
             _, complaint = process.communicate(timeout=20.0)
         finally:
-            process.kill()
+            process.kill()  # or a test that failed would wait for a day of samples
     assert process.returncode == 128 + number
     assert b"Traceback" not in complaint
     assert not list(tmp_path.iterdir())
+
+
+def _begun(folder: Path) -> bool:
+    """Whether something has been written; a file may be gone again between being found and being looked at."""
+    try:
+        return any(one.stat().st_size for one in folder.rglob("*.part"))
+    except FileNotFoundError:
+        return False
 
 
 _LONG = """
