@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import resource
+import time
 from pathlib import Path
 
 import pytest
@@ -27,6 +29,7 @@ from stickslip_ros.settings.parameters import settings_of
 
 KNOWS_GAINS = {"joints": "[joint1]", "gains.joint1.p": 630.0}
 LEARNT = "stribeck [N*m]"
+_SETTLED = 1.5  # [s] without a study, after which no more is learnt
 
 
 class Log:
@@ -63,9 +66,18 @@ def learn(one: Probe) -> dict[str, str]:
     motion = sticking_motion(30.0)
     play(one, "joint1", motion.time, motion.position, motion.reference_position, begin=100.0)
     one.wait(lambda: LEARNT in one.diagnostics["joint1"][2], 60.0, "something learnt")
-    # Slips that come during a study are learnt from after it.
-    one.wait(lambda: one.diagnostics["stickslip_monitor"][2]["questions under way [1]"] == "0", 60.0, "the last study")
-    one.spin(0.3)
+    # Slips that come during a study are learnt from after it; between two studies none is under way.
+    last, since = "", math.nan
+
+    def settled() -> bool:
+        nonlocal last, since
+        busy = one.diagnostics["stickslip_monitor"][2]["questions under way [1]"] != "0"
+        learnt = one.diagnostics["joint1"][2].get(LEARNT, "")
+        if busy or learnt != last:
+            last, since = learnt, time.monotonic()
+        return time.monotonic() - since > _SETTLED
+
+    one.wait(settled, 60.0, "the last study")
     return one.diagnostics["joint1"][2]
 
 

@@ -58,6 +58,7 @@ def wait_for_stairs(one: Probe, count: int, joint: str = "joint1") -> None:
 def test_a_bag_that_loops(ros_domain: int) -> None:
     """Issue 7: stamps jump back: every loop shows the same stairs, at the same times, and none across the seam."""
     with watched() as one:
+        started = time.monotonic()
         for _ in range(3):
             play(one, "joint1", *staircase(2000), begin=100.0)
         # The last step of a loop ends where the samples do; the silence after the last loop makes it known.
@@ -68,8 +69,8 @@ def test_a_bag_that_loops(ros_domain: int) -> None:
         assert len(found) == 3 * len(first)
         assert len(first) >= 8
         assert one.diagnostics["joint1"][2]["samples left out"] == ""
-        # Issue 34, item 14: the log has the change once.
-        assert one.log().count("joint1: stick_slip") == 1, one.log()
+        # Issue 34, item 14: the log has the change once in ten seconds, however often the status goes to and fro.
+        assert 1 <= one.log().count("joint1: stick_slip") <= 1 + (time.monotonic() - started) / 10.0, one.log()
 
 
 def test_simulated_time_that_pauses_and_loops(ros_domain: int) -> None:
