@@ -17,7 +17,7 @@ from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
+from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion, as_seen
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 
@@ -86,7 +86,7 @@ class Annotation:
         known = self._verdicts.get(name)
         if known is None or not known[0].answers(question):
             known = self._verdicts[name] = (question, question.verdict())
-        return known[1]
+        return as_seen(known[1], state.finding.status)
 
     def _array(self, time: float, diagnoses: list[Diagnosis]) -> Any:
         make: Callable[..., Any] = self._writer.message

@@ -28,7 +28,7 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection._motion_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status
-from stickslip_ros.monitoring.exact_question import ExactQuestion
+from stickslip_ros.monitoring.exact_question import ExactQuestion, as_seen
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -185,7 +185,7 @@ class FollowedJoint:
                 speed=abs(velocity),
                 uncertainty=assessment.uncertainty,
             )
-            exact = question.verdict()
+            exact = as_seen(question.verdict(), worst)
             if assessment.here is not None:
                 exact_here = replace(question, joint=assessment.here, uncertainty=None).verdict()
         problems = (

@@ -9,11 +9,23 @@ from dataclasses import dataclass, field, replace
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
 
 UNKNOWN = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02
 _SAME_GAINS = 0.01
+_SEEN = 0.99  # probability of stick slip that is detected: of a hundred detections one may be false
+
+
+def as_seen(verdict: ExactVerdict, status: Status) -> ExactVerdict:
+    """The verdict on the present gains at the present speed, beside the status of the motion: what is seen is probable.
+
+    The probability that follows from the errors of friction is 0.3 beside many a joint that sticks all the time.
+    """
+    if status is not Status.STICK_SLIP or not verdict.stick_slip_probability < _SEEN:
+        return verdict
+    return replace(verdict, stick_slip_probability=_SEEN)
 
 
 @dataclass(frozen=True, kw_only=True)

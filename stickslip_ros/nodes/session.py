@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.messages.whole_turns import WholeTurns
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.exact_question import as_seen
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
@@ -391,7 +392,10 @@ class Session:
         conditions = joint.settings.options.conditions
         return Findings(
             assessment=assessment,
-            exact=self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now),
+            exact=as_seen(
+                self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now),
+                assessment.finding.status,
+            ),
             trial=self._exact.verdict_on(f"trial {joint.name}", assessment, trial, conditions, now),
             silent_for=silence if silence > _STALE_AFTER else None,
             trouble=joint.trouble,
