@@ -48,6 +48,11 @@ def stiffness(one: Probe) -> float:
     return one.margins.get("joint1", {}).get("stiffness", math.nan)
 
 
+def damping(one: Probe) -> float:
+    """That the monitor computes with; advice raises it most."""
+    return one.margins.get("joint1", {}).get("damping", math.nan)
+
+
 def wait_for_stick_slip(one: Probe, joint: str = "joint1") -> None:
     one.wait(
         lambda: one.status(joint) == "stick_slip" and "recommendation" in one.diagnostics[joint][2],
@@ -186,7 +191,7 @@ def test_refusals_and_what_ends_a_ramp(ros_domain: int) -> None:
 
         # A second call while one is at work, and the permission withdrawn.
         first = one.call("apply_recommendation")
-        one.wait(lambda: stiffness(one) > 700.0, 10.0, "the first steps")
+        one.wait(lambda: damping(one) > 5.0, 10.0, "the first steps")
         second = one.answer("apply_recommendation", 5.0)
         assert not second.success
         assert "already at work on joint1" in second.message
@@ -200,20 +205,20 @@ def test_refusals_and_what_ends_a_ramp(ros_domain: int) -> None:
         assert one.set_parameters("/stickslip_monitor", {"allow_apply": True}) == [""]
         wait_for_stick_slip(one)
         third = one.call("apply_recommendation")
-        one.wait(lambda: stiffness(one) > 1.2 * stopped[0], 20.0, "more steps")
+        one.wait(lambda: damping(one) > 1.5 * stopped[1], 20.0, "more steps")
         assert one.set_parameters(CONTROLLER, {"effort_noise.joint1": 8.0}) == [""]
-        highest = gains(one)[0]
+        highest = gains(one)[1]
         one.wait(third.done, 20.0, "the answer")
         assert not third.result().success
         assert "oscillation of the effort" in third.result().message
-        assert gains(one)[0] < highest * 1.2
+        assert gains(one)[1] < highest * 1.2
         assert f"p {gains(one)[0]:.6g}" in third.result().message
         assert one.set_parameters(CONTROLLER, {"effort_noise.joint1": 0.0}) == [""]
 
         # Somebody else sets gains meanwhile: theirs are left alone.
         wait_for_stick_slip(one)
         fourth = one.call("apply_recommendation")
-        one.wait(lambda: stiffness(one) > stopped[0] * 1.3, 20.0, "more steps")
+        one.wait(lambda: damping(one) > 2.0 * stopped[1], 20.0, "more steps")
         assert one.set_parameters(CONTROLLER, {"gains.joint1.p": 5000.0}) == [""]
         one.wait(fourth.done, 20.0, "the answer")
         # Set between the ramp's reading and its writing they are lost; the ramp ends all the same, and says so.
@@ -228,11 +233,11 @@ def test_a_monitor_that_dies_half_way_leaves_the_last_gains(ros_domain: int) -> 
         one.wait_for_monitor()
         wait_for_stick_slip(one)
         one.call("apply_recommendation")
-        one.wait(lambda: stiffness(one) > 900.0, 20.0, "some steps")
+        one.wait(lambda: damping(one) > 20.0, 20.0, "some steps")
         node.kill()
         left = gains(one)
-        assert 900.0 < left[0] < 10000.0
-        assert 0.0 <= left[1] <= 300.0
+        assert 630.0 < left[0] < 10000.0
+        assert 20.0 < left[1] <= 300.0
         until = time.monotonic() + 1.0
         one.wait(lambda: time.monotonic() > until, 5.0, "a while")
         assert gains(one) == left

@@ -203,7 +203,7 @@ def test_an_unfinished_ramp_is_remembered(ros_domain: int) -> None:
             begin(one, joint, 12)
             first.kill()
         left = gains(one)
-        assert left[0] > 700.0
+        assert left > (640.0, 0.0)
         one.diagnostics.clear()
         with monitor(allow_apply="false") as second:
             one.wait_for_monitor()
