@@ -15,6 +15,7 @@ import numpy as np
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.model.verdict import beyond_the_paper
 from stickslip_ros.monitoring.advice.adviser import Adviser
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
@@ -398,7 +399,9 @@ class JointMonitor:
         elif code == kernel.DIPS:
             reason = SpeedFalls(share=first)
         elif code == kernel.MOVES:
-            reserve, condition = self._damping_reserve()
+            velocity, _ = self.velocity()
+            reserves, condition = self._damping_reserves(np.array([velocity]))
+            reserve = float(reserves[0])
             if reserve < self.options.warn_margin:
                 status, reason = Status.AT_RISK, ThinReserve(reserve=reserve, exactly=condition is Criterion.EXACT)
         return Finding(status=status, reason=reason)
@@ -413,11 +416,17 @@ class JointMonitor:
             needed = max(needed, kernel.PERIODS_TO_TRUST * natural_period)
         self._motion.require(motion=needed, window=self.options.least_motion)
 
-    def _damping_reserve(self) -> tuple[float, Criterion]:
-        """Relative damping reserve ρ/ρ_c − 1 now, and by which condition; infinite if it is not known."""
-        velocity, _ = self.velocity()
-        reserves, condition = self._damping_reserves(np.array([velocity]))
-        return float(reserves[0]), condition
+    def damping_reserve(self, velocity: float) -> float:
+        """Relative damping reserve ρ/ρ_c − 1 at a velocity [rad/s] by integration, to two per cent of ρ.
+
+        NaN if unknown, and with integral action or sampled control, which take longer than there is time in passing.
+        """
+        self._believe()
+        belief = self._prediction.belief
+        if belief is None or beyond_the_paper(belief.joint, belief.gains, self.options.conditions):
+            return math.nan
+        reserves, _ = self._prediction.damping_reserves(np.array([velocity]), Criterion.EXACT, self.options.conditions)
+        return float(reserves[0])
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, Criterion]:
         self._believe()

@@ -19,8 +19,8 @@ from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, unc
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 
-_SPEEDS_APART = 0.2  # difference of the logarithms of two speeds at which a reserve is integrated
-_SAME = 0.01  # relative error of a critical damping ratio that makes no difference to a status
+_SPEEDS_APART = 0.1  # difference of the logarithms of two speeds at which a reserve is integrated
+_TOLERANCE = 5e-3  # relative error of a critical damping ratio that makes no difference to a status
 
 
 class MarginPrediction:
@@ -37,12 +37,11 @@ class MarginPrediction:
 
     def __init__(self, adviser: Adviser | None = None) -> None:
         self._adviser = adviser or CachingAdviser()
-        self._advice: Advice | None = None
         self._last: tuple[Belief, float, StabilityMargin, tuple[float, float]] | None = None
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
         self.belief: Belief | None = None
         self.disbelief = ""
-        self._critical: tuple[Belief, dict[int, float]] | None = None
+        self._critical: tuple[Belief, OperatingConditions, dict[int, float]] | None = None
 
     def follow(
         self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool
@@ -83,8 +82,7 @@ class MarginPrediction:
     def advise(self, belief: Belief, velocity: float, limits: AdviceLimits, loop: ObservedLoop) -> Advice | None:
         """Advice on the joint as it is believed to be, None as long as it is being worked out."""
         if belief.no_advice:
-            self._advice = no_advice(belief.no_advice, abs(velocity), limits, gains_known=belief.gains_known)
-            return self._advice
+            return no_advice(belief.no_advice, abs(velocity), limits, gains_known=belief.gains_known)
         question = AdviceQuestion(
             joint=belief.joint,
             gains=belief.gains,
@@ -94,14 +92,13 @@ class MarginPrediction:
             loop=loop,
             gains_known=belief.gains_known,
         )
-        self._advice = self._adviser(question)
-        return self._advice
+        return self._adviser(question)
 
     def damping_reserves(
         self, velocities: FloatArray, condition: Criterion, conditions: OperatingConditions
     ) -> tuple[FloatArray, Criterion]:
-        """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; infinite where unknown."""
-        reserves = np.full(len(velocities), np.inf)
+        """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; NaN where unknown."""
+        reserves = np.full(len(velocities), np.nan)
         speeds = np.abs(velocities)
         known = np.isfinite(speeds) & (speeds > 0)
         belief = self.belief
@@ -110,27 +107,31 @@ class MarginPrediction:
         condition = criterion_for(belief.joint, condition)
         joint = conditions.at_constant_speed.applied_to(belief.joint)
         if condition is Criterion.EXACT:
+            if self._critical is None or self._critical[0] is not belief or self._critical[1] != conditions:
+                self._critical = (belief, conditions, {})
             ratio = dimensionless_groups(joint, belief.gains, 1.0).damping_ratio
-            found = np.asarray(damping_reserve(ratio, self._critical_ratios(belief, joint, speeds[known])))
+            critical = _critical_ratios(joint, belief.gains, speeds[known], self._critical[2])
+            reserves[known] = damping_reserve(ratio, critical)
         else:
-            found = np.asarray(stability_margin(joint, belief.gains, speeds[known]).damping_reserve)
-        reserves[known] = np.where(np.isnan(found), np.inf, found)
+            reserves[known] = stability_margin(joint, belief.gains, speeds[known]).damping_reserve
         return reserves, condition
 
-    def _critical_ratios(self, belief: Belief, joint: Joint, speeds: FloatArray) -> FloatArray:
-        """Critical damping ratios by integration at speeds [rad/s], interpolated between a few at which it is made.
 
-        An integration takes a millisecond or more, and there are many batches of samples a second.
-        """
-        if self._critical is None or self._critical[0] is not belief:
-            self._critical = (belief, {})
-        known = self._critical[1]
-        places = np.log(speeds) / _SPEEDS_APART
-        below = np.floor(places).astype(int)
-        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in known]
-        if missing:
-            groups = dimensionless_groups(joint, belief.gains, np.exp(_SPEEDS_APART * np.array(missing, dtype=float)))
-            found = np.asarray(exact_critical_damping_ratio(groups, tolerance=_SAME))
-            known.update(zip(missing, found.tolist(), strict=True))
-        low, high = (np.array([known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
-        return np.asarray(low + (places - below) * (high - low))
+def _critical_ratios(joint: Joint, gains: Gains, speeds: FloatArray, known: dict[int, float]) -> FloatArray:
+    """Critical damping ratios by integration at speeds [rad/s], interpolated between a few at which it is made.
+
+    An integration takes a millisecond or more, and there are many batches of samples a second.
+
+    Parameters
+    ----------
+    known : those that were integrated before, by the number of their speed; added to.
+    """
+    places = np.log(speeds) / _SPEEDS_APART
+    below = np.floor(places).astype(int)
+    missing = [node for node in np.unique([below, below + 1]).tolist() if node not in known]
+    if missing:
+        groups = dimensionless_groups(joint, gains, np.exp(_SPEEDS_APART * np.array(missing, dtype=float)))
+        found = np.asarray(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
+        known.update(zip(missing, found.tolist(), strict=True))
+    low, high = (np.array([known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
+    return np.asarray(low + (places - below) * (high - low))

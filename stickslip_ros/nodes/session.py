@@ -8,6 +8,7 @@ import math
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from time import monotonic
@@ -19,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.messages.whole_turns import WholeTurns
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.exact_question import as_seen
+from stickslip_ros.monitoring.exact_question import UNKNOWN, as_seen
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
@@ -390,12 +391,13 @@ class Session:
         silence = now - joint.heard
         trial = assessment.trial if assessment.gains_known else None
         conditions = joint.settings.options.conditions
+        exact = self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now)
+        if exact is UNKNOWN:
+            # While gains go up in steps each verdict comes too late.
+            exact = replace(exact, damping_reserve=joint.monitor.damping_reserve(assessment.velocity))
         return Findings(
             assessment=assessment,
-            exact=as_seen(
-                self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now),
-                assessment.finding.status,
-            ),
+            exact=as_seen(exact, assessment.finding.status),
             trial=self._exact.verdict_on(f"trial {joint.name}", assessment, trial, conditions, now),
             silent_for=silence if silence > _STALE_AFTER else None,
             trouble=joint.trouble,

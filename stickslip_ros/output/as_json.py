@@ -49,7 +49,7 @@ def margin_json(
         **told.MARGIN.for_json(margin),
         **told.MARGIN_TERMS.for_json(margin),
         **told.LOWEST_SMOOTH_VELOCITY.for_json(lowest),
-        "exact": told.EXACT.for_json(exact),
+        "exact": told.EXACT.for_json(exact) | told.RESERVE.for_json(exact),
     }
 
 

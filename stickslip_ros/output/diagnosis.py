@@ -162,6 +162,8 @@ def joint_diagnostic(
         values += told.LOWEST_SMOOTH_VELOCITY.for_diagnostics(assessment.lowest_smooth_velocity)
     if exact.smooth is not None:
         values += told.EXACT.for_diagnostics(exact)
+    if not math.isnan(exact.damping_reserve):
+        values += told.RESERVE.for_diagnostics(exact)
     if here is not None and here.smooth is not None:
         values.append(("exact smooth here", str(here.smooth).lower()))
     if exact.reason:

@@ -191,8 +191,6 @@ EXACT = Section(
         _row(value=lambda exact: exact.critical_damping_ratio, unit="1",
              diagnostics="exact critical_damping_ratio", json="critical_damping_ratio",
              margins=_field(14, "exact_critical_damping_ratio")),
-        _row(value=lambda exact: exact.damping_reserve, unit="1",
-             diagnostics="exact damping_reserve", json="damping_reserve", margins=_field(28, "exact_damping_reserve")),
         _row(value=lambda exact: exact.steady_damping_ratio, unit="1",
              diagnostics="exact steady_damping_ratio", json="steady_damping_ratio", fleet="steady_damping_ratio",
              margins=_field(25, "exact_steady_damping_ratio")),
@@ -203,6 +201,12 @@ EXACT = Section(
              diagnostics="exact least_smooth_stiffness", json="least_smooth_stiffness",
              margins=_field(16, "exact_least_smooth_stiffness")),
     ),
+)  # fmt: skip
+# Of an ExactVerdict too; known before all else of it.
+RESERVE = Section(
+    EXACT.of,
+    (_row(value=lambda exact: exact.damping_reserve, unit="1", diagnostics="exact damping_reserve",
+          json="damping_reserve", margins=_field(28, "exact_damping_reserve")),),
 )  # fmt: skip
 GAINS = Section(
     lambda known: known.assessment.gains,
@@ -377,7 +381,7 @@ SAMPLING = Section(
 )  # fmt: skip
 OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS)
 SECTIONS = (
-    STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
+    STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, RESERVE, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
     EXACT_UNCERTAINTY, BELIEF,
     *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, REVERSALS,
     PRESLIDING, POSITION, SAMPLING,

@@ -192,6 +192,19 @@ def test_bandwidth_comes_from_samples_and_controller(puma: Joint) -> None:
         assert frequencies[loop >= 1.0].max() <= bandwidth * 1.001
 
 
+def test_a_slow_recording_is_not_a_slow_controller(puma: Joint) -> None:
+    """Issue 36, item 7: the rate of a recording was taken for a controller's that could not have the present loop.
+
+    The reason names the samples, and that the controller's period is not given; with it, there is advice.
+    """
+    for rate in (20.0, 50.0):
+        (reason,) = {recommend(puma, STICKING, SPEED, loop=ObservedLoop(sample_rate=rate)).variants[0].reason}
+        assert f"(15.71 rad/s, of samples at {rate:g} Hz, for the controller's period is not given)" in reason
+    period = OperatingConditions(controller_period=0.001)
+    known = recommend(puma, STICKING, SPEED, loop=ObservedLoop(sample_rate=50.0, conditions=period))
+    assert known[Kind.LEAST_CHANGE].found
+
+
 def test_no_gains_are_advised_from_a_guess() -> None:
     """Issue 36, items 3, 4 and 6: half cosines of 16 mrad without noise, positions alone: no friction can be told."""
     count = np.arange(2000)

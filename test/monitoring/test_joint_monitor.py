@@ -16,6 +16,7 @@ from support import record
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.verdict import exact_verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.detection.status import Finding, Hunting, NoSamples, Status
@@ -111,6 +112,18 @@ def test_cure_is_seen(puma: Joint) -> None:
     assert cured.recommendation is not None
     assert sick.recommendation is not None
     assert sick.recommendation.reserve < 0 < cured.recommendation.reserve
+
+
+def test_the_reserve_in_passing_is_that_of_the_verdict(puma: Joint) -> None:
+    """Issue 36, item 5: one damping reserve, whoever asks; none where integration takes too long."""
+    for gains in (STICKING, Gains(stiffness=2016.0, damping=20.0)):
+        monitor = JointMonitor(puma, gains)
+        for velocity in (-0.0058, 0.002, 0.005, 0.02):
+            found = exact_verdict(puma, gains, abs(velocity)).damping_reserve
+            assert 1.0 + monitor.damping_reserve(velocity) == pytest.approx(1.0 + found, rel=0.02)
+        assert np.isnan(monitor.damping_reserve(0.0))
+    assert np.isnan(JointMonitor(puma, Gains(stiffness=630.0, integral=100.0)).damping_reserve(0.005))
+    assert np.isnan(JointMonitor().damping_reserve(0.005))
 
 
 def test_without_gains_or_joint_the_motion_is_judged_all_the_same(puma: Joint) -> None:

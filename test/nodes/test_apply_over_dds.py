@@ -234,6 +234,8 @@ def test_a_monitor_that_dies_half_way_leaves_the_last_gains(ros_domain: int) -> 
         wait_for_stick_slip(one)
         one.call("apply_recommendation")
         one.wait(lambda: damping(one) > 20.0, 20.0, "some steps")
+        # Verdicts come too late for each step; the reserve is known all the same.
+        assert one.margins["joint1"]["exact_damping_reserve"] < 0.0
         node.kill()
         left = gains(one)
         assert 630.0 < left[0] < 10000.0

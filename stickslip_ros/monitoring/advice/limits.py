@@ -13,7 +13,7 @@ import numpy as np
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import OperatingConditions
-from stickslip_ros.model.friction import Joint
+from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.samples import FloatArray
 
 _ANY = (0.0, math.inf)
@@ -102,11 +102,13 @@ class ObservedLoop:
     ----------
     conditions : load and sampled control; the controller's period is 0 if it is not known.
     sample_rate : of the joint states [Hz], NaN if unknown; without a controller's period it stands for its rate.
+    crossover : crossover frequency of the loop with the present gains [rad/s].
     tracking_error, velocity_error : largest |x_d − x| [rad] and |x˙_d − x˙| [rad/s] of now, NaN if unknown.
     """
 
     conditions: OperatingConditions = field(default_factory=OperatingConditions)
     sample_rate: float = field(default=math.nan, metadata={"unit": "Hz"})
+    crossover: float = field(default=0.0, metadata={"unit": "rad/s"})
     tracking_error: float = field(default=math.nan, metadata={"unit": "rad"})
     velocity_error: float = field(default=math.nan, metadata={"unit": "rad/s"})
 
@@ -129,10 +131,17 @@ def largest_bandwidth(limits: AdviceLimits, loop: ObservedLoop) -> float:
     bandwidth = limits.bandwidth
     if period > 0:
         bandwidth = min(bandwidth, 2.0 * math.pi / (limits.samples_per_period * period))
-        needed = _SAMPLES_TO_WATCH
-    else:
-        needed = limits.samples_per_period
+    # A loop that is faster than a controller of the samples' rate could be has another controller.
+    its_own = period > 0 or loop.crossover > 2.0 * math.pi * rate / limits.samples_per_period
+    needed = _SAMPLES_TO_WATCH if its_own else limits.samples_per_period
     return min(bandwidth, 2.0 * math.pi * rate / needed) if rate > 0 else bandwidth
+
+
+def crossover_frequency(joint: Joint, gains: Gains) -> float:
+    """Crossover frequency ω [rad/s] of the position loop: |k_p + i k_v ω| = |−M ω² + i F_v ω|; scalars."""
+    inertia, stiffness = float(joint.inertia), float(gains.stiffness)
+    more = float(gains.damping) ** 2 - float(joint.friction.viscous) ** 2
+    return math.sqrt((more + math.hypot(more, 2.0 * inertia * stiffness)) / 2.0) / inertia
 
 
 def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: ObservedLoop) -> dict[str, Bound]:
@@ -166,11 +175,16 @@ def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: O
         add("largest damping ratio", f"{high:.4g}", largest=high * critical - own)
     bandwidth = largest_bandwidth(limits, loop)
     if bandwidth < math.inf:
+        source = ", of the controller's period and the samples"
+        if bandwidth == limits.bandwidth:
+            source = ""
+        elif not loop.conditions.period > 0:
+            source = f", of samples at {loop.sample_rate:.4g} Hz, for the controller's period is not given"
         # |k_p + i k_v ω| <= |−M ω² + i F_v ω| at the largest crossover frequency ω; a delay changes the phase alone.
         squared = (inertia * bandwidth) ** 2 + float(joint.friction.viscous) ** 2 - (stiffness / bandwidth) ** 2
         add(
             "bandwidth",
-            f"{bandwidth:.4g} rad/s",
+            f"{bandwidth:.4g} rad/s{source}",
             least=np.where(squared < 0, math.inf, -math.inf),
             largest=np.sqrt(np.maximum(squared, 0.0)),
         )
