@@ -34,7 +34,7 @@ from stickslip_ros.interrupts import check, take_signals, without_interrupts
 from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.regular_files import read_regular
 
-_LAYOUT = 3  # of an answer: another one where keys are new, or mean something else
+_LAYOUT = 4  # of an answer: another one where keys are new, or mean something else
 _LARGEST_ANSWER = 1_000_000_000  # bytes
 _ATTEMPTS = 2  # of a bag whose process dies
 _KILLED = "its process was killed twice: is there too little memory?"

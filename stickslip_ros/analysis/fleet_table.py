@@ -118,8 +118,7 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
         "sticking_time": joint["time_in"]["stick_slip"] or _NEVER if joint else None,
         "cycles": None if cycles is None else len(cycles),
         "usual_slip": slips[len(slips) // 2] if slips else None,
-        # An answer that an older version has kept has none.
-        "reserve": None if margin is None else margin["exact"].get("damping_reserve"),
+        **told.RESERVE.for_fleet(None if margin is None else margin["exact"]),
     }
     for section in (
         told.MARGIN,

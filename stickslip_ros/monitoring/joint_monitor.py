@@ -17,7 +17,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import beyond_the_paper
 from stickslip_ros.monitoring.advice.adviser import Adviser
-from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
+from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop, crossover_frequency
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
@@ -470,6 +470,7 @@ class JointMonitor:
             loop = ObservedLoop(
                 conditions=self.options.conditions,
                 sample_rate=self._sample_rate(),
+                crossover=crossover_frequency(belief.joint, belief.gains) if belief.gains.stiffness > 0 else 0.0,
                 tracking_error=tracking_error,
                 velocity_error=velocity_error,
             )

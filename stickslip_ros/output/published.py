@@ -206,7 +206,7 @@ EXACT = Section(
 RESERVE = Section(
     EXACT.of,
     (_row(value=lambda exact: exact.damping_reserve, unit="1", diagnostics="exact damping_reserve",
-          json="damping_reserve", margins=_field(28, "exact_damping_reserve")),),
+          json="damping_reserve", fleet="reserve", margins=_field(28, "exact_damping_reserve")),),
 )  # fmt: skip
 GAINS = Section(
     lambda known: known.assessment.gains,

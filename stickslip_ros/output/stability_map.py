@@ -94,7 +94,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
             said += " The map is of the same joint without presliding."
     if subject.advised_damping is not None:
         inside = computed.steady_damping - computed.total_damping(subject.advised_damping)
-        curves.append(boundary("steadily, with the advised damping", x, y, inside, GREEN, "--"))
+        curves.append(boundary("with the advised damping: steadily outside", x, y, inside, GREEN, "--"))
     note = "There is no operating point: it needs a speed and a stiffness."
     if subject.on_the_map:
         speed = 1e3 * abs(subject.velocity)
@@ -121,7 +121,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         ),
         logarithmic=True,
         legend="below",
-        words=((0.03, 0.04, "red: sticks, orange: swings, white: moves steadily"),),
+        words=((0.03, 0.04, "at the present damping; red: sticks, orange: swings, white: moves steadily"),),
         right=None if subject.per_inertia else ("$k_p/M$ [1/s²]", 1.0 / float(subject.joint.inertia)),
     )
     return Figure(

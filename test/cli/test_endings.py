@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import begun
 
 from stickslip_ros.bags.simulated import recording_size
 from stickslip_ros.cli.main import main
@@ -24,22 +25,19 @@ pytestmark = pytest.mark.slow
 def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> None:
     """Neither a file nor a folder; the exit status is the signal's."""
     command = [sys.executable, "-m", "stickslip_ros.cli.main", "simulate", "--duration", "100000", "--out"]
-    with subprocess.Popen([*command, str(tmp_path / name)], stderr=subprocess.PIPE) as process:
-        try:
-            until = time.monotonic() + 60.0
-            while not _begun(tmp_path) and time.monotonic() < until:
-                time.sleep(0.02)
-            assert process.poll() is None
-            process.send_signal(number)
-            _, complaint = process.communicate(timeout=20.0)
-        finally:
-            process.kill()  # or a test that failed would wait for a day of samples
+    with begun([*command, str(tmp_path / name)], stderr=subprocess.PIPE) as process:
+        until = time.monotonic() + 60.0
+        while not _written(tmp_path) and time.monotonic() < until:
+            time.sleep(0.02)
+        assert process.poll() is None
+        process.send_signal(number)
+        _, complaint = process.communicate(timeout=20.0)
     assert process.returncode == 128 + number
     assert b"Traceback" not in complaint
     assert not list(tmp_path.iterdir())
 
 
-def _begun(folder: Path) -> bool:
+def _written(folder: Path) -> bool:
     """Whether something has been written; a file may be gone again between being found and being looked at."""
     try:
         return any(one.stat().st_size for one in folder.rglob("*.part"))
@@ -73,7 +71,7 @@ sys.exit(main())
 def test_work_without_steps_ends_all_the_same(number: signal.Signals, tmp_path: Path) -> None:
     """Issue 35: where nothing asks whether a signal came, the process ends after two seconds, and nothing is left."""
     command = [sys.executable, "-c", _LONG, str(tmp_path / "a.json")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=_not_ignored) as process:
+    with begun(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=_not_ignored) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"begun\n"
         process.send_signal(number)

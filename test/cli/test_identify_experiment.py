@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import rclpy
-from conftest import ROOT
+from conftest import ROOT, begun
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -119,7 +119,7 @@ def test_ctrl_c_leaves_no_joint_moving(ros_domain: int) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         with robot():
             command = [sys.executable, "-m", "stickslip_ros.cli.main", *LADDER[:-4], "--step-time", "15", "--rest", "1"]
-            with subprocess.Popen([*command, "--on", "elbow"], stderr=subprocess.PIPE, text=True) as experiment:
+            with begun([*command, "--on", "elbow"], stderr=subprocess.PIPE, text=True) as experiment:
                 until = time.monotonic() + 30.0
                 while positions(0.1)[-1, 1] < 0.51:
                     assert time.monotonic() < until, "waited for the joint to move"
@@ -136,7 +136,7 @@ def test_another_trajectory_is_not_judged_as_ours(ros_domain: int) -> None:
 
     with robot():
         command = [sys.executable, "-m", "stickslip_ros.cli.main", *LADDER, "--on", "elbow"]
-        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as experiment:
+        with begun(command, stderr=subprocess.PIPE, text=True) as experiment:
             rclpy.init()
             try:
                 node = Node("somebody")

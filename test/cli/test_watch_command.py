@@ -16,6 +16,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from conftest import begun
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
@@ -132,7 +133,7 @@ def _live() -> int:
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "24"}
     command = [*COMMAND, "--patience", "60"]
-    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
+    with begun(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
         os.close(theirs)
         seen, until = b"", time.monotonic() + 90.0
         while (new := _read(ours)) and seen.count(b"stick_slip") < 4:

@@ -102,7 +102,8 @@ class ObservedLoop:
     ----------
     conditions : load and sampled control; the controller's period is 0 if it is not known.
     sample_rate : of the joint states [Hz], NaN if unknown; without a controller's period it stands for its rate.
-    crossover : crossover frequency of the loop with the present gains [rad/s].
+    crossover : crossover frequency of the loop with the present gains [rad/s]: one that is too fast for a controller
+        of the sample rate shows that it has another. 0 where the sample rate is given as the controller's.
     tracking_error, velocity_error : largest |x_d − x| [rad] and |x˙_d − x˙| [rad/s] of now, NaN if unknown.
     """
 
@@ -131,7 +132,6 @@ def largest_bandwidth(limits: AdviceLimits, loop: ObservedLoop) -> float:
     bandwidth = limits.bandwidth
     if period > 0:
         bandwidth = min(bandwidth, 2.0 * math.pi / (limits.samples_per_period * period))
-    # A loop that is faster than a controller of the samples' rate could be has another controller.
     its_own = period > 0 or loop.crossover > 2.0 * math.pi * rate / limits.samples_per_period
     needed = _SAMPLES_TO_WATCH if its_own else limits.samples_per_period
     return min(bandwidth, 2.0 * math.pi * rate / needed) if rate > 0 else bandwidth

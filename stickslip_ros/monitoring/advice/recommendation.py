@@ -28,13 +28,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.outcome import Outcome, ever_sticks, is_steady
 from stickslip_ros.model.verdict import beyond_the_paper, exact_outcome, exact_verdict, exactly_smooth
-from stickslip_ros.monitoring.advice.limits import (
-    AdviceLimits,
-    Criterion,
-    ObservedLoop,
-    criterion_for,
-    crossover_frequency,
-)
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
 from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
@@ -172,8 +166,6 @@ def recommend(
     joint, uncertainty = loop.conditions.applied_to(joint), uncertainty and uncertainty.under(loop.conditions)
     # Too little damping is no obstacle to advice, however little it is.
     asked = replace(gains, damping=max(float(gains.damping), -float(joint.own_damping(gains.stiffness))))
-    if gains.stiffness > 0:
-        loop = replace(loop, crossover=crossover_frequency(joint, asked))
     if exact:
         unanswered = exactly_smooth(joint, asked, slowest, loop.conditions) is None
         obstacle = exact_verdict(joint, asked, slowest, loop.conditions).reason if unanswered else ""
