@@ -15,9 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import settings
+from slider import slider
 
 from stickslip_ros.bags.table import load_recording
 from stickslip_ros.cli.processes import free_domains
@@ -158,14 +158,3 @@ def recording(name: str) -> Batch:
     if files[0].suffix == ".csv":
         pytest.importorskip("pyarrow")
     return load_recording(files[0]).batch
-
-
-def slider(path: Path) -> Batch:
-    """A slider's file: spring force over weight, pulled at the speed in the file's name through 168 N/m."""
-    speed = 1e-6 * float(path.stem.rsplit("_v", 1)[1])
-    with np.load(path) as archive:
-        time, force_over_weight = archive["time_s"], archive["force_over_weight"].astype(float)
-    reference = speed * time
-    return Batch(
-        time=time, position=reference - 0.0307 * 9.81 * force_over_weight / 168.0, reference_position=reference
-    )

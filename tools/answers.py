@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 # The sections import the tests' random joints by their names alone.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "model"))
 from tools import model_answers, monitor_answers, recording_answers

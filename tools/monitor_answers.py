@@ -116,13 +116,10 @@ def estimate_json(estimate: FrictionEstimate, position: float) -> Answer:
 
 def exact_of(state: Assessment, gains: Gains | None, joint: Joint | None = None) -> ExactVerdict:
     """Exact verdict on an assessed joint, or on another one in its place, as the node works it out."""
-    if state.joint is None or gains is None or not state.velocity_source:
+    question = ExactQuestion.on(state, gains, OperatingConditions())
+    if question is None:
         return UNKNOWN
-    uncertainty = state.uncertainty if joint is None else None
-    return ExactQuestion(
-        joint=joint or state.joint, gains=gains, conditions=OperatingConditions(), speed=abs(state.velocity),
-        uncertainty=uncertainty,
-    ).verdict()  # fmt: skip
+    return (question if joint is None else replace(question, joint=joint, uncertainty=None)).verdict()
 
 
 ADVICE = ("limits", "uncertain", "loop", "per inertia", "every speed")

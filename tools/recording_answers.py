@@ -17,6 +17,7 @@ import random_motions
 import two_speeds
 import varying_machines
 from machines import Machine
+from slider import slider
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, joint_json
@@ -82,7 +83,7 @@ def real_recording(index: int) -> Answer:
     """Analysis of every joint of a file of STICKSLIP_RECORDINGS."""
     path = real_files()[index]
     if path.stem.startswith("enslyon_slider"):
-        return {"case": path.name, "joint": analysed(*_slider(path))}
+        return {"case": path.name, "joint": analysed(slider(path), Gains(stiffness=168.0))}
     joints = load_table(path).batches
     return {"case": path.name, "joints": {name: analysed(batch, None) for name, batch in joints.items()}}
 
@@ -92,15 +93,6 @@ def real_files() -> list[Path]:
     folder = os.environ.get("STICKSLIP_RECORDINGS")
     files = [path for path in Path(folder).rglob("*") if path.suffix in (".csv", ".npz")] if folder else []
     return sorted(files, key=lambda path: path.name)
-
-
-def _slider(path: Path) -> tuple[Batch, Gains]:
-    """A slider of 30.7 g pulled through 168 N/m at the speed in the file's name [µm/s], and the spring as its gain."""
-    with np.load(path) as archive:
-        stamps, force_over_weight = archive["time_s"], archive["force_over_weight"].astype(float)
-    reference = 1e-6 * float(path.stem.rsplit("_v", 1)[1]) * stamps
-    stretch = 0.0307 * 9.81 * force_over_weight / 168.0
-    return Batch(time=stamps, position=reference - stretch, reference_position=reference), Gains(stiffness=168.0)
 
 
 def _stick_slip(number: int) -> tuple[Batch, None]:

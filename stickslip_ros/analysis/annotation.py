@@ -74,15 +74,9 @@ class Annotation:
 
     def _exact(self, name: str, state: Assessment, joint: FollowedJoint) -> ExactVerdict:
         """The verdict by integration, worked out again where the question is another."""
-        if state.joint is None or state.margin_gains is None or not math.isfinite(state.velocity):
+        question = ExactQuestion.on(state, state.margin_gains, joint.settings.options.conditions)
+        if question is None:
             return UNKNOWN
-        question = ExactQuestion(
-            joint=state.joint,
-            gains=state.margin_gains,
-            conditions=joint.settings.options.conditions,
-            speed=abs(state.velocity),
-            uncertainty=state.uncertainty,
-        )
         known = self._verdicts.get(name)
         if known is None or not known[0].answers(question):
             known = self._verdicts[name] = (question, question.verdict())

@@ -176,15 +176,8 @@ class FollowedJoint:
         velocity = judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
         exact, exact_here = ExactVerdict(smooth=None, reason=assessment.margin_reason), None
-        if assessment.joint is not None and assessment.margin_gains is not None and math.isfinite(velocity):
-            conditions = self.settings.options.conditions
-            question = ExactQuestion(
-                joint=assessment.joint,
-                gains=assessment.margin_gains,
-                conditions=conditions,
-                speed=abs(velocity),
-                uncertainty=assessment.uncertainty,
-            )
+        question = ExactQuestion.on(assessment, assessment.margin_gains, self.settings.options.conditions)
+        if question is not None:
             exact = as_seen(question.verdict(), worst)
             if assessment.here is not None:
                 exact_here = replace(question, joint=assessment.here, uncertainty=None).verdict()

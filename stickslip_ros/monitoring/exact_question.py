@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
 
@@ -40,6 +42,19 @@ class ExactQuestion:
     conditions: OperatingConditions
     speed: float
     uncertainty: Uncertainty | None = field(default=None, compare=False)
+
+    @classmethod
+    def on(cls, state: Assessment, gains: Gains | None, conditions: OperatingConditions) -> ExactQuestion | None:
+        """The question on an assessed joint, with gains that need not be its own; None if it cannot be asked."""
+        if state.joint is None or gains is None or not math.isfinite(state.velocity):
+            return None
+        return cls(
+            joint=state.joint,
+            gains=gains,
+            conditions=conditions,
+            speed=abs(state.velocity),
+            uncertainty=state.uncertainty,
+        )
 
     def verdict(self) -> ExactVerdict:
         """The answer, worked out."""

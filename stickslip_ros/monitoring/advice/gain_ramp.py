@@ -31,7 +31,7 @@ class GainRamp:
     @classmethod
     def between(cls, joint: Joint, begin: Gains, end: Gains) -> GainRamp:
         """The ramp of a joint (scalars)."""
-        offset = max(float(joint.own_damping(begin.stiffness)), damping_floor(joint, begin))
+        offset = max(float(joint.own_damping(begin.stiffness)), float(damping_floor(joint, begin.stiffness)))
         return cls(begin=begin, end=end, offset=offset)
 
     @property

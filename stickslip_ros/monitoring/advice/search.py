@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, ObservedLoop, bounds_at
 from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
 from stickslip_ros.monitoring.samples import FloatArray
@@ -84,7 +84,7 @@ class AdviceSearch:
         self._joint, self._gains, self._limits, self._loop = joint, gains, limits, loop
         self._requirements, self._learnt, self._more = list(requirements), learnt, dict(more or {})
         self._present = math.log(float(gains.stiffness))
-        self._floor = damping_floor(joint, gains)
+        self._floor = float(damping_floor(joint, gains.stiffness))
         self._before = max(float(joint.total_damping(gains)), self._floor)
         self._reach = math.log(_BELIEVABLE if learnt else _REACH)
         self._exact = any(requirement.exact for requirement in requirements)
@@ -112,7 +112,7 @@ class AdviceSearch:
     @staticmethod
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
         """How large a change of gains is; see the head of advice.py."""
-        floor = damping_floor(joint, present)
+        floor = float(damping_floor(joint, present.stiffness))
         before, after = (max(float(joint.total_damping(each)), floor) for each in (present, gains))
         stiffness = np.array([math.log(float(gains.stiffness) / float(present.stiffness))])
         return math.hypot(float(_stiffness_cost(stiffness)[0]), math.log(after / before))
@@ -261,8 +261,8 @@ class AdviceSearch:
 
     def _asked(self, stiffness: FloatArray) -> FloatArray:
         """What requirements ask for, and some damping at least: of none there is no multiple."""
-        floor = 2.0 * _NO_DAMPING * np.sqrt(stiffness * float(self._joint.inertia))
         needed = np.max([one.damping(stiffness) for one in self._requirements], axis=0)
+        floor = np.asarray(damping_floor(self._joint, stiffness))
         return np.asarray(np.maximum(needed, floor - self._joint.own_damping(stiffness)))
 
     def _factors(self, stiffness: FloatArray) -> FloatArray:
@@ -285,7 +285,7 @@ class AdviceSearch:
         if self._more:
             own = self._joint.own_damping(stiffness)
             total = (damping + own) / self._factors(stiffness)
-            less, reached = total - own, total >= 2.0 * _NO_DAMPING * np.sqrt(stiffness * float(self._joint.inertia))
+            less, reached = total - own, np.asarray(total >= damping_floor(self._joint, stiffness))
         # What is quick to tell comes first, and the rest is asked where it matters.
         for one in sorted(self._requirements, key=lambda one: one.exact):
             reached[reached] = one.reached(stiffness[reached], less[reached]) if reached.any() else False
@@ -353,9 +353,9 @@ def _stiffness_cost(logarithm: FloatArray) -> FloatArray:
     return size + (_BEYOND - 1.0) * np.maximum(size - _SOFT, 0.0)
 
 
-def damping_floor(joint: Joint, present: Gains) -> float:
-    """Total damping below which there is none to speak of [N·m·s/rad]."""
-    return 2.0 * _NO_DAMPING * math.sqrt(float(present.stiffness) * float(joint.inertia))
+def damping_floor(joint: Joint, stiffness: Real) -> Real:
+    """Total damping at a stiffness [N·m/rad] below which there is none to speak of [N·m·s/rad]."""
+    return np.asarray(2.0 * _NO_DAMPING * np.sqrt(np.asarray(stiffness) * float(joint.inertia)))
 
 
 def _joined(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:

@@ -62,16 +62,8 @@ class ExactWorker:
         ----------
         name : under which the joint asks. now : a steady time [s].
         """
-        if assessment.joint is None or gains is None or not assessment.velocity_source:
-            return UNKNOWN
-        question = ExactQuestion(
-            joint=assessment.joint,
-            gains=gains,
-            conditions=conditions,
-            speed=abs(assessment.velocity),
-            uncertainty=assessment.uncertainty,
-        )
-        return self.verdict(name, question, now)
+        question = ExactQuestion.on(assessment, gains, conditions)
+        return UNKNOWN if question is None else self.verdict(name, question, now)
 
     def verdict_here(
         self, name: str, assessment: Assessment, conditions: OperatingConditions, now: float
