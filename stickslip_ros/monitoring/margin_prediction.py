@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class MarginPrediction:
     def __init__(self, adviser: Adviser | None = None) -> None:
         self._adviser = adviser or CachingAdviser()
         self._last: tuple[Belief, float, StabilityMargin, tuple[float, float]] | None = None
+        self._advised: tuple[AdviceQuestion, Advice] | None = None
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
         self.belief: Belief | None = None
         self.disbelief = ""
@@ -92,7 +94,12 @@ class MarginPrediction:
             loop=loop,
             gains_known=belief.gains_known,
         )
-        return self._adviser(question)
+        if self._advised is not None and self._advised[0].comparable(question):
+            question = replace(question, before=self._advised[1].recommendation)
+        advice = self._adviser(question)
+        if advice is not None:
+            self._advised = (question, advice)
+        return advice
 
     def damping_reserves(
         self, velocities: FloatArray, condition: Criterion, conditions: OperatingConditions

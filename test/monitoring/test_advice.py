@@ -30,8 +30,9 @@ from stickslip_ros.monitoring.advice.limits import (
     crossover_frequency,
     largest_bandwidth,
 )
-from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, recommend
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
@@ -240,6 +241,56 @@ def test_a_near_tie_is_decided_by_softness(puma: Joint, condition: Criterion) ->
                 AdviceLimits(condition=condition),
             )
             assert 1.0 <= advice[Kind.LEAST_CHANGE].stiffness_factor < 2.01
+
+
+@pytest.mark.parametrize("gains_known", [True, False])
+@pytest.mark.parametrize("condition", list(Criterion))
+def test_given_advice_stands_until_it_is_clearly_worse(puma: Joint, condition: Criterion, gains_known: bool) -> None:
+    """Issue 36: estimates move with every slip; advice does not, while it reaches the margin and others save little."""
+    present, limits = Gains(stiffness=630.0, damping=20.0), AdviceLimits(condition=condition)
+
+    def advice(stribeck: float, limits: AdviceLimits = limits, before: Recommendation | None = None) -> Recommendation:
+        joint = replace(puma, friction=replace(puma.friction, stribeck=stribeck * float(puma.friction.stribeck)))
+        return recommend(joint, present, SPEED, limits, gains_known=gains_known, before=before)
+
+    first = advice(1.0)
+    ratio = float(dimensionless_groups(puma, first[Kind.DAMPING_ONLY].gains, SPEED).damping_ratio)
+    tighter = replace(limits, damping_ratio_range=(0.1, 0.999 * ratio))
+    for kind in (Kind.LEAST_CHANGE, Kind.DAMPING_ONLY):
+        given, now = (pytest.approx(numbers(one[kind].gains), rel=1e-9) for one in (first, advice(0.98)))
+        assert numbers(advice(0.98, before=first)[kind].gains) == given
+        assert numbers(first[kind].gains) != now
+        # What does not reach the margin any more, changes the gains by clearly too much, or is not allowed goes.
+        for anew in (advice(1.02), advice(0.7)):
+            assert numbers(anew[kind].gains) != given
+        assert numbers(advice(1.02, before=first)[kind].gains) == numbers(advice(1.02)[kind].gains)
+        assert numbers(advice(0.7, before=first)[kind].gains) == numbers(advice(0.7)[kind].gains)
+    assert numbers(advice(0.98, tighter, first)[kind].gains) == pytest.approx(
+        numbers(advice(0.98, tighter)[kind].gains)
+    )
+
+
+def test_the_monitor_keeps_its_advice(puma: Joint) -> None:
+    """Issue 36: live, where the friction believed in moves by a few per cent; other gains make it anew."""
+    prediction, limits = MarginPrediction(), AdviceLimits()
+
+    def advised(stribeck: float, stiffness: float) -> Gains:
+        joint = replace(puma, friction=replace(puma.friction, stribeck=stribeck * float(puma.friction.stribeck)))
+        prediction.follow(None, joint, Gains(stiffness=stiffness, damping=20.0), velocity_loop=False)
+        assert prediction.belief is not None
+        advice = prediction.advise(prediction.belief, SPEED, limits, ObservedLoop())
+        assert advice is not None
+        return advice.recommendation[Kind.DAMPING_ONLY].gains
+
+    first = advised(1.0, 630.0)
+    assert advised(0.96, 630.0) == first
+    anew = advised(0.96, 600.0)
+    assert anew.damping != first.damping
+    assert advised(0.96, 630.0) != first
+
+
+def numbers(gains: Gains) -> tuple[float, float]:
+    return float(gains.stiffness), float(gains.damping)
 
 
 def test_effort_at_the_present_error(puma: Joint) -> None:

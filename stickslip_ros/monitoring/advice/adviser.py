@@ -28,6 +28,7 @@ class AdviceQuestion:
     Attributes
     ----------
     velocity : commanded speed, not negative [rad/s].
+    before : advice given before, which stands unless other gains are clearly better.
     """
 
     joint: Joint
@@ -37,6 +38,7 @@ class AdviceQuestion:
     uncertainty: Uncertainty | None
     loop: ObservedLoop
     gains_known: bool
+    before: Recommendation | None = None
 
     def of_the_same_controller(self, other: AdviceQuestion) -> bool:
         """Whether gains and limits are the same, however friction and speed have changed."""
@@ -111,6 +113,7 @@ def advise(question: AdviceQuestion) -> Advice:
         question.uncertainty,
         question.loop,
         gains_known=question.gains_known,
+        before=question.before,
     )
     possible = gains.stiffness > 0 and recommendation.velocity > 0 and math.isfinite(recommendation.velocity)
     return Advice(

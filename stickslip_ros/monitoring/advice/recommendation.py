@@ -10,6 +10,7 @@ that of the damping of controller and viscous friction together, k_v + F_v, of w
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -40,6 +41,7 @@ _MOST_DAMPING = 100.0  # factor on the damping that stands for "not at this stif
 _DRAWS_TOLERANCE = 5e-3  # relative, of the damping that draws need
 _AROUND = (0.97, 1.0, 1.1, 1.25)  # times the total damping
 _TOLERANCE = 1e-4
+_CLEARLY_LESS = 0.1  # difference of two changes (of logarithms, a tenth of a gain) from which on advice is given anew
 
 
 class Kind(str, Enum):
@@ -140,6 +142,7 @@ def recommend(
     loop: ObservedLoop | None = None,
     *,
     gains_known: bool = True,
+    before: Recommendation | None = None,
 ) -> Recommendation:
     """Gains that reach the wanted margin within the limits, with the least change.
 
@@ -156,6 +159,8 @@ def recommend(
     loop : defaults to none that matter.
     gains_known : False if the gains are per inertia: the advice then is in factors, and limits in units of gains or
         effort do not bind it.
+    before : advice given before on the same controller. Its gains stand while they reach the wanted margin and no
+        others change the present ones by clearly less: estimates move a little with every slip.
     """
     limits, loop = limits or AdviceLimits(), loop or ObservedLoop()
     if not gains_known:
@@ -174,7 +179,8 @@ def recommend(
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
         return without_gains(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
-    answer = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known).recommendation()
+    case = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known)
+    answer = case.recommendation(() if before is None else before.variants)
     if answer.keep or not joint.friction.of_the_paper or beyond_the_paper(joint, gains, loop.conditions):
         return answer
     other = replace(limits, condition=Criterion.EXACT)
@@ -225,8 +231,8 @@ class _Case:
         gains = self._found(Kind.LEAST_CHANGE, search) if self._exact else search.least_change()
         return None if gains is None else self._variant(Kind.LEAST_CHANGE, gains, "")
 
-    def recommendation(self) -> Recommendation:
-        """All variants, or what is in the way."""
+    def recommendation(self, before: Sequence[Variant]) -> Recommendation:
+        """All variants, or what is in the way; advice given before stands unless other gains are clearly better."""
         search = self._search()
         answer = Recommendation(
             variants=(),
@@ -235,13 +241,16 @@ class _Case:
             gains_known=self._gains_known,
             reserve=self._reserve(self._gains),
         )
-        if search.enough() and self._is_enough(self._gains):
+        if search.enough(self._gains) and self._is_enough(self._gains):
             kept = [self._variant(kind, self._gains, "keep the gains: the wanted margin is reached") for kind in Kind]
             lowest = self._slowest_smooth(self._gains)
             return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
         variants = []
         for kind in Kind:
             gains = self._found(kind, search)
+            given = next((self._given(one) for one in before if one.kind is kind and one.found), None)
+            if gains is not None and given is not None and self._stands(given, gains, search):
+                gains = given
             if gains is None:
                 text = self._none_alone(kind, search)
                 variants.append(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=text))
@@ -290,6 +299,19 @@ class _Case:
             least = self._least_total_damping(float(gains.stiffness), asked)
             more[place] = min(least / max(asked, 1e-300), _MOST_DAMPING)
         return best
+
+    def _given(self, variant: Variant) -> Gains:
+        """The gains of advice given before; its factors where the gains themselves are not known."""
+        if self._gains_known:
+            return variant.gains
+        stiffness = variant.stiffness_factor * float(self._gains.stiffness)
+        total = variant.damping_factor * float(self._joint.total_damping(self._gains))
+        return Gains(stiffness=stiffness, damping=total - float(self._joint.own_damping(stiffness)))
+
+    def _stands(self, given: Gains, found: Gains, search: AdviceSearch) -> bool:
+        """Whether advice given before is still good, and hardly a larger change than what is found now."""
+        more, least = (AdviceSearch.change(self._joint, self._gains, gains) for gains in (given, found))
+        return more - least < _CLEARLY_LESS and search.allows(given) and search.enough(given) and self._is_enough(given)
 
     def _is_enough(self, gains: Gains) -> bool:
         """Whether draws and integration agree with gains."""

@@ -117,9 +117,14 @@ class AdviceSearch:
         stiffness = np.array([math.log(float(gains.stiffness) / float(present.stiffness))])
         return math.hypot(float(_stiffness_cost(stiffness)[0]), math.log(after / before))
 
-    def enough(self) -> bool:
-        """Whether the present gains reach the wanted margin, whatever the bounds."""
-        return bool(self._reached(np.array([float(self._gains.stiffness)]), np.array([float(self._gains.damping)]))[0])
+    def enough(self, gains: Gains) -> bool:
+        """Whether gains reach the wanted margin, whatever the bounds."""
+        return bool(self._reached(np.array([float(gains.stiffness)]), np.array([float(gains.damping)]))[0])
+
+    def allows(self, gains: Gains) -> bool:
+        """Whether gains are within the bounds."""
+        least, largest = self._within_bounds(np.array([float(gains.stiffness)]))
+        return bool(least[0] <= float(gains.damping) <= largest[0])
 
     def damping_only(self) -> Gains | None:
         """The damping nearest to the present one, at the present stiffness."""
