@@ -274,20 +274,27 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
     speed = f" at {advice.velocity:.4g} rad/s" if first.found else ""
     console.print(f"By {name}{speed}: [{colour}]{first.reason}[/].")
     if first.found and not advice.keep:
-        table = Table(box=None, padding=(0, 1))
-        for heading in ("", "stiffness", "×", "damping", "× total", "reserve", "integrated, it"):
-            table.add_column(heading, justify="left" if heading in ("", "integrated, it") else "right", no_wrap=True)
-        table.add_row("[dim]present", *_gains_row(joint, gains, gains, advice), _percent(advice.reserve), "")
+        table = Table(box=None, padding=(0, 1, 0, 0))
+        for heading in ("", "stiffness", "damping", "reserve", "bandwidth", "error", "noise", "it"):
+            table.add_column(heading, justify="left" if heading in ("", "it") else "right", no_wrap=True)
+        if advice.present is not None:
+            table.add_row("[dim]present", *_variant_row(advice.present, advice))
         for variant in advice.variants:
-            table.add_row(variant.kind.value.replace("_", " "), *_variant_row(variant, joint, gains, advice))
+            table.add_row(variant.kind.value.replace("_", " "), *_variant_row(variant, advice))
         if advice.beside is not None:
             name = "by Eq. (43)" if advice.condition is Criterion.EXACT else "integrated"
             # The reserve of the other condition is another number.
             beside = replace(advice.beside, reserve=math.nan)
-            table.add_row(f"[dim]{name}", *_variant_row(beside, joint, gains, advice))
+            table.add_row(f"[dim]{name}", *_variant_row(beside, advice))
         console.print(table)
-        units = "Stiffness in N·m/rad, damping in N·m·s/rad; " if advice.gains_known else ""
-        console.print(f"[dim]{units}× total: of controller's and joint's damping.[/]")
+        units = "Stiffness in N·m/rad, damping in N·m·s/rad"
+        if not advice.gains_known:
+            units = "Damping: of controller and joint together"
+        console.print(
+            f"[dim]{units}; bandwidth: crossover of the position loop in rad/s; error: when tracking at constant "
+            "speed; noise: in the torque, from the measured speed; it: what the joint does in the end, by "
+            "integration.[/]"
+        )
     if first.slides_steadily is False:
         console.print(
             "[yellow]The joint may go on swinging about its speed without sticking; "
@@ -307,24 +314,25 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, g
         )
 
 
-def _gains_row(joint: Joint, gains: Gains, present: Gains, advice: Recommendation) -> list[str]:
-    total, before = (float(joint.total_damping(one)) for one in (gains, present))
-    cells = [
-        f"{float(gains.stiffness):.4g}",
-        f"{float(gains.stiffness) / float(present.stiffness):.3g}",
-        f"{float(gains.damping):.4g}",
-        f"{total / before:.3g}" if before > 0 else "",
-    ]
-    if not advice.gains_known:
-        cells[0] = cells[2] = ""
-    return cells
-
-
-def _variant_row(variant: Variant, joint: Joint, present: Gains, advice: Recommendation) -> list[str]:
+def _variant_row(variant: Variant, advice: Recommendation) -> list[str]:
     if not variant.found:
-        return ["[yellow]none[/]", "", "", "", "", ""]
-    verdict = "" if variant.outcome is None else OUTCOME_WORDS[variant.outcome.value]
-    return [*_gains_row(joint, variant.gains, present, advice), _percent(variant.reserve), verdict]
+        return ["[yellow]none[/]"]
+    if advice.gains_known:
+        gains = [f"{variant.stiffness:.4g}", f"{variant.damping:.4g}"]
+    else:
+        gains = [f"× {variant.stiffness_factor:.3g}", f"× {variant.damping_factor:.3g}"]
+    return [
+        *gains,
+        _percent(variant.reserve),
+        f"{variant.bandwidth:.3g}",
+        _factor(variant.tracking_error_factor),
+        _factor(variant.noise_factor),
+        "" if variant.outcome is None else OUTCOME_WORDS[variant.outcome.value],
+    ]
+
+
+def _factor(factor: float) -> str:
+    return f"× {factor:.2g}" if math.isfinite(factor) else ""
 
 
 def _percent(reserve: float) -> str:

@@ -62,6 +62,7 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
         **told.ADVICE.for_json(advice),
         **told.ADVICE_REACHES.for_json(advice),
         "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
+        "present": None if advice.present is None else _variant_json(advice.present),
         "by_the_other_condition": None if advice.beside is None else _variant_json(advice.beside),
         "obstruction": None
         if obstruction is None
@@ -164,5 +165,6 @@ def _variant_json(variant: Variant) -> dict[str, Any]:
         **told.ADVISED_MARGIN.for_json(variant),
         **told.ADVISED_ANSWERS.for_json(variant),
         **told.ADVISED_FACTORS.for_json(variant),
+        **told.ADVISED_COST.for_json(variant),
         "reason": variant.reason,
     }

@@ -216,6 +216,7 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
         ("recommendation", chosen.reason),
         *told.ADVICE.for_diagnostics(advice.recommendation),
         *told.ADVISED_FACTORS.for_diagnostics(chosen, before),
+        *told.ADVISED_COST.for_diagnostics(chosen, before),
         *told.ADVISED_MARGIN.for_diagnostics(chosen, before),
         *told.ADVICE_REACHES.for_diagnostics(advice.recommendation),
         *told.ADVISED_ANSWERS.for_diagnostics(chosen, before),

@@ -295,6 +295,15 @@ ADVISED_FACTORS = Section(
         _row(value=lambda variant: variant.change, json="change"),
     ),
 )  # fmt: skip
+ADVISED_COST = Section(
+    ADVISED_GAINS.of,
+    (
+        _row(value=lambda variant: variant.bandwidth, unit="rad/s", diagnostics="bandwidth", json="bandwidth"),
+        _row(value=lambda variant: variant.tracking_error_factor, unit="1", diagnostics="tracking_error_factor",
+             json="tracking_error_factor"),
+        _row(value=lambda variant: variant.noise_factor, unit="1", diagnostics="noise_factor", json="noise_factor"),
+    ),
+)  # fmt: skip
 TRIAL_GAINS = _on_trial(GAINS, lambda known: known.assessment.trial, {})
 TRIAL_MARGIN = _on_trial(
     MARGIN,
@@ -379,7 +388,7 @@ SAMPLING = Section(
     (_row(value=lambda state: state.sample_rate, unit="Hz", diagnostics="sample rate", json="sample_rate",
           fleet="sample_rate"),),
 )  # fmt: skip
-OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS)
+OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS, ADVISED_COST)
 SECTIONS = (
     STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, RESERVE, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
     EXACT_UNCERTAINTY, BELIEF,

@@ -293,6 +293,23 @@ def numbers(gains: Gains) -> tuple[float, float]:
     return float(gains.stiffness), float(gains.damping)
 
 
+def test_every_variant_says_what_it_costs(puma: Joint) -> None:
+    """Issue 36: bandwidth, tracking error and noise in the torque, of the present gains too."""
+    present = Gains(stiffness=630.0, damping=20.0)
+    advice = recommend(puma, present, SPEED)
+    assert advice.present is not None
+    assert advice.present.gains == present
+    assert advice.present.slides_steadily is False
+    assert advice.present.tracking_error_factor == advice.present.noise_factor == 1.0
+    for variant in (advice[Kind.LEAST_CHANGE], advice[Kind.DAMPING_ONLY]):
+        omega, gains, viscous = variant.bandwidth, variant.gains, float(puma.friction.viscous)
+        loop = (gains.stiffness + 1j * gains.damping * omega) / (-puma.inertia * omega**2 + 1j * viscous * omega)
+        assert abs(loop) == pytest.approx(1.0)
+        assert variant.tracking_error_factor == pytest.approx(630.0 / variant.stiffness)
+        assert variant.noise_factor == pytest.approx(variant.damping / 20.0)
+    assert recommend(puma, replace(present, damping=0.0), SPEED)[Kind.DAMPING_ONLY].noise_factor == math.inf
+
+
 def test_effort_at_the_present_error(puma: Joint) -> None:
     """Issue 5, item 1: advised gains ask for no more than the effort limit at the errors of now."""
     errors = ObservedLoop(tracking_error=0.016, velocity_error=0.03)

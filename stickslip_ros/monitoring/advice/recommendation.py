@@ -29,7 +29,13 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.outcome import Outcome, ever_sticks, is_steady
 from stickslip_ros.model.verdict import beyond_the_paper, exact_outcome, exact_verdict, exactly_smooth
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
+from stickslip_ros.monitoring.advice.limits import (
+    AdviceLimits,
+    Criterion,
+    ObservedLoop,
+    criterion_for,
+    crossover_frequency,
+)
 from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
@@ -67,6 +73,9 @@ class Variant:
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
     change : √(ln² of the one + ln² of the other), where the stiffness counts three times beyond a factor of two.
+    bandwidth : crossover frequency of the position loop [rad/s].
+    tracking_error_factor : of the tracking error at constant speed, friction over k_p where nothing integrates.
+    noise_factor : of the effort that noise in the measured velocity makes, k_v times it; infinite from no k_v on.
     """
 
     kind: Kind
@@ -79,6 +88,9 @@ class Variant:
     stiffness_factor: float = math.nan
     damping_factor: float = math.nan
     change: float = math.nan
+    bandwidth: float = math.nan
+    tracking_error_factor: float = math.nan
+    noise_factor: float = math.nan
 
     @property
     def found(self) -> bool:
@@ -110,7 +122,7 @@ class Recommendation:
     variants : one of each kind, in the order of :class:`Kind`.
     velocity : the slowest speed at which the joint is to be smooth [rad/s].
     condition : what the advice satisfies; gains_known : False if it is in factors only.
-    reserve : ρ/ρ_c − 1 of the present gains, by this condition; NaN if unknown.
+    present : the present gains, judged like those of the variants; None where there is no advice.
     keep : whether the present gains reach the wanted margin.
     obstruction : what is in the way where no gains are found, and the best within reach.
     slowest_smooth_velocity : from which on the joint is smooth with the advised gains, or with the best within
@@ -123,11 +135,16 @@ class Recommendation:
     velocity: float
     condition: Criterion
     gains_known: bool = True
-    reserve: float = math.nan
+    present: Variant | None = None
     keep: bool = False
     obstruction: Obstruction | None = None
     slowest_smooth_velocity: float = math.nan
     beside: Variant | None = None
+
+    @property
+    def reserve(self) -> float:
+        """ρ/ρ_c − 1 of the present gains, by the condition asked for; NaN if unknown."""
+        return math.nan if self.present is None else self.present.reserve
 
     def __getitem__(self, kind: Kind) -> Variant:
         return self.variants[list(Kind).index(kind)]
@@ -234,15 +251,16 @@ class _Case:
     def recommendation(self, before: Sequence[Variant]) -> Recommendation:
         """All variants, or what is in the way; advice given before stands unless other gains are clearly better."""
         search = self._search()
+        present = self._variant(Kind.LEAST_CHANGE, self._gains, "the present gains")
         answer = Recommendation(
             variants=(),
             velocity=self._slowest,
             condition=self._limits.condition,
             gains_known=self._gains_known,
-            reserve=self._reserve(self._gains),
+            present=present,
         )
         if search.enough(self._gains) and self._is_enough(self._gains):
-            kept = [self._variant(kind, self._gains, "keep the gains: the wanted margin is reached") for kind in Kind]
+            kept = [replace(present, kind=kind, reason="keep the gains: the wanted margin is reached") for kind in Kind]
             lowest = self._slowest_smooth(self._gains)
             return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
         variants = []
@@ -395,6 +413,7 @@ class _Case:
         joint, present = self._joint, self._gains
         margin = stability_margin(joint, replace(gains, integral=0.0), self._slowest)
         total, before = (float(joint.total_damping(one)) for one in (gains, present))
+        noise, noise_before = (abs(float(one.damping)) for one in (gains, present))
         return Variant(
             kind=kind,
             stiffness=float(gains.stiffness),
@@ -406,6 +425,9 @@ class _Case:
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
             change=AdviceSearch.change(joint, present, gains),
+            bandwidth=crossover_frequency(joint, gains),
+            tracking_error_factor=float(present.stiffness) / float(gains.stiffness),
+            noise_factor=noise / noise_before if noise_before > 0 else (1.0 if noise == 0 else math.inf),
         )
 
     def _reserve(self, gains: Gains) -> float:
