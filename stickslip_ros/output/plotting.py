@@ -53,7 +53,6 @@ class Panel:
     Attributes
     ----------
     legend : a place of matplotlib's, or "below" for under the axes.
-    words : (x, y, text) in shares of the axes.
     right : label of a second scale on the right, and the factor from the left one's values to its own.
     """
 
@@ -65,7 +64,6 @@ class Panel:
     logarithmic: bool = False
     equal: bool = False
     legend: str = "best"
-    words: tuple[tuple[float, float, str], ...] = ()
     right: tuple[str, float] | None = None
 
 
@@ -172,8 +170,6 @@ def _draw(panel: Panel, axis: Axes) -> None:
     axis.set_ylabel(panel.y_label)
     axis.set_title(panel.title, fontsize=10)
     axis.grid(alpha=0.25)
-    for x, y, text in panel.words:
-        axis.text(x, y, text, transform=axis.transAxes, fontsize=9, color=GREY)
     if sum(bool(curve.label) for curve in panel.curves) > 1:
         if panel.legend == "below":
             axis.legend(frameon=False, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2)

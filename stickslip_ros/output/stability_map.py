@@ -16,7 +16,6 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.output.plotting import BLUE, GREEN, ORANGE, RED, Curve, Figure, Panel, Region, boundary, png
 
 _FEW_POINTS = 600  # a second's work
-_SAME_DAMPING = 1e-3  # of the total; below it the advised boundary would lie on the other one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,14 +41,6 @@ class MapSubject:
         """Whether there is an operating point: it needs a speed and a stiffness."""
         return self.velocity != 0 and float(self.gains.stiffness) > 0
 
-    @property
-    def advised_damping(self) -> float | None:
-        """Advised damping k_v [N·m·s/rad], None if it is the present one or there is no advice."""
-        if self.advised is None:
-            return None
-        advised, present = float(self.advised.damping), float(self.gains.damping)
-        return advised if abs(advised - present) > _SAME_DAMPING * float(self.joint.total_damping(self.gains)) else None
-
 
 def subject_of(name: str, assessment: Assessment, velocity: float) -> MapSubject | None:
     """The subject of a joint's map at a velocity [rad/s], None if its friction or its place on the map is unknown."""
@@ -73,45 +64,48 @@ def map_of(subject: MapSubject, points: int, *, workers: int = 1, progress: Prog
 
 
 def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "stability_map") -> Figure:
-    """The map at the gains' damping: three regions, the operating point, and where the advice would put it."""
-    total = computed.total_damping(float(subject.gains.damping))
-    x, y = 1e3 * computed.velocity, computed.stiffness
-    stiffness_unit, damping_unit = ("1/s²", "1/s") if subject.per_inertia else ("N·m/rad", "N·m·s/rad")
-    exact_inside = computed.exact_damping - total
-    steady_inside = computed.steady_damping - total
-    curves = [
-        boundary("stick slip ends (integrated)", x, y, exact_inside, RED, "-"),
-        boundary("moves steadily from here on", x, y, steady_inside, GREEN, "-"),
-    ]
+    """The map at the present damping, with the operating point; beside it that at the advised one, with its gains."""
     said = f"(4)-(6) integrated at {computed.exact_damping.size} points; "
     if subject.joint.friction.of_the_paper:
-        curves.append(boundary("stick slip ends by Eq. (43)", x, y, computed.paper_damping - total, BLUE, ":"))
         share = 100 * computed.conservative
         said += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."
     else:
         said += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law_in_words}."
         if not subject.joint.friction.rigid:
             said += " The map is of the same joint without presliding."
-    if subject.advised_damping is not None:
-        inside = computed.steady_damping - computed.total_damping(subject.advised_damping)
-        curves.append(boundary("with the advised damping: steadily outside", x, y, inside, GREEN, "--"))
     note = "There is no operating point: it needs a speed and a stiffness."
+    panels = [_panel(subject, computed, "now", subject.gains)]
     if subject.on_the_map:
-        speed = 1e3 * abs(subject.velocity)
         note = "Drawn without the integral action, which has no place in Eq. (43)." if subject.gains.integral else ""
-
-        def point(label: str, gains: Gains, colour: str, style: str) -> Curve:
-            return Curve(
-                label=label, x=np.array([speed]), y=np.array([float(gains.stiffness)]), colour=colour, style=style
-            )
-
-        now = f"now: {speed:.3g} mrad/s, {float(subject.gains.stiffness):.4g} {stiffness_unit}"
         if subject.advised is not None:
-            stiffness, damping = float(subject.advised.stiffness), float(subject.advised.damping)
-            advised = f"advised: {stiffness:.4g} {stiffness_unit}, {damping:.3g} {damping_unit}"
-            curves.append(point(advised, subject.advised, GREEN, "*"))
-        curves.append(point(now, subject.gains, RED, "o"))
-    panel = Panel(
+            panels.append(_panel(subject, computed, "advised", subject.advised))
+    return Figure(
+        name=name,
+        title=f"Where {subject.name} sticks (red), swings (orange), moves steadily (white)",
+        note=f"{said}\n{note}",
+        panels=tuple(panels),
+    )
+
+
+def _panel(subject: MapSubject, computed: ExtinctionMap, when: str, gains: Gains) -> Panel:
+    """The map at one damping: three regions, and the point of these gains."""
+    total = computed.total_damping(float(gains.damping))
+    x, y = 1e3 * computed.velocity, computed.stiffness
+    stiffness_unit, damping_unit = ("1/s²", "1/s") if subject.per_inertia else ("N·m/rad", "N·m·s/rad")
+    exact_inside, steady_inside = computed.exact_damping - total, computed.steady_damping - total
+    curves = [
+        boundary("stick slip ends (integrated)", x, y, exact_inside, RED, "-"),
+        boundary("moves steadily from here on", x, y, steady_inside, GREEN, "-"),
+    ]
+    if subject.joint.friction.of_the_paper:
+        curves.append(boundary("stick slip ends by Eq. (43)", x, y, computed.paper_damping - total, BLUE, ":"))
+    title = f"{when}: $k_v$ = {float(gains.damping):.3g} {damping_unit}"
+    if subject.on_the_map:
+        speed, stiffness = 1e3 * abs(subject.velocity), float(gains.stiffness)
+        label = f"{when}: {stiffness:.4g} {stiffness_unit}, {speed:.3g} mrad/s"
+        colour, style = (RED, "o") if when == "now" else (GREEN, "*")
+        curves.append(Curve(label=label, x=np.array([speed]), y=np.array([stiffness]), colour=colour, style=style))
+    return Panel(
         x_label="commanded velocity [mrad/s]",
         y_label=f"stiffness $k_p$ [{stiffness_unit}{', per inertia' if subject.per_inertia else ''}]",
         curves=tuple(curves),
@@ -119,16 +113,10 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
             Region(x=x, y=y, inside=steady_inside, colour=ORANGE),
             Region(x=x, y=y, inside=exact_inside, colour=RED),
         ),
+        title=title,
         logarithmic=True,
         legend="below",
-        words=((0.03, 0.04, "at the present damping; red: sticks, orange: swings, white: moves steadily"),),
         right=None if subject.per_inertia else ("$k_p/M$ [1/s²]", 1.0 / float(subject.joint.inertia)),
-    )
-    return Figure(
-        name=name,
-        title=f"What {subject.name} does at $k_v$ = {float(subject.gains.damping):.3g} {damping_unit}",
-        note=f"{said}\n{note}",
-        panels=(panel,),
     )
 
 

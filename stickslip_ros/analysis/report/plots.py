@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,15 +23,14 @@ from scipy.ndimage import distance_transform_edt
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import Plot
 from stickslip_ros.model.extinction_map import ExtinctionMap
-from stickslip_ros.model.friction import Friction, steady_friction
+from stickslip_ros.model.friction import Friction, Gains, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-from stickslip_ros.output.stability_map import map_of, subject_of
+from stickslip_ros.output.stability_map import MapSubject, map_of, subject_of
 from stickslip_ros.output.wording import with_prefix
 
 RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
 INK = "#1b1f24"  # of what the page paints in the colour of its text
-_NEAR_THE_TOP = 0.85  # of the height, from where on a word has no room above a line
 _ROOM = 3.0  # points of the map from a region's edge, for a word in it
 _MARKED, _FEW_MARKS = 3000, 150  # cycles at most; from which on their marks are small
 _MAP_POINTS = 900
@@ -295,14 +295,33 @@ def _band(joint: JointAnalysis, speeds: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def map_plot(joint: JointAnalysis) -> Plot | None:
-    """Where in the plane of speed and stiffness the joint sticks, where it is, where the advice puts it."""
+    """Where in the plane of speed and stiffness the joint sticks with its damping, and where it is."""
     subject = subject_of("joint", joint.assessment, joint.velocity)
     if subject is None:
         return None
-    found = map_of(subject, _MAP_POINTS)
+    where = f"the joint now, at {subject.velocity:.3g} rad/s and {float(subject.gains.stiffness):.4g}"
+    return _map_plot(subject, subject.gains, "Where it sticks", f"Its damping as it is. The dot is {where}.")
+
+
+def advised_map_plot(joint: JointAnalysis) -> Plot | None:
+    """The same with the advised gains."""
+    subject = subject_of("joint", joint.assessment, joint.velocity)
+    if subject is None or subject.advised is None:
+        return None
+    where = f"where the advice puts the joint, at {float(subject.advised.stiffness):.4g}"
+    return _map_plot(
+        subject, subject.advised, "Where it would stick", f"With the advised damping. The star is {where}."
+    )
+
+
+@lru_cache(maxsize=1)
+def _map_of(subject: MapSubject) -> ExtinctionMap:
+    return map_of(subject, _MAP_POINTS)
+
+
+def _map_plot(subject: MapSubject, gains: Gains, title: str, caption: str) -> Plot:
+    found, damping = _map_of(subject), float(gains.damping)
     velocities, stiffnesses = found.velocity, found.stiffness
-    speed, stiffness = abs(joint.velocity), float(subject.gains.stiffness)
-    damping = float(subject.gains.damping)
     unit = "1/s², per inertia" if subject.per_inertia else "N·m/rad"
     plot = new_figure("commanded speed [rad/s]", f"stiffness [{unit}]", log=True)
     plot.x_range = Range1d(float(velocities[0]), float(velocities[-1]))
@@ -312,24 +331,16 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
         axis.ticker = FixedTicker(ticks=ticks)
         axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
     _draw_regions(plot, found, damping)
-    _draw_boundary(plot, found, damping, "present damping", INK, "solid", at=0.2)
-    words = []
-    if subject.advised is not None:
-        target = float(subject.advised.stiffness)
-        words.append(f"the star is where the advice puts it, at {target:.4g}")
-        advised = subject.advised_damping
-        if advised is not None and _draw_boundary(plot, found, advised, "advised damping", GREEN, "dashed"):
-            words[-1] += ", and with the advised damping only what lies within the dashed line is not steady"
-        plot.scatter([speed], [target], size=14, color=GREEN, marker="star", legend_label="advised")
-    plot.scatter([speed], [stiffness], size=11, color=BLUE, marker="circle", legend_label="now")
+    for x, y in _boundary(velocities, stiffnesses, found.steady_damping - found.total_damping(damping)):
+        plot.line(_small(x), _small(y), color=INK, line_width=2).glyph.tags = ["ink"]
+    speed, stiffness = abs(subject.velocity), float(gains.stiffness)
+    if gains is subject.gains:
+        plot.scatter([speed], [stiffness], size=11, color=BLUE, marker="circle", legend_label="now")
+    else:
+        plot.scatter([speed], [stiffness], size=14, color=GREEN, marker="star", legend_label="advised")
     finish(plot)
-    return Plot(
-        plot,
-        "Where it sticks",
-        "The shaded regions are those of the present damping: the joint sticks (red), swings about its speed (orange), "
-        f"moves steadily (green). The dot is the joint now, at {speed:.3g} rad/s and {stiffness:.4g}"
-        f"{'; ' + words[0] if words else ''}.",
-    )
+    regions = "The joint sticks (red), swings about its speed (orange), moves steadily (green)."
+    return Plot(plot, title, f"{caption} {regions}")
 
 
 def _draw_regions(plot: Any, found: ExtinctionMap, damping: float) -> None:
@@ -353,40 +364,12 @@ def _draw_regions(plot: Any, found: ExtinctionMap, damping: float) -> None:
         depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
         row, column = np.unravel_index(int(depth.argmax()), depth.shape)
         if depth[row, column] >= _ROOM:
-            _write(plot, word, float(found.velocity[column]), float(found.stiffness[row]), INK)
-
-
-def _draw_boundary(
-    plot: Any, found: ExtinctionMap, damping: float, word: str, colour: str, dash: str, *, at: float = 0.5
-) -> bool:
-    """Draw where steady motion begins at a damping, with a word on the line, at a share of its length; whether there is
-    one on the map.
-    """
-    lines = _boundary(found.velocity, found.stiffness, found.steady_damping - found.total_damping(damping))
-    if not lines:
-        return False
-    for x, y in lines:
-        line = plot.line(_small(x), _small(y), color=colour, line_dash=dash, line_width=2)
-        line.glyph.tags = ["ink"] if colour == INK else []
-    x, y = max(lines, key=len)
-    middle = int(at * (len(x) - 1))
-    middle = middle if x[0] < x[-1] else len(x) - 1 - middle
-    low, high = math.log(found.stiffness[0]), math.log(found.stiffness[-1])
-    below = (math.log(y[middle]) - low) / (high - low) > _NEAR_THE_TOP
-    _write(plot, word, float(x[middle]), float(y[middle]), colour, beside=-1 if below else 1)
-    return True
-
-
-def _write(plot: Any, word: str, x: float, y: float, colour: str, *, beside: int = 0) -> None:
-    """A word at a place of the plot, or just above it (1), or below (-1)."""
-    plot.add_layout(
-        Label(
-            x=x, y=y, text=word, text_align="center",
-            text_baseline={1: "bottom", 0: "middle", -1: "top"}[beside], y_offset=3 * beside,
-            text_font_size="9pt", text_font_style="normal" if beside else "bold",
-            text_color=colour, tags=["ink"] if colour == INK else [],
-        )
-    )  # fmt: skip
+            plot.add_layout(
+                Label(
+                    x=float(found.velocity[column]), y=float(found.stiffness[row]), text=word, text_align="center",
+                    text_baseline="middle", text_font_size="9pt", text_font_style="bold", text_color=INK, tags=["ink"],
+                )
+            )  # fmt: skip
 
 
 def _round_numbers(low: float, high: float) -> list[float]:
@@ -404,4 +387,4 @@ def _boundary(x: FloatArray, y: FloatArray, field: FloatArray) -> Sequence[tuple
     return [(np.exp(line[:, 0]), np.exp(line[:, 1])) for line in lines]
 
 
-PLOTS = (position_plot, error_plot, close_up_plot, phase_plot, friction_plot, map_plot)
+PLOTS = (position_plot, error_plot, close_up_plot, phase_plot, friction_plot, map_plot, advised_map_plot)
