@@ -102,7 +102,7 @@ def _panel(subject: MapSubject, computed: ExtinctionMap, when: str, gains: Gains
     title = f"{when}: $k_v$ = {float(gains.damping):.3g} {damping_unit}"
     if subject.on_the_map:
         speed, stiffness = 1e3 * abs(subject.velocity), float(gains.stiffness)
-        label = f"{when}: {stiffness:.4g} {stiffness_unit}, {speed:.3g} mrad/s"
+        label = f"{when}: {speed:.3g} mrad/s, {stiffness:.4g} {stiffness_unit}"
         colour, style = (RED, "o") if when == "now" else (GREEN, "*")
         curves.append(Curve(label=label, x=np.array([speed]), y=np.array([stiffness]), colour=colour, style=style))
     return Panel(

@@ -16,7 +16,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from support_bags import sticking
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
-from stickslip_ros.analysis.report.plots import PLOTS
+from stickslip_ros.analysis.report.plots import PLOTS, advised_map_plot
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
@@ -161,7 +161,10 @@ def test_slow_recordings_have_every_plot(tmp_path: Path) -> None:
     close_up = joint.traces.close_up()
     assert close_up is not None
     assert close_up.samples.time[0] < close_up.cycle.breakaway < close_up.cycle.arrest < close_up.samples.time[-1]
-    assert all(make(joint) is not None for make in PLOTS)
+    advised = joint.assessment.recommended
+    assert advised is not None
+    shown = {make: make(joint) is not None for make in PLOTS}
+    assert shown == {make: True for make in PLOTS} | {advised_map_plot: advised.found}
 
 
 def test_a_page_of_nothing_much(tmp_path: Path) -> None:
