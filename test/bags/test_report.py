@@ -164,7 +164,7 @@ def test_slow_recordings_have_every_plot(tmp_path: Path) -> None:
     advised = joint.assessment.recommended
     assert advised is not None
     shown = {make: make(joint) is not None for make in PLOTS}
-    assert shown == {make: True for make in PLOTS} | {advised_map_plot: advised.found}
+    assert shown == dict.fromkeys(PLOTS, True) | {advised_map_plot: advised.found}
 
 
 def test_a_page_of_nothing_much(tmp_path: Path) -> None:

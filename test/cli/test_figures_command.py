@@ -14,6 +14,9 @@ import pytest
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.paper_figures import FIGURES
 from stickslip_ros.model.extinction import work_integral
+from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.output.stability_map import MapSubject, map_figure, map_of
 
 pytestmark = pytest.mark.slow
 
@@ -98,6 +101,20 @@ def test_map_of_a_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     ]
     near = [float(row["y"]) for row in exact if abs(math.log(float(row["x"]) / 4.93)) < 0.1]
     assert max(near) == pytest.approx(2414.0, rel=0.15)
+
+
+def test_the_star_is_where_the_joint_moves_steadily(puma: Joint) -> None:
+    """Issue 36: it lay in the red region, which was that of the present damping."""
+    present, speed = Gains(stiffness=630.0), 0.0058
+    advised = recommend(puma, present, speed)[Kind.LEAST_CHANGE].gains
+    subject = MapSubject(name="joint1", joint=puma, gains=present, velocity=speed, advised=advised)
+    panels = map_figure(subject, map_of(subject, 600)).panels
+    for panel, gains, inside in zip(panels, (present, advised), ([True, True], [False, False]), strict=True):
+        column, row = (
+            int(np.argmin(np.abs(np.log(axis / value))))
+            for axis, value in ((panel.regions[0].x, 1e3 * speed), (panel.regions[0].y, float(gains.stiffness)))
+        )
+        assert [bool(region.inside[row, column] > 0) for region in panel.regions] == inside
 
 
 def test_map_without_an_operating_point(tmp_path: Path) -> None:
