@@ -10,13 +10,19 @@ WORKERS ?= 3
 SIDE_BY_SIDE := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+# Some hundred processes of the tests would each translate the sources to bytecode anew where a shell forbids to keep it.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test nightly quick check docs bench matrix coverage pictures linkcheck clean
+.PHONY: demo test tests nightly quick check docs bench matrix coverage pictures linkcheck clean
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
-test: check docs
+# The documentation is built by one core, beside the tests.
+test: check
 	@sh tools/install_test_packages.sh
+	@$(MAKE) --no-print-directory --jobs=2 docs tests
+
+tests: $(STAMP)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) $(TESTS)
 
 # Also the seeds and cases that are marked nightly; CONTRIBUTING.md says which.

@@ -55,6 +55,7 @@ WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _tests = itertools.count(os.getpid() * 13)
 _LONG = ("nodes", "test_documents", "test_warm_up", "test_demo", "test_identify_experiment", "test_fleet.py")
+DOMAINS = {"ros_domain", "ros_domain_of_the_file"}  # fixtures of what starts processes
 _BEGUN_BY = 0.6  # share of the other files after which they have begun
 
 
@@ -108,7 +109,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if not config.getoption("--nightly"):
         items[:] = [item for item in items if item.get_closest_marker("nightly") is None]
     if config.getoption("--quick"):
-        items[:] = [item for item in items if "ros_domain" not in item.fixturenames and not _is_slow(item)]  # type: ignore[attr-defined]
+        items[:] = [item for item in items if not DOMAINS & set(item.fixturenames) and not _is_slow(item)]  # type: ignore[attr-defined]
 
 
 def nightly(*values: object) -> Any:
@@ -126,16 +127,31 @@ def puma() -> Joint:
     return load_joint("puma560_joint1").joint
 
 
-@pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
-    """A ROS domain and a ROS_HOME for this test alone, on this machine only."""
-    monkeypatch.setenv("ROS_HOME", str(tmp_path / "ros_home"))
+@contextmanager
+def own_domain(home: Path) -> Iterator[int]:
+    """A ROS domain and a ROS_HOME of one's own, on this machine only."""
     # Others on this machine may run tests or a demo too; a domain is not taken again while the last test's may end.
     free = [domain for domain in free_domains() if domain % WORKERS == WORKER]
     domain = free[next(_tests) % len(free)]
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    return domain
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_HOME", str(home))
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        yield domain
+
+
+@pytest.fixture
+def ros_domain(tmp_path: Path) -> Iterator[int]:
+    """Of this test alone."""
+    with own_domain(tmp_path / "ros_home") as domain:
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def ros_domain_of_the_file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """Of the tests of a file that share nodes: each process costs a second or two of a core before it does anything."""
+    with own_domain(tmp_path_factory.mktemp("ros_home")) as domain:
+        yield domain
 
 
 @contextmanager

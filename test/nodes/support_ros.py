@@ -209,6 +209,21 @@ class Probe:
         self.wait(future.done, limit, f"transition {transition}")
         return bool(future.result().success)
 
+    def begin_anew(self, **parameters: object) -> None:
+        """Let a monitor that several tests share forget everything, and begin with other parameters."""
+        for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
+            assert self.change_state(transition)
+        refused = self.set_parameters("/stickslip_monitor", parameters) if parameters else []
+        assert not any(refused), refused
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            assert self.change_state(transition, 180.0)
+        self.diagnostics.clear()
+        self.wait_for_monitor()
+        # What it said of the test before, some of it when it was deactivated.
+        for heard in (self.margins, self.margin_times, self.cycles, self.silences):
+            heard.clear()
+        self.recommended = None
+
     def state(self) -> str:
         """Label of the monitor's lifecycle state."""
         client = self._lifecycle_client(GetState, "get_state")

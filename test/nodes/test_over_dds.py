@@ -8,82 +8,24 @@ import importlib.util
 import itertools
 import math
 import time
+from collections.abc import Iterator
 
 import pytest
 from conftest import nightly, recording
-from support_ros import probe, staircase
+from support_ros import Probe, probe, staircase
 
 from stickslip_ros.bags.table import load_recording
 from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.conversion import table
 
 _INCOMING = ("joint_states", "joint_references")
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
-
-
-def test_gains_changed_on_the_controller_change_the_margin(ros_domain: int) -> None:
-    """Issue 2: from parameter change to published margin within 0.5 s, with the controller in another process."""
-    with (
-        NodeProcess("simulated_joint", {}),
-        NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}),
-        probe() as one,
-    ):
-        one.wait_for_monitor()
-        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
-        one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
-        one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, 10.0, "the exact verdict")
-        one.wait(lambda: math.isfinite(one.margins["joint1"]["lowest_smooth_velocity"]), 10.0, "the advice")
-        row, keys = one.margins["joint1"], one.diagnostics["joint1"][2]
-        assert 0.00493 < row["exact_lowest_smooth_velocity"] < row["lowest_smooth_velocity"]
-        assert float(keys["exact least_smooth_stiffness [N*m/rad]"]) == row["exact_least_smooth_stiffness"] > 630.0
-        assert one.margins["joint1"]["exact_critical_damping_ratio"] < one.margins["joint1"]["critical_damping_ratio"]
-        assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 9000.0, "gains.joint1.d": 50.0}) == ["", ""]
-        changed = time.monotonic()
-        one.wait(
-            lambda: one.margins["joint1"]["stiffness"] == 9000.0 and one.margins["joint1"]["damping"] == 50.0,
-            5.0,
-            "the new gains",
-        )
-        assert time.monotonic() - changed < 0.5
-        assert one.margins["joint1"]["energy_margin"] > 0
-        # The exact verdict stands beside the paper's, and follows the gains too.
-        one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 1.0, 10.0, "the exact verdict")
-        # Gains that no controller should have are refused there, and change nothing here.
-        assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
-
-
-def test_tables_are_made_again_for_who_comes_late(ros_domain: int) -> None:
-    """Nobody listens for a while, and none are made; who comes then has the numbers of all joints, and the advice."""
-    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}):
-        for _ in range(2):
-            with probe() as one:
-                one.wait(lambda: "joint1" in one.margins, 20.0, "the margin")
-                one.wait(lambda: one.recommended is not None, 20.0, "the advice")
-                assert one.margins["joint1"]["stiffness"] == 630.0
-            time.sleep(1.0)
-
-
-def test_conditions_beyond_the_paper_enter_the_exact_verdict(ros_domain: int) -> None:
-    """Issue 3: controller period and delay are parameters, off by default; bad ones are refused by name."""
-    gains = {"gains.joint1.p": 2016.0, "velocity.joint1": 0.00493}
-    with (
-        NodeProcess("simulated_joint", gains),
-        NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}),
-        probe() as one,
-    ):
-        one.wait_for_monitor()
-        ratio = "exact_critical_damping_ratio"
-        one.wait(lambda: one.margins.get("joint1", {}).get(ratio, math.nan) > 0, 20.0, "the exact verdict")
-        plain = one.margins["joint1"][ratio]
-        assert plain == pytest.approx(0.1628, rel=0.03)
-        assert (
-            "'controller_period.joint1' must be > 0"
-            in one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True})[0]
-        )
-        assert one.set_parameters("/stickslip_monitor", {"controller_period.joint1": 0.02}) == [""]
-        assert one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True}) == [""]
-        one.wait(lambda: one.margins["joint1"][ratio] > 1.5 * plain, 20.0, "the exact verdict on slow control")
+USUAL = {
+    "gains.joint1.p": 630.0, "gains.joint1.d": 0.0, "gains.joint1.i": 0.0, "velocity.joint1": 0.0058,
+    "profile.joint1": "move",
+}  # fmt: skip
 
 
 def test_hunting_over_dds(ros_domain: int) -> None:
@@ -119,26 +61,6 @@ def test_hunting_over_dds(ros_domain: int) -> None:
         assert one.diagnostics["joint1"][0] == b"\x02"
         assert one.margins["joint1"]["velocity"] == 0.0
         one.wait(lambda: one.diagnostics["joint1"][2].get("exact reason") == "hunting", 20.0, "the exact verdict")
-
-
-def test_gains_from_a_topic_and_the_advice(ros_domain: int) -> None:
-    """Issue 2: `pd_gains` in; `~/recommended_gains` and the parameters `recommended.<joint>.p/.d` out, read-only."""
-    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", PUMA), probe() as one:
-        one.wait_for_monitor()
-        one.wait(lambda: one.gains.get_subscription_count() > 0, 10.0, "the listener to gains")
-        one.gains.publish(table(["joint1"], ["p", "d"], [630.0, 0.0]))
-        one.wait(lambda: one.recommended is not None, 10.0, "advice")
-        assert one.recommended is not None
-        assert [dim.label for dim in one.recommended.layout.dim] == ["joint1", "p,d"]
-        stiffness, damping = one.recommended.data
-        assert one.get_parameters(
-            "/stickslip_monitor", ["recommended.joint1.p", "recommended.joint1.d"]
-        ) == pytest.approx([stiffness, damping], rel=0.05)
-        (reason,) = one.set_parameters("/stickslip_monitor", {"recommended.joint1.p": 1.0})
-        assert "cannot be set" in reason
-        # What was published can be fed back as gains.
-        one.gains.publish(one.recommended)
-        one.wait(lambda: one.margins["joint1"]["exact_damping_reserve"] > 0, 10.0, "damping to spare")
 
 
 def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int) -> None:
@@ -189,22 +111,6 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
         one.wait(lambda: one.diagnostics["good"][0] == b"\x03", 5.0, "STALE")
 
 
-def test_parameters_out_of_range_are_refused(ros_domain: int) -> None:
-    """Issue 2, bad input: a parameter out of range is refused with a reason, and the node stays up."""
-    with NodeProcess("monitor", PUMA) as monitor, probe() as one:
-        one.wait_for_monitor()
-        for name, value, text in (
-            ("friction.joint1.stribeck_velocity", -1.0, "'friction.joint1.stribeck_velocity' must be finite and > 0"),
-            ("inertia.joint1", 0.0, "'inertia.joint1' must be finite and > 0"),
-            ("wanted_margin", -0.5, "'wanted_margin' must be finite and >= 0"),
-            ("limits.joint1.p_max", -3.0, "'limits.joint1.p_min' and 'limits.joint1.p_max' must be"),
-            ("model.joint1", "other", "read-only"),
-        ):
-            (reason,) = one.set_parameters("/stickslip_monitor", {name: value})
-            assert text in reason.replace("read only", "read-only"), name
-            assert monitor.running
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [
@@ -249,13 +155,13 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
         recording(name)
         path = next(RECORDINGS.glob(f"{name}*"))
     batch = load_recording(path).batch
-    offline = JointMonitor(at_arrest=True)
+    offline = JointMonitor(options=MonitorOptions(learn=False), at_arrest=True)
     expected = offline.process(batch) + offline.finish()
     factor = max(1.0, (batch.time[-1] - batch.time[0]) / 8.0)
     # A live monitor subscribes best effort and may lose a sample when the machine is short of time; a comparison
     # sample by sample asks for reliable delivery, as anyone may with the same parameters.
     reliable = {f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in _INCOMING}
-    with NodeProcess("monitor", {"joints": "[joint1]", **reliable}), probe() as one:
+    with NodeProcess("monitor", {"joints": "[joint1]", "learn": "false", **reliable}), probe() as one:
         one.wait_for_monitor()
         with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
             one.wait(lambda: not replay.running, 40.0, "the end of the recording")
@@ -295,3 +201,114 @@ def test_simulated_joint_profiles_and_faster_time(ros_domain: int) -> None:
         turns = [b - a for a, b in itertools.pairwise(positions_b)]
         assert max(turns) > 0
         assert min(turns) < 0
+
+
+@pytest.fixture(scope="module")
+def nodes(ros_domain_of_the_file: int) -> Iterator[NodeProcess]:
+    """The paper's joint, and a monitor of it, of the tests from here on: each begins anew with them."""
+    with NodeProcess("simulated_joint", USUAL), NodeProcess("monitor", PUMA) as monitor:
+        yield monitor
+
+
+@pytest.fixture
+def one(nodes: NodeProcess) -> Iterator[Probe]:
+    """A probe beside a monitor that asks the joint for its gains."""
+    assert nodes.running, nodes.output()
+    with probe() as one:
+        begin_as_usual(one)
+        yield one
+        assert nodes.running, nodes.output()
+
+
+def begin_as_usual(one: Probe) -> None:
+    """With the gains and the motion that the joint begins with, and a monitor that follows them."""
+    assert not any(one.set_parameters("/simulated_joint", USUAL))
+    unset = {"control_delay.joint1": False, "controller_period.joint1": 0.0}
+    one.begin_anew(controller="/simulated_joint", **unset)
+
+
+def test_gains_changed_on_the_controller_change_the_margin(one: Probe) -> None:
+    """Issue 2: from parameter change to published margin within 0.5 s, with the controller in another process."""
+    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
+    one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
+    one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, 10.0, "the exact verdict")
+    one.wait(lambda: math.isfinite(one.margins["joint1"]["lowest_smooth_velocity"]), 10.0, "the advice")
+    row, keys = one.margins["joint1"], one.diagnostics["joint1"][2]
+    assert 0.00493 < row["exact_lowest_smooth_velocity"] < row["lowest_smooth_velocity"]
+    assert float(keys["exact least_smooth_stiffness [N*m/rad]"]) == row["exact_least_smooth_stiffness"] > 630.0
+    assert one.margins["joint1"]["exact_critical_damping_ratio"] < one.margins["joint1"]["critical_damping_ratio"]
+    assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 9000.0, "gains.joint1.d": 50.0}) == ["", ""]
+    changed = time.monotonic()
+    one.wait(
+        lambda: one.margins["joint1"]["stiffness"] == 9000.0 and one.margins["joint1"]["damping"] == 50.0,
+        5.0,
+        "the new gains",
+    )
+    assert time.monotonic() - changed < 0.5
+    assert one.margins["joint1"]["energy_margin"] > 0
+    # The exact verdict stands beside the paper's, and follows the gains too.
+    one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 1.0, 10.0, "the exact verdict")
+    # Gains that no controller should have are refused there, and change nothing here.
+    assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
+
+
+def test_tables_are_made_again_for_who_comes_late(nodes: NodeProcess) -> None:
+    """Nobody listens for a while, and none are made; who comes then has the numbers of all joints, and the advice."""
+    for number in range(3):
+        with probe() as one:
+            if number == 0:
+                begin_as_usual(one)
+            one.wait(lambda: "joint1" in one.margins, 20.0, "the margin")
+            one.wait(lambda: one.recommended is not None, 20.0, "the advice")
+            one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, 10.0 if number == 0 else 0.5, "the gains")
+        time.sleep(1.0)
+
+
+def test_conditions_beyond_the_paper_enter_the_exact_verdict(one: Probe) -> None:
+    """Issue 3: controller period and delay are parameters, off by default; bad ones are refused by name."""
+    assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 2016.0, "velocity.joint1": 0.00493}) == ["", ""]
+    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 2016.0, 10.0, "the controller's gains")
+    one.wait(lambda: one.margins["joint1"]["velocity"] == pytest.approx(0.00493, rel=0.01), 30.0, "the velocity")
+    ratio = "exact_critical_damping_ratio"
+    one.wait(lambda: one.margins["joint1"][ratio] == pytest.approx(0.1628, rel=0.03), 20.0, "the exact verdict")
+    plain = one.margins["joint1"][ratio]
+    assert (
+        "'controller_period.joint1' must be > 0"
+        in one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True})[0]
+    )
+    assert one.set_parameters("/stickslip_monitor", {"controller_period.joint1": 0.02}) == [""]
+    assert one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True}) == [""]
+    one.wait(lambda: one.margins["joint1"][ratio] > 1.5 * plain, 20.0, "the exact verdict on slow control")
+
+
+def test_gains_from_a_topic_and_the_advice(one: Probe) -> None:
+    """Issue 2: `pd_gains` in; `~/recommended_gains` and the parameters `recommended.<joint>.p/.d` out, read-only."""
+    one.begin_anew(controller="")
+    one.wait(lambda: one.gains.get_subscription_count() > 0, 10.0, "the listener to gains")
+    one.gains.publish(table(["joint1"], ["p", "d"], [630.0, 0.0]))
+    one.wait(lambda: one.recommended is not None, 10.0, "advice")
+    assert one.recommended is not None
+    assert [dim.label for dim in one.recommended.layout.dim] == ["joint1", "p,d"]
+    stiffness, damping = one.recommended.data
+    assert one.get_parameters("/stickslip_monitor", ["recommended.joint1.p", "recommended.joint1.d"]) == pytest.approx(
+        [stiffness, damping], rel=0.05
+    )
+    (reason,) = one.set_parameters("/stickslip_monitor", {"recommended.joint1.p": 1.0})
+    assert "cannot be set" in reason
+    # What was published can be fed back as gains.
+    one.gains.publish(one.recommended)
+    one.wait(lambda: one.margins["joint1"]["exact_damping_reserve"] > 0, 10.0, "damping to spare")
+
+
+def test_parameters_out_of_range_are_refused(nodes: NodeProcess, one: Probe) -> None:
+    """Issue 2, bad input: a parameter out of range is refused with a reason, and the node stays up."""
+    for name, value, text in (
+        ("friction.joint1.stribeck_velocity", -1.0, "'friction.joint1.stribeck_velocity' must be finite and > 0"),
+        ("inertia.joint1", 0.0, "'inertia.joint1' must be finite and > 0"),
+        ("wanted_margin", -0.5, "'wanted_margin' must be finite and >= 0"),
+        ("limits.joint1.p_max", -3.0, "'limits.joint1.p_min' and 'limits.joint1.p_max' must be"),
+        ("model.joint1", "other", "read-only"),
+    ):
+        (reason,) = one.set_parameters("/stickslip_monitor", {name: value})
+        assert text in reason.replace("read only", "read-only"), name
+        assert nodes.running
