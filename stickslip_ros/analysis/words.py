@@ -115,18 +115,21 @@ def advice(joint: JointAnalysis) -> str:
     if not advised.found:
         return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}{faster}."
     if state.gains is None or not state.gains_known:
-        return (
-            f"Multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
-            f"together by {advised.damping_factor:.3g} (the gains themselves are not known){faster}."
+        text = (
+            f"multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
+            f"together by {advised.damping_factor:.3g} (the gains themselves are not known)"
         )
-    changes = []
-    for name in ("stiffness", "damping"):
-        now, then = float(getattr(state.gains, name)), float(getattr(advised, name))
-        if abs(then - now) > 1e-3 * max(abs(now), abs(then)):
-            changes.append(f"{name} from {now:.4g} to {then:.4g} {unit_of(Gains, name)}")
-    if not changes:
-        return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
-    return f"Change {' and '.join(changes)}{faster}."
+    else:
+        changes = []
+        for name in ("stiffness", "damping"):
+            now, then = float(getattr(state.gains, name)), float(getattr(advised, name))
+            if abs(then - now) > 1e-3 * max(abs(now), abs(then)):
+                changes.append(f"{name} from {now:.4g} to {then:.4g} {unit_of(Gains, name)}")
+        if not changes:
+            return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
+        text = f"change {' and '.join(changes)}"
+    text = f"perhaps {text}{faster}: {state.doubt}" if state.doubt else f"{text}{faster}"
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def topics_read(robot: str, topics: Topics) -> list[str]:

@@ -168,6 +168,20 @@ class Assessment:
         return self.advice.recommendation[self.variant] if self.advice is not None else None
 
     @property
+    def doubt(self) -> str:
+        """Why gains that are recommended are no more than a try: friction that was learnt, and does not fit; or ""."""
+        if self.recommended is None or not self.recommended.found or self.uncertainty is None:
+            return ""
+        return self.estimate.mismatch if self.estimate is not None else ""
+
+    @property
+    def advice_text(self) -> str:
+        """The recommendation as a person reads it; "" without any."""
+        if self.recommended is None:
+            return ""
+        return f"perhaps {self.recommended.reason}; {self.doubt}" if self.doubt else self.recommended.reason
+
+    @property
     def lowest_smooth_velocity(self) -> float:
         """With the present gains, by Eq. (43) [rad/s]; NaN if unknown."""
         return self.advice.lowest_smooth_velocity if self.advice is not None else math.nan

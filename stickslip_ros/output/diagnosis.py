@@ -213,7 +213,7 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
         return []
     known, before = advice.recommendation.gains_known, "recommended "
     values: list[tuple[str, object]] = [
-        ("recommendation", chosen.reason),
+        ("recommendation", assessment.advice_text),
         *told.ADVICE.for_diagnostics(advice.recommendation),
         *told.ADVISED_FACTORS.for_diagnostics(chosen, before),
         *told.ADVISED_COST.for_diagnostics(chosen, before),
@@ -265,12 +265,11 @@ def _summary(
             return Level.STALE, "no data yet"
         return Level.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
-        advised = assessment.recommended
         if assessment.change is not None and assessment.change.learning_anew:
             text += f"; {friction_change_text(assessment.change)}"
         if assessment.recommendation is not None and assessment.recommendation.keep:
             return Level.ERROR, f"{text}, though its margin is there: the friction is not what is believed"
-        return Level.ERROR, f"{text}; {advised.reason}" if advised is not None else text
+        return Level.ERROR, f"{text}; {assessment.advice_text}" if assessment.advice_text else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):
         return Level.WARN, text
     if assessment.estimate is not None and assessment.estimate.mismatch:

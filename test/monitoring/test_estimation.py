@@ -194,6 +194,32 @@ def test_feed_forward_is_seen_in_the_effort(puma: Joint) -> None:
     assert estimate.coulomb_and_load.value - 3.0 == pytest.approx(8.43, rel=0.02)
 
 
+@pytest.mark.parametrize(("factor", "why"), [(math.pi / 180.0, "per degree and per radian?"), (1.3, "other units")])
+def test_an_effort_that_contradicts_the_gains_is_said(puma: Joint, factor: float, why: str) -> None:
+    """Issues 36 and 38: k_p per degree, or 30 % above the true one, beside the true effort: friction was "identified"
+    at 1.3 times its size, or "varied" by 38 %. Nothing is certain then, and the gains' friction is not bent by it.
+    """
+    batch, effort = two_speeds(puma, GAINS)
+    wrong = Gains(stiffness=factor * GAINS.stiffness, damping=factor * GAINS.damping)
+    found, alone = estimated(replace(batch, effort=effort), wrong), estimated(batch, wrong)
+    assert f"the effort rises by 630 N·m/rad with the reference, and the gains say {factor * 630:.4g}" in found.mismatch
+    assert why in found.mismatch
+    assert not any(found[name].identified for name in truth(puma))
+    assert alone.mismatch == ""
+    assert (found.logarithms == alone.logarithms).all()
+
+
+@pytest.mark.parametrize("slope", [0.0, -630.0])
+def test_an_effort_that_is_no_controllers_is_left_out(puma: Joint, slope: float) -> None:
+    """Issue 38: a torque sensor behind the friction stays at its load while the controller pulls ever more."""
+    batch, _ = two_speeds(puma, GAINS)
+    noise = np.random.default_rng(36).normal(0.0, 0.02, len(batch))
+    sensor = 5.0 + slope * (batch.reference_position - batch.position) + noise
+    found, alone = estimated(replace(batch, effort=sensor), GAINS), estimated(batch, GAINS)
+    assert found.mismatch == ""
+    assert (found.logarithms == alone.logarithms).all()
+
+
 def test_load_is_told_from_coulomb_in_both_directions(puma: Joint) -> None:
     """Issue 4, item 1: both directions show the load; in one it is part of the Coulomb friction."""
     both = estimated(two_speeds(puma, GAINS, load=2.0, reverse=True)[0], GAINS)

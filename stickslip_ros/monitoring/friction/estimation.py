@@ -45,7 +45,7 @@ from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.place_fit import with_surroundings
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
 from stickslip_ros.monitoring.friction.supplements import with_supplements
 from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.friction.trend import with_trend
@@ -176,6 +176,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     # What is taken off is only nearly what varies: what is left is not certain either.
     around = fits[0].surroundings
     unexplained = around.without if around is not None else _unexplained(fits[0])
+    against = contradiction(problem.windows)
     blank = FrictionEstimate(
         source=problem.windows[0].source,
         normalised=problem.normalised,
@@ -189,7 +190,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         mean_square=solution.mean_square,
         left_over=solution.tolerance / float(np.median(problem.distances)),
         scatter=solution.balance_error,
-        mismatch=f"{DOES_NOT_FIT}: {unexplained}" if unexplained else "",
+        mismatch="; ".join(part for part in (f"{DOES_NOT_FIT}: {unexplained}" if unexplained else "", against) if part),
         configured=configured,
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),

@@ -9,6 +9,7 @@ of the edge between two counts. All other samples repeat what these said.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -33,6 +34,8 @@ _EFFORT_SMOOTHING = 1.0 / 12.0  # of the slip
 _EVEN = 0.02  # of a sample interval: stamps stray less
 _LINE_REACH = 4  # samples on either side
 _SIGNIFICANT = 4.0  # standard errors, from which on the effort holds more than the gains explain
+_SAME_STIFFNESS = 0.1  # relative difference of two stiffnesses that are taken for one
+_LEAST_SHOWN = 3  # slips whose effort may contradict the gains
 _UNIFORM = 1.0 / math.sqrt(12.0)  # standard deviation of a uniform distribution of width one
 
 
@@ -74,6 +77,8 @@ class SlipWindow:
     resolution, noise : of the position [rad]. sample_interval : [s].
     arrived, before, after : where the joint stood early in the rest before the slip, towards the end of that, and after
         the slip; None if that is not known.
+    effort_stiffness : k_p [N·m/rad] by which the effort follows the reference in the rest before, and its standard
+        error; NaN if the effort or the gains are not known.
     """
 
     direction: int
@@ -97,6 +102,7 @@ class SlipWindow:
     arrived: Standing | None = None
     before: Standing | None = None
     after: Standing | None = None
+    effort_stiffness: tuple[float, ...] = (math.nan, math.nan)
 
     @property
     def slip_distance(self) -> float:
@@ -190,7 +196,8 @@ def slip_window(
     stop = max(int(np.searchsorted(part.time, cycle.arrest + _OF_DWELL * (end - cycle.arrest))), int(indices[-1]) + 1)
     stop = min(stop, len(part) - 1)
     nodes = np.unique(np.concatenate([indices, shape, [stop]]))
-    source, in_force, forces = _forces(samples, part, resting, gains, duration, resolution)
+    shown = _effort_stiffness(samples.where(resting))
+    source, in_force, forces = _forces(samples, part, resting, gains, duration, resolution, shown)
     known = np.isfinite(part.reference_position).all()
     references = _reference(part)[nodes] if known else np.zeros(len(nodes))
     if np.isfinite(part.reference_velocity).all():
@@ -226,6 +233,7 @@ def slip_window(
         arrived=standing(samples.where(arriving), reach, source, in_force, speed, forces),
         before=standing(samples.where(resting), reach, source, in_force, speed, forces),
         after=standing(samples.where(after), reach, source, in_force, speed, forces),
+        effort_stiffness=shown if source is ForceSource.GAINS else (math.nan, math.nan),
     )
 
 
@@ -253,14 +261,25 @@ def standing(
 
 
 def _forces(
-    samples: Batch, part: Batch, resting: slice, gains: Gains | None, duration: float, resolution: float
+    samples: Batch,
+    part: Batch,
+    resting: slice,
+    gains: Gains | None,
+    duration: float,
+    resolution: float,
+    shown: tuple[float, ...],
 ) -> tuple[ForceSource, Gains | None, FloatArray]:
-    """Where the force comes from, the gains that count, and the force beside theirs at each sample."""
+    """Where the force comes from, the gains that count, and the force beside theirs at each sample.
+
+    An effort that follows the reference by another stiffness than the gains' is not theirs, or not in their units.
+    """
     effort_known = effort_is_measured(part.effort)
     reference_known = bool(np.isfinite(part.reference_position).all())
     none = np.zeros(len(part))
     if gains is not None and reference_known and gains.integral == 0:
-        if effort_known:
+        slope, error = shown
+        allowed = _SAME_STIFFNESS * float(gains.stiffness) + _SIGNIFICANT * error
+        if effort_known and not abs(slope - float(gains.stiffness)) > allowed:
             none += _feed_forward(samples.where(resting), gains, resolution)
         return ForceSource.GAINS, gains, none
     if effort_known:
@@ -311,6 +330,42 @@ def _reference(part: Batch) -> FloatArray:
         line = np.polynomial.polynomial.polyfit(times[near] - times[index], reference[near], 1)
         smooth[index] = line[0]
     return smooth
+
+
+def _effort_stiffness(rest: Batch) -> tuple[float, float]:
+    """Slope of the effort over the reference while the joint rests, and its standard error [N·m/rad]; or NaN."""
+    effort, reference = rest.effort, rest.reference_position
+    if len(rest) < _LEAST_OBSERVATIONS or not effort_is_measured(effort):
+        return math.nan, math.nan
+    effort, reference = effort - np.mean(effort), reference - np.mean(reference)
+    power = float(reference @ reference)
+    if not power > 0.0:
+        return math.nan, math.nan
+    slope = float(effort @ reference) / power
+    left = effort - slope * reference
+    return slope, math.sqrt(float(left @ left) / (len(rest) - 2) / power)
+
+
+def contradiction(windows: Sequence[SlipWindow]) -> str:
+    """What the effort says against the gains, "" if nothing: by another stiffness it follows the reference at rest."""
+    shown = np.array(
+        [
+            (one.effort_stiffness[0], float(one.gains.stiffness))
+            for one in windows
+            if one.gains is not None and one.effort_stiffness[0] > _SIGNIFICANT * one.effort_stiffness[1]
+        ]
+    )
+    if len(shown) < max(_LEAST_SHOWN, 0.5 * len(windows)):
+        return ""
+    ratios = np.log(shown[:, 0] / shown[:, 1])
+    ratio = float(np.median(ratios))
+    error = 1.25 * float(np.std(ratios)) / math.sqrt(len(ratios))
+    if abs(ratio) <= _SAME_STIFFNESS + _SIGNIFICANT * error:
+        return ""
+    seen, given = np.median(shown, axis=0).tolist()
+    per_degree = abs(abs(ratio) - math.log(180.0 / math.pi)) < _SAME_STIFFNESS
+    why = "per degree and per radian?" if per_degree else "other units, or other gains in force?"
+    return f"the effort rises by {seen:.4g} N·m/rad with the reference, and the gains say {given:.4g} ({why})"
 
 
 def _feed_forward(rest: Batch, gains: Gains, resolution: float) -> float:
