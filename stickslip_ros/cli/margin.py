@@ -16,8 +16,7 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import HUNTING, OperatingConditions
-from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS
+from stickslip_ros.model.friction import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS, Friction, Gains, Joint
 from stickslip_ros.model.hunting import hunting, largest_quiet_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.outcome import Outcome

@@ -21,7 +21,6 @@ from stickslip_ros.model._elastic_kernel import PROPAGATORS, hold_until
 from stickslip_ros.model._friction_law import CREEPING, RIGID
 from stickslip_ros.model._joint_state import (
     CONTACT,
-    CONTACT_STIFFNESS,
     COULOMB,
     DAMPING,
     DEADBAND,
@@ -43,6 +42,7 @@ from stickslip_ros.model._joint_state import (
     LOAD,
     MEASURED,
     POSITION,
+    PRESLIDING_STIFFNESS,
     PUSH,
     RESOLUTION,
     RISE_TIME,
@@ -208,7 +208,7 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
             if contact != RIGID:
                 # The contact is as far out as it can be, and springs back.
                 held = parameters[COULOMB] + state[LEVEL] * psi
-                state[DEFLECTION] = direction * held / parameters[CONTACT_STIFFNESS]
+                state[DEFLECTION] = direction * held / parameters[PRESLIDING_STIFFNESS]
                 count = tell_slip(state, parameters, events, count)
             count = arrests(psi, state, events, count)
             continue

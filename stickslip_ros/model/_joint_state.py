@@ -15,11 +15,10 @@ from stickslip_ros.model._friction_law import RIGID
     DEFLECTION, STEP, SLIP_FROM, UNTOLD, REST_TIME, REST_LEVEL,
 ) = range(16)  # fmt: skip
 STATE_SIZE = 16
-# Indices of the parameter vector.
+# Indices of the parameter vector: the parameters in the order of the table in `friction`, then all else.
 (
-    INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, LAW,
-    STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
-    CONTACT, CONTACT_STIFFNESS, CONTACT_DAMPING,
+    INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, PRESLIDING_STIFFNESS, PRESLIDING_DAMPING,
+    LAW, CONTACT, STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
 ) = range(15)  # fmt: skip
 PARAMETERS_SIZE = 15
 # What a controller holds from one period to the next.
@@ -129,7 +128,7 @@ def tell_slip(state, parameters, events, count):
         return count
     if parameters[CONTACT] != RIGID:
         gone = abs(state[POSITION] - state[SLIP_FROM])
-        if parameters[CONTACT_STIFFNESS] * gone < state[LEVEL]:
+        if parameters[PRESLIDING_STIFFNESS] * gone < state[LEVEL]:
             return count
     state[UNTOLD] = 0.0
     return _record(events, count, state[EVENT_TIME], BREAKAWAY, state[SLIP_FROM], state)

@@ -252,8 +252,8 @@ class JointSimulation:
         parameters[at.RISE_TIME] = friction.rise_time
         parameters[at.LAW] = LAWS[friction.law]
         parameters[at.CONTACT] = RIGID if self._rigid else CONTACTS[friction.contact]
-        parameters[at.CONTACT_STIFFNESS] = 0.0 if self._rigid else friction.presliding_stiffness
-        parameters[at.CONTACT_DAMPING] = friction.presliding_damping
+        parameters[at.PRESLIDING_STIFFNESS] = 0.0 if self._rigid else friction.presliding_stiffness
+        parameters[at.PRESLIDING_DAMPING] = friction.presliding_damping
         parameters[at.STIFFNESS] = gains.stiffness
         parameters[at.DAMPING] = gains.damping
         if not self.sampled:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from stickslip_ros.model.controlled import OperatingConditions
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import in_ascii, unit_of

@@ -29,7 +29,10 @@ from stickslip_ros.monitoring.friction._window_step import (
     first_not_positive,
 )
 
-# Indices of the parameter vector.
+# Indices of the fitted parameters: those that shape a slip, then those of Eq. (6), from slip to slip; each in the order
+# of the table in `model.friction`. Coulomb friction is fitted apart.
+SHAPE = ("inertia", "viscous", "stribeck_velocity", "lag")
+FITTED = (*SHAPE, "stribeck", "rise_time")
 INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
 # Columns of a slip's start.
 POSITION, BREAKAWAY, LEVEL = range(3)

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.model._friction_law import PAPERS_LAW
-from stickslip_ros.model.friction import Friction, Gains, Joint, Real
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS, Friction, Gains, Joint, Real
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction._window_kernel import (
+    FITTED,
     INERTIA,
     LAG,
     RISE_TIME,
@@ -39,14 +39,6 @@ IDENTIFIED = 0.05  # relative standard error from which on the data are said to 
 DOES_NOT_FIT = "friction model does not fit"
 COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 
-_INDEX = {
-    "inertia": INERTIA,
-    "viscous": VISCOUS,
-    "stribeck": STRIBECK,
-    "stribeck_velocity": STRIBECK_VELOCITY,
-    "lag": LAG,
-    "rise_time": RISE_TIME,
-}
 _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
 _SEEN = 3.0  # standard errors
 _ROUGHLY = 0.3  # relative standard error of what is not identified, but not a guess either
@@ -175,7 +167,7 @@ class FrictionEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
         if name in ("coulomb", COULOMB_AND_LOAD):
             return self.coulomb if name == "coulomb" else self.coulomb_and_load
-        index = _INDEX[name]
+        index = FITTED.index(name)
         if name == "inertia" and self.normalised:
             return ParameterEstimate(value=1.0, std=0.0, identified=False)
         value = math.exp(self.logarithms[index])

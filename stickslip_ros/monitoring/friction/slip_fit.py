@@ -13,9 +13,9 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HELD, LEVEL, RISE_TIME
+from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HELD, LEVEL, RISE_TIME, SHAPE
 from stickslip_ros.monitoring.friction.slip_equations import NormalEquations, Point, Slopes
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SHAPE, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STEP = 1e-4  # of a logarithm, for differences
@@ -152,7 +152,7 @@ class _Fit:
     def slopes(self, point: Point, active: Collection[int]) -> Slopes:
         """Slopes of the residuals by the active parameters, and by each slip's unknowns; by others they are zero."""
         problem, count = self.problem, self.problem.count
-        moving = np.array([k for k in active if not SHAPE <= k < PARAMETERS], dtype=np.int64)
+        moving = np.array([k for k in active if not len(SHAPE) <= k < PARAMETERS], dtype=np.int64)
         steps = np.empty((len(moving) + 2, count))
         steps[:-2], steps[-2], steps[-1] = _STEP, 1e-4 * problem.durations, 1e-3
         parameters = np.repeat(point.parameters[None], len(steps), axis=0)

@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import (
+    FITTED,
     INERTIA,
     LAG,
     LEVEL,
-    RISE_TIME,
-    STRIBECK,
     STRIBECK_VELOCITY,
     VISCOUS,
 )
@@ -32,8 +31,7 @@ from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-PARAMETERS = RISE_TIME + 1  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
-SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
+PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
 
 # Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.

@@ -164,7 +164,8 @@ def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
 
 def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> SlipFit:
     """Fit the shape alone: every slip has its own level and kinetic friction."""
-    deviation = np.concatenate([np.full(4, WIDE), np.full(2, HELD), problem.more_errors])
+    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.more_errors])
+    deviation[[STRIBECK, RISE_TIME]] = HELD
     lower, upper = bounds(problem, math.exp(parameters[INERTIA]))
     lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
     prior = Prior.of(parameters, deviation, lower, upper)
