@@ -185,7 +185,7 @@ class JointMonitor:
         The motion seen then is another story, so that it has no say in what is found now.
         """
         self.cycle_count, self._last_cycle = memory.cycles, memory.last_cycle
-        return self.learner.remember(memory.friction)
+        return self.learner.restore(memory.friction)
 
     @property
     def latest_status(self) -> Status:
@@ -326,7 +326,7 @@ class JointMonitor:
     def _learn_presliding(self, rest: Rest) -> None:
         """Let a rest say how the contact gives way, if the gains were what they are throughout."""
         if self.options.learn and self._gains_since <= rest.arrest:
-            self._presliding.take(rest, self._samples, self._gains, self._motion.resolution)
+            self._presliding.add_rest(rest, self._samples, self._gains, self._motion.resolution)
 
     def _learn_from(self, cycle: Cycle) -> None:
         """Let the learner see one slip, if gains and reference were what they are throughout."""
@@ -344,7 +344,7 @@ class JointMonitor:
             )
             if window is not None:
                 self.learner.memory = self.options.memory
-                self.learner.take(window)
+                self.learner.add_slip(window)
                 if self._studies_at_once:
                     self.learner.study_now()
 

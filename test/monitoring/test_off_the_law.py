@@ -26,7 +26,7 @@ from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate, LawAlternative
 from stickslip_ros.monitoring.friction.estimation import fitted_laws
 from stickslip_ros.monitoring.friction.fitted_law import misfit_of
-from stickslip_ros.monitoring.friction.law_look import same_curve
+from stickslip_ros.monitoring.friction.screening import same_curve
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
@@ -85,7 +85,7 @@ def test_a_look_begins_with_the_same_curve() -> None:
     recording = random_recording(3, CONDITIONS["base"])
     monitor = JointMonitor(None, recording.gains)
     windows = []
-    monitor.learner.take = windows.append  # type: ignore[method-assign]
+    monitor.learner.add_slip = windows.append  # type: ignore[method-assign]
     monitor.process(recording.batch)
     (first, *_) = fitted_laws(windows[:12], None)
     other = same_curve("exponential", first)

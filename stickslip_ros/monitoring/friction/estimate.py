@@ -11,7 +11,7 @@ Neither condition contains it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,11 +27,11 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.delay_estimate import SPREAD_LIMIT, DelayEstimate
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
-from stickslip_ros.monitoring.friction.lateness import SPREAD_LIMIT, Lateness
+from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
-from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.samples import FloatArray
 
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
@@ -79,7 +79,7 @@ class LawAlternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Curvature:
-    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.supplements` has it.
+    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.optional_terms` has it.
 
     Attributes
     ----------
@@ -132,7 +132,8 @@ class FrictionEstimate:
         otherwise is in the covariance too.
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     dry : what the kinetic friction depends on beside the speed; None per inertia.
-    growth : of friction that varies with place or load; all parameters are then those of the worst place. None else.
+    friction_factor : factor of friction that varies with position or load; all parameters are then those of the worst
+        place. None else.
     late : how late the controller acts, where that shows; the viscous friction told is then what is left of it at the
         latest gains. None else.
     may_be_late : whether a delay that does not show may take away more damping than friction gives. No parameter has
@@ -158,8 +159,8 @@ class FrictionEstimate:
     alternatives: tuple[LawAlternative, ...] = ()
     drive: DriveGains | None = None
     dry: DryFriction | None = None
-    growth: Growth | None = None
-    late: Lateness | None = None
+    friction_factor: FrictionFactor | None = field(default=None, metadata={"key": "growth"})
+    late: DelayEstimate | None = None
     may_be_late: bool = False
     curvature: Curvature | None = None
 
@@ -266,8 +267,8 @@ class FrictionEstimate:
         if self.alternatives:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
             text += f"; the law may be {others} as well"
-        if self.growth is not None:
-            text += f"; {self.growth.text}"
+        if self.friction_factor is not None:
+            text += f"; {self.friction_factor.text}"
         if self.curvature is not None:
             text += f"; {self.curvature.text}"
         if self.may_be_late:
