@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model import _friction_law
-from stickslip_ros.model._joint_state import (
+from stickslip_ros.model._plant_state import (
     COULOMB,
     DAMPING,
     DEFLECTION,
@@ -48,10 +48,10 @@ from stickslip_ros.model._joint_state import (
     arrests,
     breaks_away,
     control,
-    remember,
+    push_velocity,
+    record_breakaway,
     risen_level,
     shape,
-    tell_slip,
 )
 
 ROOM = (10, 4)
@@ -217,7 +217,7 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
             share = state[VELOCITY] / (state[VELOCITY] - velocity)
             state[TIME] = time + share * size
             state[POSITION] += share * (room[_TRIAL, 0] - state[POSITION])
-            count = tell_slip(state, parameters, events, count)
+            count = record_breakaway(state, parameters, events, count)
             count = arrests(shape(state[TIME], 0.0, state, history, parameters, delayed), state, events, count)
         state[TIME] = time + size
         state[POSITION], state[VELOCITY] = room[_TRIAL, 0], velocity
@@ -239,8 +239,8 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
             )
         ):
             _rates(0.0, _TRIAL, state, history, parameters, delayed, course, room, _NOW)
-            remember(state[TIME], velocity, room[_NOW, 1], state, history)
-        count = tell_slip(state, parameters, events, count)
+            push_velocity(state[TIME], velocity, room[_NOW, 1], state, history)
+        count = record_breakaway(state, parameters, events, count)
     state[STEP] = step
     state[TIME] = end
     return count

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
-from stickslip_ros.model._joint_state import (
+from stickslip_ros.model._plant_state import (
     COULOMB,
     DAMPING,
     DEFLECTION,

@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from stickslip_ros.model import _joint_state
+from stickslip_ros.model import _plant_state
 from stickslip_ros.model.friction import (
     FRICTION_PARAMETERS,
     INERTIA,
@@ -71,7 +71,7 @@ def test_there_is_one_order() -> None:
     has the friction first.
     """
     whole = [parameter.name for parameter in (*JOINT_PARAMETERS, *PRESLIDING_PARAMETERS)]
-    assert list(indices(_joint_state).items()) == [(name, index) for index, name in enumerate(whole)]
+    assert list(indices(_plant_state).items()) == [(name, index) for index, name in enumerate(whole)]
     fitted, shape = _window_kernel.FITTED, _window_kernel.SHAPE
     assert indices(_window_kernel) == {name: index for index, name in enumerate(fitted)}
     assert set(fitted) == {parameter.name for parameter in JOINT_PARAMETERS} - {"coulomb"}

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip_ros.model import _joint_kernel as joint_kernel
-from stickslip_ros.model import _joint_state as at
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._friction_law import EXPONENTIAL, HESS_SOOM
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle

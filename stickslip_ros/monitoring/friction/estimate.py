@@ -58,7 +58,7 @@ class ParameterEstimate:
     identified: bool
 
 
-UNKNOWN = ParameterEstimate(value=math.nan, std=math.nan, identified=False)
+NOT_ESTIMATED = ParameterEstimate(value=math.nan, std=math.nan, identified=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +185,7 @@ class FrictionEstimate:
     def natural_frequency(self) -> ParameterEstimate:
         """ω [1/s] where the gains are unknown; NaN else, since it then depends on the gains."""
         if not self.normalised:
-            return UNKNOWN
+            return NOT_ESTIMATED
         value = math.exp(0.5 * self.logarithms[INERTIA])
         error = 0.5 * math.sqrt(max(float(self.covariance[INERTIA, INERTIA]), 0.0))
         return ParameterEstimate(value=value, std=value * error, identified=error <= IDENTIFIED and not self.mismatch)

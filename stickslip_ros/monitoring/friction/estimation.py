@@ -30,7 +30,7 @@ from stickslip_ros.monitoring.friction.dry_friction import dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
     DOES_NOT_FIT,
     IDENTIFIED,
-    UNKNOWN,
+    NOT_ESTIMATED,
     USABLE_ASIDE,
     Curvature,
     FrictionEstimate,
@@ -181,9 +181,9 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         normalised=problem.normalised,
         logarithms=fit.parameters[:PARAMETERS],
         covariance=np.zeros((PARAMETERS, PARAMETERS)),
-        coulomb=UNKNOWN,
-        load=UNKNOWN,
-        coulomb_and_load=UNKNOWN,
+        coulomb=NOT_ESTIMATED,
+        load=NOT_ESTIMATED,
+        coulomb_and_load=NOT_ESTIMATED,
         slips=problem.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
@@ -313,7 +313,7 @@ def estimate_from(
     without_drift, of_balance = problem.without_drift
     chosen = np.concatenate([without_drift, len(parameters) + of_balance])
     parameters, kinetic, covariance = parameters[without_drift], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]
-    coulomb = load = together = UNKNOWN
+    coulomb = load = together = NOT_ESTIMATED
     if not estimate.normalised:
         size = len(parameters)
         errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))

@@ -119,7 +119,7 @@ class FrictionLearner:
             last is None
             or self._wanted < _EVERY_SLIP
             or (self._state is not None and self._state.drifts)
-            or self._kept.is_elsewhere(cycle)
+            or self._kept.is_at_new_position(cycle)
             or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
             or any(
                 abs(float(getattr(cycle, name)) - float(getattr(last, name))) > _LIKE * abs(float(getattr(last, name)))
