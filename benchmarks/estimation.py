@@ -188,7 +188,7 @@ def _cost() -> None:
     updates = []
     for window in windows:
         begin = time.perf_counter()
-        learner.take(window)
+        learner.add_slip(window)
         taken = time.perf_counter() - begin
         if learner.estimate is not None:
             updates.append(taken)

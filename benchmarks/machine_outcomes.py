@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
@@ -178,9 +178,9 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
         if len(verdicts) > 1:
             continue
         probability = math.nan
-        belief, _ = believed(estimate, None, recording.gains)
-        if belief is not None and belief.uncertainty is not None:
-            probability = stick_slip_probability(belief.uncertainty, tried, velocity)
+        selected, _ = select_model(estimate, None, recording.gains)
+        if selected is not None and selected.uncertainty is not None:
+            probability = stick_slip_probability(selected.uncertainty, tried, velocity)
         usable = estimate is not None and estimate.usable
         found.append(Point(name=name, sticks=verdicts.pop(), probability=probability, usable=usable))
     return tuple(found)

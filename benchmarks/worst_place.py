@@ -88,9 +88,9 @@ def run(kind: str, seed: int) -> Outcome:
     estimate = monitor.assessment().estimate
     places = [machine.at(position) for position in recording.slips[:, 1]]
     worst, best = (chosen(places, key=lambda one: one.stribeck) for chosen in (max, min))
-    verdict, cured, damping, growth = math.nan, None, math.nan, None
+    verdict, cured, damping, friction_factor = math.nan, None, math.nan, None
     if estimate is not None and estimate.usable:
-        growth = estimate.growth
+        friction_factor = estimate.friction_factor
         verdict = _verdicts(estimate, worst, gains, velocity)
         limits = AdviceLimits()
         joint = estimate.joint()
@@ -109,8 +109,8 @@ def run(kind: str, seed: int) -> Outcome:
         seed=seed,
         slips=len(recording.slips),
         share=1.0 - best.stribeck / worst.stribeck,
-        found=growth.share if growth is not None else 0.0,
-        std=growth.std if growth is not None else 0.0,
+        found=friction_factor.share if friction_factor is not None else 0.0,
+        std=friction_factor.std if friction_factor is not None else 0.0,
         verdict=verdict,
         cured=cured,
         damping=damping,

@@ -140,7 +140,7 @@ def told(rests: list[Rest]) -> tuple[list[Cycle], float]:
     """The cycles among rests, and when the first was told [s]."""
     detector, cycles, first = CycleDetector(), [], math.inf
     for rest in rests:
-        found = detector.take(rest)
+        found = detector.add_rest(rest)
         if found and not cycles:
             first = rest.arrest
         cycles += found

@@ -123,7 +123,7 @@ def _use_verdict() -> None:
 
 def _use_simulation() -> None:
     from stickslip_ros.model.joint_simulation import simulate
-    from stickslip_ros.monitoring.friction.slip_fit import Tolerances, evidence
+    from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
     from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
     from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 
@@ -137,7 +137,7 @@ def _use_simulation() -> None:
         sample_interval=0.01,
     )  # fmt: skip
     problem = SlipProblem([window])
-    evidence(
+    fit_at_fixed_parameters(
         problem, Tolerances(), parameters=np.zeros(PARAMETERS), kinetic=np.zeros(1), unknowns=problem.detected(1.0),
         iterations=1,
     )  # fmt: skip

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -89,3 +89,21 @@ def test_what_is_no_tuple_is_refused(text: str, where: str) -> None:
     """Nor is one of another kind of thing; the text names which."""
     with pytest.raises(ValueError, match=where):
         from_plain(Several, {"numbers": [], "pairs": json.loads(text)})
+
+
+@dataclass(frozen=True)
+class Renamed:
+    """A field that had another name when files were written."""
+
+    jitter: float = field(metadata={"key": "stray"})
+    rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
+
+
+def test_a_renamed_field_keeps_its_key() -> None:
+    """Issue 37: files have the key that they always had, and no other."""
+    one = Renamed(jitter=0.5, rejected=("exponential",))
+    assert to_plain(one) == {"stray": 0.5, "hopeless": ["exponential"]}
+    assert from_plain(Renamed, {"stray": 0.5, "hopeless": ["exponential"]}) == one
+    assert from_plain(Renamed, {"stray": 0.5}) == Renamed(jitter=0.5)
+    with pytest.raises(ValueError, match="must have exactly hopeless, stray"):
+        from_plain(Renamed, {"jitter": 0.5})

@@ -73,7 +73,7 @@ DRY = DryFriction(
     coulomb=Term(value=8.0, std=0.01, significance=0.0),
     load=Term(value=1.0, std=0.01, significance=0.0),
     drift=Term(value=-8.0 * 0.05 / 60.0, std=1e-4, significance=1e-6),
-    told_apart=True,
+    distinguished=True,
     ripple=Ripple(
         amplitude=0.123, amplitude_std=0.01, period=0.05, period_std=1e-4, phase=0.0, phase_std=0.1, about=0.0,
         significance=1e-6, aliases=(),
@@ -96,7 +96,7 @@ def test_what_dry_friction_depends_on() -> None:
     )
     assert DRY.ripple is not None
     unsure = replace(
-        DRY, load=None, told_apart=False, load_dependence=None, ripple=replace(DRY.ripple, aliases=(0.01,))
+        DRY, load=None, distinguished=False, load_dependence=None, ripple=replace(DRY.ripple, aliases=(0.01,))
     )
     assert dry_friction_text(unsure) == (
         "Coulomb friction with any load varies by ±0.12 N·m with position, 20 times a radian (or 100 times: the slips "

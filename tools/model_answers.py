@@ -19,7 +19,7 @@ from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.controlled import natural_period
 from stickslip_ros.model.dimensionless import damping_for_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.hunting import hunting, largest_quiet_integral, least_quiet_stiffness
+from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.reversal import reversals, sine, triangle
 from stickslip_ros.model.verdict import exact_verdict
@@ -136,7 +136,7 @@ def hunting_case(index: int) -> Answer:
         "hunting": plain(hunting(joint, gains, conditions)),
     }
     if index in (2, 4):
-        found["largest_quiet_integral"] = largest_quiet_integral(joint, gains)
+        found["largest_quiet_integral"] = largest_non_hunting_integral(joint, gains)
         found["least_quiet_stiffness"] = least_quiet_stiffness(joint, gains)
     return found
 

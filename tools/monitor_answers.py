@@ -23,7 +23,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.adviser import AdviceQuestion, advise
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
-from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
+from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
@@ -118,7 +118,7 @@ def exact_of(state: Assessment, gains: Gains | None, joint: Joint | None = None)
     """Exact verdict on an assessed joint, or on another one in its place, as the node works it out."""
     question = ExactQuestion.on(state, gains, OperatingConditions())
     if question is None:
-        return UNKNOWN
+        return NOT_COMPUTED
     return (question if joint is None else replace(question, joint=joint, uncertainty=None)).verdict()
 
 
@@ -138,7 +138,7 @@ def advice(index: int) -> Answer:
     if index >= _WITHIN_THE_PAPER:
         kind, limits = BEYOND_THE_PAPER[index % 3], replace(limits, condition=Criterion.EXACT)
     if kind == "uncertain":
-        uncertainty = Uncertainty(joint=_drawn(joint, rng), stiffness=np.ones(DRAWS), doubt=0.01)
+        uncertainty = Uncertainty(joint=_drawn(joint, rng), stiffness=np.ones(DRAWS), error_floor=0.01)
     elif kind == "loop":
         limits = replace(limits, effort=20.0 * float(joint.friction.stribeck), bandwidth=math.inf)
         loop = ObservedLoop(sample_rate=50.0 * omega, tracking_error=2.0 * stretch, velocity_error=omega * stretch)

@@ -17,7 +17,7 @@ from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion, as_seen
+from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion, as_seen
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 
@@ -64,9 +64,9 @@ class Annotation:
         for name, state in states.items():
             exact = self._exact(name, state, joints[name])
             diagnoses.append(
-                joint_diagnostic(name, state, exact, UNKNOWN, warn_margin=self._warn_margin, silent_for=None)
+                joint_diagnostic(name, state, exact, NOT_COMPUTED, warn_margin=self._warn_margin, silent_for=None)
             )
-            rows.append(margin_row(state, exact, UNKNOWN))
+            rows.append(margin_row(state, exact, NOT_COMPUTED))
         self._write(DIAGNOSTICS, self._array(time, diagnoses), time + offset)
         self._write(
             MARGINS, self._writer.table(",".join(states), ",".join(MARGIN_FIELDS), np.array(rows)), time + offset
@@ -76,7 +76,7 @@ class Annotation:
         """The verdict by integration, worked out again where the question is another."""
         question = ExactQuestion.on(state, state.margin_gains, joint.settings.options.conditions)
         if question is None:
-            return UNKNOWN
+            return NOT_COMPUTED
         known = self._verdicts.get(name)
         if known is None or not known[0].answers(question):
             known = self._verdicts[name] = (question, question.verdict())

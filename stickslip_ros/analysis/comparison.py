@@ -29,8 +29,7 @@ from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import JUDGED
 from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
-from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD

@@ -136,17 +136,17 @@ class FollowedJoint:
         if samples is not None:
             self._pairing.add_samples(self.settings.samples_to_si(samples))
         # Many samples at once cost less; what is found does not depend on it.
-        return self._follow(self._pairing.take()) if self._pairing.waiting >= self._at_once else []
+        return self._follow(self._pairing.next_batch()) if self._pairing.waiting >= self._at_once else []
 
     def change_gains(self, gains: Gains) -> list[Cycle]:
         """From now on these gains are in force, in the controller's units; returns the cycles found meanwhile."""
-        found = self._follow(self._pairing.take())
+        found = self._follow(self._pairing.next_batch())
         self.monitor.gains = self.settings.to_si(gains)
         return found
 
     def end(self) -> list[Cycle]:
         """No more samples come; returns the cycles that they complete."""
-        found = self._follow(self._pairing.take(all_of_them=True))
+        found = self._follow(self._pairing.next_batch(all_of_them=True))
         closing = self.monitor.finish()
         if self._traces is not None and closing:
             self._traces.add(None, closing, self.monitor)

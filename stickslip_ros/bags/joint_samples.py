@@ -45,7 +45,7 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit:
                 pairing.add_samples(piece.samples[joint])
             if joint in piece.references:
                 pairing.add_references(piece.references[joint])
-    batch = pairing.take(all_of_them=True)
+    batch = pairing.next_batch(all_of_them=True)
     if batch is None:
         names = ", ".join(sorted(there)) or "none"
         raise RecordingError(f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --on)")

@@ -31,8 +31,7 @@ from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.interrupts import Interrupted
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
-from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
 from stickslip_ros.output import published as told

@@ -16,9 +16,8 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import HUNTING, OperatingConditions
-from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS
-from stickslip_ros.model.hunting import hunting, largest_quiet_integral, least_quiet_stiffness
+from stickslip_ros.model.friction import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS, Friction, Gains, Joint
+from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
@@ -171,7 +170,7 @@ def _hunting(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dic
         "amplitude": number(found.amplitude),
         "starts": list(found.starts),
         "unstable": list(found.unstable),
-        "largest_quiet_integral": number(largest_quiet_integral(joint, gains, conditions)) or None,
+        "largest_quiet_integral": number(largest_non_hunting_integral(joint, gains, conditions)) or None,
         "least_quiet_stiffness": number(least_quiet_stiffness(joint, gains, conditions)),
     }
 

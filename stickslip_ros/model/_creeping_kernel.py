@@ -18,9 +18,7 @@ from __future__ import annotations
 
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model import _friction_law
-from stickslip_ros.model._joint_state import (
-    CONTACT_DAMPING,
-    CONTACT_STIFFNESS,
+from stickslip_ros.model._plant_state import (
     COULOMB,
     DAMPING,
     DEFLECTION,
@@ -37,6 +35,8 @@ from stickslip_ros.model._joint_state import (
     LEVEL,
     LOAD,
     POSITION,
+    PRESLIDING_DAMPING,
+    PRESLIDING_STIFFNESS,
     RISE_TIME,
     STEP,
     STIFFNESS,
@@ -48,10 +48,10 @@ from stickslip_ros.model._joint_state import (
     arrests,
     breaks_away,
     control,
-    remember,
+    push_velocity,
+    record_breakaway,
     risen_level,
     shape,
-    tell_slip,
 )
 
 ROOM = (10, 4)
@@ -86,9 +86,11 @@ def _rates(elapsed, row, state, history, parameters, delayed, course, room, out)
     time = state[TIME] + elapsed
     yields = _yield_force(time, v, state, history, parameters, delayed)
     now = reference + reference_velocity * (time - start)
-    deflecting = v - parameters[CONTACT_STIFFNESS] * abs(v) * z / yields
+    deflecting = v - parameters[PRESLIDING_STIFFNESS] * abs(v) * z / yields
     force = control(x, v, integral, now, reference_velocity, parameters) - parameters[LOAD]
-    force -= parameters[CONTACT_STIFFNESS] * z + parameters[CONTACT_DAMPING] * deflecting + parameters[VISCOUS] * v
+    force -= (
+        parameters[PRESLIDING_STIFFNESS] * z + parameters[PRESLIDING_DAMPING] * deflecting + parameters[VISCOUS] * v
+    )
     room[out, 0] = v
     room[out, 1] = force / parameters[INERTIA]
     room[out, 2] = deflecting
@@ -114,7 +116,7 @@ def _stage(right, jacobian, out, room):
 @inlined()
 def _jacobian(step, yields, state, parameters, delayed):
     v, z = state[VELOCITY], state[DEFLECTION]
-    inertia, stiffness = parameters[INERTIA], parameters[CONTACT_STIFFNESS]
+    inertia, stiffness = parameters[INERTIA], parameters[PRESLIDING_STIFFNESS]
     steepness = 0.0
     if not delayed:
         scale = parameters[STRIBECK_VELOCITY]
@@ -122,8 +124,8 @@ def _jacobian(step, yields, state, parameters, delayed):
     sign = 1.0 if v >= 0.0 else -1.0
     by_velocity = 1.0 - stiffness * z * (sign / yields - abs(v) * steepness / (yields * yields))
     by_deflection = -stiffness * abs(v) / yields
-    damping = parameters[DAMPING] + parameters[VISCOUS] + parameters[CONTACT_DAMPING] * by_velocity
-    contact = stiffness + parameters[CONTACT_DAMPING] * by_deflection
+    damping = parameters[DAMPING] + parameters[VISCOUS] + parameters[PRESLIDING_DAMPING] * by_velocity
+    contact = stiffness + parameters[PRESLIDING_DAMPING] * by_deflection
     return (
         1.0 / (_GAMMA * step),
         parameters[STIFFNESS] / inertia,
@@ -164,7 +166,7 @@ def _try(step, state, history, parameters, delayed, course, room):
     _stage(_RIGHT, jacobian, _K4, room)
     for i in range(4):
         room[_TRIAL, i] += room[_K4, i]
-    length = (parameters[COULOMB] + parameters[STRIBECK]) / parameters[CONTACT_STIFFNESS]
+    length = (parameters[COULOMB] + parameters[STRIBECK]) / parameters[PRESLIDING_STIFFNESS]
     speed = max(abs(room[_STATE, 1]), abs(room[_TRIAL, 1]), parameters[STRIBECK_VELOCITY])
     return max(abs(room[_K4, 0]), abs(room[_K4, 2])) / (_TOLERANCE * length) + abs(room[_K4, 1]) / (_TOLERANCE * speed)
 
@@ -215,7 +217,7 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
             share = state[VELOCITY] / (state[VELOCITY] - velocity)
             state[TIME] = time + share * size
             state[POSITION] += share * (room[_TRIAL, 0] - state[POSITION])
-            count = tell_slip(state, parameters, events, count)
+            count = record_breakaway(state, parameters, events, count)
             count = arrests(shape(state[TIME], 0.0, state, history, parameters, delayed), state, events, count)
         state[TIME] = time + size
         state[POSITION], state[VELOCITY] = room[_TRIAL, 0], velocity
@@ -237,8 +239,8 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
             )
         ):
             _rates(0.0, _TRIAL, state, history, parameters, delayed, course, room, _NOW)
-            remember(state[TIME], velocity, room[_NOW, 1], state, history)
-        count = tell_slip(state, parameters, events, count)
+            push_velocity(state[TIME], velocity, room[_NOW, 1], state, history)
+        count = record_breakaway(state, parameters, events, count)
     state[STEP] = step
     state[TIME] = end
     return count

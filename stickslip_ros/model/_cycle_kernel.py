@@ -23,8 +23,8 @@ from stickslip_ros.model._slip_kernel import (
 
 SLIP_DURATION, SLIP_DISTANCE, DWELL, BREAKAWAY_LEVEL, ARREST_LEVEL = range(5)
 CYCLE_COLUMNS = 5
-PERSISTS, DIES, UNKNOWN = 1, 0, -1
-PATIENT, HASTY = 1.0, 0.15
+PERSISTS, DIES, NO_ANSWER = 1, 0, -1
+FULL_ACCURACY, COARSE = 1.0, 0.15
 
 _SHARPEST = 3000.0
 LARGEST_DAMPING_RATIO = 20.0
@@ -146,7 +146,7 @@ def persists(level, point, patience, prepared, nothing):
         oldest, oldest_gain, older, older_gain = older, older_gain, newest, newest_gain
         ends, duration, _, _, _, following, _ = cycle(level, point, 0.0, False, prepared, VERDICT_TOLERANCE, nothing)
         if ends != ARRESTED:
-            return (UNKNOWN if ends == UNDECIDED else DIES), level, jumped, above
+            return (NO_ANSWER if ends == UNDECIDED else DIES), level, jumped, above
         time += duration
         above = np.nan
         newest, newest_gain = level, following - level

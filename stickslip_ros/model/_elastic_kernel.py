@@ -13,9 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
-from stickslip_ros.model._joint_state import (
-    CONTACT_DAMPING,
-    CONTACT_STIFFNESS,
+from stickslip_ros.model._plant_state import (
     COULOMB,
     DAMPING,
     DEFLECTION,
@@ -26,6 +24,8 @@ from stickslip_ros.model._joint_state import (
     LEVEL,
     LOAD,
     POSITION,
+    PRESLIDING_DAMPING,
+    PRESLIDING_STIFFNESS,
     RISE_TIME,
     STIFFNESS,
     STRIBECK,
@@ -46,8 +46,8 @@ _EXACT = 1e-11  # of a step
 def _fill(time, parameters, propagators, which):
     """e^(Bt), ∫ e^(Bs) ds and ∫ (t − s) e^(Bs) ds over (0, t), of position, velocity and integral of the error."""
     inertia = parameters[INERTIA]
-    spring = (parameters[STIFFNESS] + parameters[CONTACT_STIFFNESS]) / inertia
-    damping = (parameters[DAMPING] + parameters[CONTACT_DAMPING] + parameters[VISCOUS]) / inertia
+    spring = (parameters[STIFFNESS] + parameters[PRESLIDING_STIFFNESS]) / inertia
+    damping = (parameters[DAMPING] + parameters[PRESLIDING_DAMPING] + parameters[VISCOUS]) / inertia
     drive = parameters[INTEGRAL_GAIN] / inertia
     for j in range(3):
         x, v, z = 1.0 * (j == 0), 1.0 * (j == 1), 1.0 * (j == 2)
@@ -79,7 +79,7 @@ def _moved(propagators, which, reference, reference_velocity, state, parameters,
         parameters[STIFFNESS] * ahead
         + parameters[DAMPING] * reference_velocity
         - parameters[LOAD]
-        - parameters[CONTACT_STIFFNESS] * state[DEFLECTION]
+        - parameters[PRESLIDING_STIFFNESS] * state[DEFLECTION]
     ) / inertia
     growth = parameters[STIFFNESS] * reference_velocity / inertia
     for i in range(3):
@@ -98,7 +98,7 @@ def _moved(propagators, which, reference, reference_velocity, state, parameters,
 def _excess(deflection, dwell, state, parameters):
     """The contact's force less what it can hold."""
     level = risen_level(state[LEVEL], parameters[STRIBECK], dwell, parameters[RISE_TIME])
-    return parameters[CONTACT_STIFFNESS] * abs(deflection) - parameters[COULOMB] - level
+    return parameters[PRESLIDING_STIFFNESS] * abs(deflection) - parameters[COULOMB] - level
 
 
 @helper()
@@ -110,8 +110,8 @@ def _excess_after(moved, time, state, parameters):
 def longest_step(parameters):
     """So short that no peak is missed."""
     inertia = parameters[INERTIA]
-    spring = abs(parameters[STIFFNESS] + parameters[CONTACT_STIFFNESS]) / inertia
-    damping = abs(parameters[DAMPING] + parameters[CONTACT_DAMPING] + parameters[VISCOUS]) / inertia
+    spring = abs(parameters[STIFFNESS] + parameters[PRESLIDING_STIFFNESS]) / inertia
+    damping = abs(parameters[DAMPING] + parameters[PRESLIDING_DAMPING] + parameters[VISCOUS]) / inertia
     return _ANGLE / max(np.sqrt(spring), damping)
 
 

@@ -19,9 +19,8 @@ from stickslip_ros.compilation import helper, inlined, kernel
 from stickslip_ros.model._creeping_kernel import ROOM, creep_until
 from stickslip_ros.model._elastic_kernel import PROPAGATORS, hold_until
 from stickslip_ros.model._friction_law import CREEPING, RIGID
-from stickslip_ros.model._joint_state import (
+from stickslip_ros.model._plant_state import (
     CONTACT,
-    CONTACT_STIFFNESS,
     COULOMB,
     DAMPING,
     DEADBAND,
@@ -43,6 +42,7 @@ from stickslip_ros.model._joint_state import (
     LOAD,
     MEASURED,
     POSITION,
+    PRESLIDING_STIFFNESS,
     PUSH,
     RESOLUTION,
     RISE_TIME,
@@ -57,10 +57,10 @@ from stickslip_ros.model._joint_state import (
     breaks_away,
     control,
     instant_shape,
-    remember,
+    push_velocity,
+    record_breakaway,
     risen_level,
     shape,
-    tell_slip,
 )
 
 _MOST_EVENTS = 64  # in one sampling period
@@ -173,12 +173,12 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
             else:
                 broken = hold_until(period_end, reference, velocity_d, state, parameters, propagators, kept, out)
             if broken:
-                count = tell_slip(state, parameters, events, count)
+                count = record_breakaway(state, parameters, events, count)
                 moved_on = reference + velocity_d * (state[TIME] - time)
                 acceleration = _acceleration(
                     state[POSITION], state[VELOCITY], state[INTEGRAL], moved_on, velocity_d, 1.0, state, parameters
                 )
-                remember(state[TIME], state[VELOCITY], acceleration, state, history)
+                push_velocity(state[TIME], state[VELOCITY], acceleration, state, history)
             continue
         size = min(longest, period_end - time)
         if delayed:
@@ -208,8 +208,8 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
             if contact != RIGID:
                 # The contact is as far out as it can be, and springs back.
                 held = parameters[COULOMB] + state[LEVEL] * psi
-                state[DEFLECTION] = direction * held / parameters[CONTACT_STIFFNESS]
-                count = tell_slip(state, parameters, events, count)
+                state[DEFLECTION] = direction * held / parameters[PRESLIDING_STIFFNESS]
+                count = record_breakaway(state, parameters, events, count)
             count = arrests(psi, state, events, count)
             continue
         state[TIME] = time + size
@@ -218,8 +218,8 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
         acceleration = _acceleration(
             out[0], out[1], out[2], reference + velocity_d * size, velocity_d, shape_2, state, parameters
         )
-        remember(state[TIME], out[1], acceleration, state, history)
-        count = tell_slip(state, parameters, events, count)
+        push_velocity(state[TIME], out[1], acceleration, state, history)
+        count = record_breakaway(state, parameters, events, count)
     state[TIME] = period_end
     return count
 

@@ -14,23 +14,21 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined, kernel
 from stickslip_ros.model import _friction_law
 from stickslip_ros.model._cycle_kernel import (
+    COARSE,
     DIES,
-    HASTY,
-    PATIENT,
+    FULL_ACCURACY,
+    NO_ANSWER,
     PERSISTS,
-    UNKNOWN,
     VERDICT_TOLERANCE,
     cycle,
     feasible,
     last_level,
     persists,
 )
-from stickslip_ros.model._slip_kernel import ARRESTED, prepare
-from stickslip_ros.model._slip_kernel import STEADY as _SETTLED
-from stickslip_ros.model._slip_kernel import SWINGS as _SWUNG
+from stickslip_ros.model._slip_kernel import ARRESTED, SETTLED, SWUNG, prepare
 from stickslip_ros.model._stability_kernel import stable_ratio
 
-PERSISTENCE, GLANCE, CRITICAL_RATIO, OUTCOME, STEADY_RATIO = range(5)  # questions
+PERSISTENCE, COARSE_PERSISTENCE, CRITICAL_RATIO, OUTCOME, STEADY_RATIO = range(5)  # questions
 STEADY, SWINGS, UNDECIDED, STICKS = range(4)  # the better the less
 STARTS = 2  # columns: stuck, and the worst of those that slide
 _ABOVE = (1.0, 2.0)  # times the commanded speed, more than that
@@ -47,7 +45,7 @@ _stribeck_slope = inlined()(_friction_law.stribeck_slope)
 
 @inlined()
 def _outcome_of(ends):
-    return STEADY if ends == _SETTLED else SWINGS if ends == _SWUNG else UNDECIDED
+    return STEADY if ends == SETTLED else SWINGS if ends == SWUNG else UNDECIDED
 
 
 @inlined()
@@ -67,7 +65,7 @@ def _outcome(point, above, prepared, nothing):
         level = following
     for _ in range(_MOST_RETURNS):
         first = level
-        verdict, level, jumped, above = persists(first, point, PATIENT, prepared, nothing)
+        verdict, level, jumped, above = persists(first, point, FULL_ACCURACY, prepared, nothing)
         if verdict != DIES:
             return STICKS if verdict == PERSISTS else UNDECIDED
         if jumped:
@@ -97,27 +95,27 @@ def _from_above(point, prepared, nothing):
 @helper()
 def _sticks(point, patience, nothing):
     if not feasible(point[0], point[1], point[2], point[3]):
-        return UNKNOWN
+        return NO_ANSWER
     return persists(point[1], point, patience, prepare(point[0], point[1], point[2], point[3], 1.0), nothing)[0]
 
 
 @inlined()
 def _critical(point, guess, largest, tolerance, nothing):
-    undamped = _sticks(_with_ratio(0.0, point), PATIENT, nothing)
+    undamped = _sticks(_with_ratio(0.0, point), FULL_ACCURACY, nothing)
     if undamped != PERSISTS:
         return 0.0 if undamped == DIES else np.nan
     low, high = 0.0, min(guess, largest)
     while True:
-        verdict = _sticks(_with_ratio(high, point), HASTY, nothing)
-        if verdict == UNKNOWN or (verdict == PERSISTS and high >= largest):
+        verdict = _sticks(_with_ratio(high, point), COARSE, nothing)
+        if verdict == NO_ANSWER or (verdict == PERSISTS and high >= largest):
             return np.nan
         if verdict == DIES:
             break
         low, high = high, min(2.0 * high, largest)
     while high - low > tolerance * high and high > _LEAST_RATIO:
         middle = 0.5 * (low + high)
-        verdict = _sticks(_with_ratio(middle, point), HASTY, nothing)
-        if verdict == UNKNOWN:
+        verdict = _sticks(_with_ratio(middle, point), COARSE, nothing)
+        if verdict == NO_ANSWER:
             return np.nan
         if verdict == PERSISTS:
             low = middle
@@ -126,7 +124,7 @@ def _critical(point, guess, largest, tolerance, nothing):
     # Just below the boundary the haste may have been too great.
     for _ in range(_MOST_CONFIRMED):
         below = _CONFIRMED * low
-        if below <= _LEAST_RATIO or _sticks(_with_ratio(below, point), PATIENT, nothing) != DIES:
+        if below <= _LEAST_RATIO or _sticks(_with_ratio(below, point), FULL_ACCURACY, nothing) != DIES:
             break
         low, high = _CONFIRMED * below, below
     return 0.5 * (low + high)
@@ -167,7 +165,8 @@ def _steady_ratio(point, guess, largest, tolerance, nothing):
 def answer(question, damping_ratios, stribecks, velocities, lags, rise_times, law, guesses, largest, tolerance, found):
     """Fill ``found`` (points, 2), or its first column. One kernel for all questions is compiled in the time of one.
 
-    PERSISTENCE : PERSISTS, DIES or UNKNOWN of a joint that is stuck to begin with. GLANCE : the same in haste.
+    PERSISTENCE : PERSISTS, DIES or NO_ANSWER of a joint that is stuck to begin with.
+    COARSE_PERSISTENCE : the same by fewer cycles.
     CRITICAL_RATIO : damping ratio at which the cycle just dies out, bisected to a relative tolerance. 0 where it dies
         undamped, NaN where even ``largest`` does not end it or the integration is refused; ``guesses`` > 0 say where
         to look first.
@@ -178,8 +177,8 @@ def answer(question, damping_ratios, stribecks, velocities, lags, rise_times, la
     nothing = np.empty((0, 4))
     for i in range(stribecks.shape[0]):
         point = (damping_ratios[i], stribecks[i], velocities[i], lags[i], rise_times[i], law)
-        if question <= GLANCE:
-            found[i, 0] = _sticks(point, PATIENT if question == PERSISTENCE else HASTY, nothing)
+        if question <= COARSE_PERSISTENCE:
+            found[i, 0] = _sticks(point, FULL_ACCURACY if question == PERSISTENCE else COARSE, nothing)
         elif question == CRITICAL_RATIO:
             found[i, 0] = _critical(point, guesses[i], largest, tolerance, nothing)
         elif question == STEADY_RATIO:

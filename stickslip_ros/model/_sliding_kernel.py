@@ -17,7 +17,7 @@ from stickslip_ros.model._stability_kernel import stable_ratio
 
 GOES_ON, SETTLES, SWINGS_ON, NO_ARREST, NOBODY_KNOWS = range(5)
 WINDOW_END = 0
-_LENGTH, _LARGEST, _BEFORE, _CHANGE, _LIMIT, _QUIET, _ALIKE, _WINDOWS, _BLOCK, _BLOCK_BEFORE, _STABLE = range(1, 12)
+_LENGTH, _LARGEST, _BEFORE, _CHANGE, _LIMIT, _QUIET, _SAME, _WINDOWS, _BLOCK, _BLOCK_BEFORE, _STABLE = range(1, 12)
 
 _WINDOW = 4.0 * 2.0 * np.pi
 _LAGS = 3.0  # in a window
@@ -35,8 +35,8 @@ _MOST_BLOCKS = 6
 
 
 @inlined()
-def watch(lag):
-    """What is noted of a joint that slides on, before the first window."""
+def new_watch(lag):
+    """State of the judgement of a joint that slides on, before the first window."""
     watched = np.zeros(12)
     watched[_LENGTH] = max(_WINDOW, _LAGS * lag)
     watched[WINDOW_END] = watched[_LENGTH]
@@ -46,13 +46,13 @@ def watch(lag):
 
 
 @inlined()
-def see(watched, departure):
+def note_departure(watched, departure):
     """Note a departure from the commanded speed."""
     watched[_LARGEST] = max(watched[_LARGEST], departure)
 
 
 @helper()
-def look(watched, time, velocity, slope, damping_ratio, lag, follow):
+def judge_window(watched, time, velocity, slope, damping_ratio, lag, follow):
     """At the end of a window: whether the joint settles, swings on, or goes on to be watched.
 
     Without ``follow`` all that is asked is whether it stops: NO_ARREST where its departures do not grow.

@@ -43,12 +43,12 @@ from stickslip_ros.model._linear_step import (
     multiply,
     roughness,
 )
-from stickslip_ros.model._sliding_kernel import GOES_ON, WINDOW_END, look, see, watch
+from stickslip_ros.model._sliding_kernel import GOES_ON, WINDOW_END, judge_window, new_watch, note_departure
 
 # How a slip ends. A joint that slides on does not come to a stop, whatever else it does.
-ARRESTED, SLIDES_ON, STEADY, SWINGS, UNDECIDED, TOO_ROUGH = range(6)
+ARRESTED, SLIDES_ON, SETTLED, SWUNG, UNDECIDED, TOO_ROUGH = range(6)
 
-_END = (UNDECIDED, STEADY, SWINGS, SLIDES_ON, UNDECIDED)  # for what _sliding_kernel tells
+_END = (UNDECIDED, SETTLED, SWUNG, SLIDES_ON, UNDECIDED)  # for what _sliding_kernel tells
 _NO_ARREST_BEFORE = 0.5  # a joint that has just left still gains speed
 _TOUCH = 1e-11  # of the commanded velocity: a dip that ends so close above zero touches it
 _MOST_SWEEPS = 30
@@ -146,7 +146,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
         for j in range(POINTS):
             coefficients[j] = 0.0
         coefficients[0] = level * shape
-        _remember(latest, index, time, position, speed, coefficients)
+        _push_velocity(latest, index, time, position, speed, coefficients)
         position, speed, acceleration, _ = inside(lag, damping_ratio, position, speed, coefficients, responses)
         time = lag
         index = 1
@@ -155,7 +155,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
     minimum, drop, rises = np.inf, np.inf, 0
     forgets = lag <= _SHORT_LAG
     slope = -_stribeck_slope(law, level, velocity)
-    watched = watch(lag)
+    watched = new_watch(lag)
     while True:
         vector[0] = position
         vector[1] = speed
@@ -188,7 +188,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
             multiply(matrices, halving, vector, result)
             if lag > 0.0:
                 fit_friction(vector, step, coefficients)
-                _remember(latest, index, time, position, speed, coefficients)
+                _push_velocity(latest, index, time, position, speed, coefficients)
             if left_over < 1e-3 * rough and halving > 0:
                 halving -= 1
         friction = 0.0
@@ -239,10 +239,10 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
             _record(record, recorded, time, position, speed, friction / level if level > 0.0 else 1.0)
             recorded += 1
         for j in range(POINTS):
-            see(watched, abs(result[j]))
-        see(watched, abs(speed))
+            note_departure(watched, abs(result[j]))
+        note_departure(watched, abs(speed))
         if time > watched[WINDOW_END]:
-            becomes = look(watched, time, velocity, slope, damping_ratio, lag, follow)
+            becomes = judge_window(watched, time, velocity, slope, damping_ratio, lag, follow)
             if becomes != GOES_ON:
                 ends = _END[becomes]
                 return ends, time, position, 0.0, 0.0, recorded
@@ -257,7 +257,7 @@ def _fill(halving, step, lag, lag_steps, damping_ratio, matrices, lagged_rows, f
 
 
 @helper()
-def _remember(latest, index, time, position, speed, coefficients):
+def _push_velocity(latest, index, time, position, speed, coefficients):
     row = index % latest.shape[0]
     latest[row, 0] = time
     latest[row, 1] = position

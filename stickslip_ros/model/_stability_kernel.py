@@ -33,15 +33,15 @@ def stable_ratio(slope, lag):
     # |ν² − 1| <= c ν: every such frequency is within.
     fastest = 0.5 * (slope + np.sqrt(slope * slope + 4.0))
     slowest = 1.0 / fastest
-    looks = np.ceil(_LOOKS + _LOOKS_A_RADIAN * (fastest - slowest) * lag)
-    if looks > _MOST_LOOKS:
+    parts = np.ceil(_LOOKS + _LOOKS_A_RADIAN * (fastest - slowest) * lag)
+    if parts > _MOST_LOOKS:
         return np.nan
-    step = (fastest - slowest) / looks
+    step = (fastest - slowest) / parts
     largest = 0.0
     low = slowest
     balance_low = low * low - 1.0 + slope * low * np.sin(low * lag)
-    for look in range(int(looks)):
-        high = slowest + (look + 1) * step
+    for part in range(int(parts)):
+        high = slowest + (part + 1) * step
         balance_high = high * high - 1.0 + slope * high * np.sin(high * lag)
         if balance_low * balance_high <= 0.0:
             largest = max(largest, 0.5 * slope * np.cos(_crossing(low, high, balance_low, slope, lag) * lag))

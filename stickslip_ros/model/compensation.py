@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model import _joint_state as at
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.friction import Friction, Real, steady_friction
 

@@ -33,7 +33,7 @@ _KICK = 2.0  # times what static friction holds: how far off a joint begins that
 _WORSE, _LITTLE = 1.02, 0.05  # as a factor, and as a share of the error at the reversal: what does not count
 _MORE_DAMPING = 1.05  # as a factor on ρ_c, likewise
 _ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
-_HELD = 10.0  # times what static friction holds: half of the way between two reversals
+_REVERSAL_RANGE = 10.0  # times what static friction holds: half of the way between two reversals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,7 +237,7 @@ def largest_harmless_share(
 
 def _turning(joint: Joint, gains: Gains, speed: float, held: float) -> ReferenceMotion:
     """A triangle so long that friction is met and left behind between the reversals."""
-    amplitude = _HELD * held + 2.0 * speed * natural_period(joint, gains)
+    amplitude = _REVERSAL_RANGE * held + 2.0 * speed * natural_period(joint, gains)
     motion = triangle(amplitude, speed / (4.0 * amplitude), joint, gains)
     if gains.integral:
         return motion  # as long as the integral needs

@@ -26,13 +26,13 @@ _SETTLED = 1e-6  # relative change of the breakaway level from one cycle to the 
 _BLOCK = 10  # cycles whose mean is compared where levels do not settle
 _BLOCK_DROP = 0.01
 _MOST_CYCLES = 400
-_ALIKE, _ALIKE_IN_A_ROW = 2e-3, 3  # of a swing, from eight natural periods to the next
+_SAME_SWING, _REPEATS = 2e-3, 3  # of a swing, from eight natural periods to the next
 _MOST_PERIODS = 1000
 _PERIODS_AT_ONCE = 8
 _SAMPLES_A_PERIOD = 64
 _SLIDING_PERIODS = 16
 _BLOCKS, _GOES_ON = 6, 0.98  # of eight natural periods, as many of which are compared, where a joint is compensated
-_MOST_BLOCKS, _ALIKE_DITHERED = 25, 0.02  # likewise under dither
+_MOST_BLOCKS, _SAME_DITHERED = 25, 0.02  # likewise under dither
 _AT_REST = 0.01  # of the commanded speed, between like phases of a dither
 _MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1  # the latter of a sample
 _FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above which sampling is not followed
@@ -118,7 +118,7 @@ def _course(
     reach = abs(force) / stiffness + speed * natural
     sticks = ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
     levels: list[float] = []
-    slowest_before, last_event, swing_before, alike = -math.inf, 0.0, math.inf, 0
+    slowest_before, last_event, swing_before, repeats = -math.inf, 0.0, math.inf, 0
     swings: list[float] = []
     while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
@@ -143,12 +143,12 @@ def _course(
             steady = max(swings[-_BLOCKS:]) <= STEADY_SWING
             return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if steady else Outcome.SWINGS)
         if slides and slowest >= slowest_before:
-            alike = alike + 1 if abs(swing - swing_before) <= _ALIKE * swing else 0
+            repeats = repeats + 1 if abs(swing - swing_before) <= _SAME_SWING * swing else 0
             if not to_the_end:
                 return ControlledCourse(persists=0.0)
             if swing <= STEADY_SWING and swing <= swing_before:
                 return ControlledCourse(persists=0.0, outcome=Outcome.STEADY)
-            if alike >= _ALIKE_IN_A_ROW:
+            if repeats >= _REPEATS:
                 return ControlledCourse(persists=0.0, outcome=Outcome.SWINGS)
             swing_before = swing
         slowest_before = slowest
@@ -197,9 +197,9 @@ def _dithered_course(
         last = position[-phases:]
         mean_speed = (position[phases:] - position[:-phases]) / (phases * period * speed)
         seen.append((float(mean_speed.min()), float(np.abs(mean_speed - 1.0).max())))
-        if len(seen) > _ALIKE_IN_A_ROW and np.ptp(seen[-_ALIKE_IN_A_ROW:], axis=0).max() <= _ALIKE_DITHERED:
+        if len(seen) > _REPEATS and np.ptp(seen[-_REPEATS:], axis=0).max() <= _SAME_DITHERED:
             break
-    slowest, swing = np.array(seen[-_ALIKE_IN_A_ROW:]).T
+    slowest, swing = np.array(seen[-_REPEATS:]).T
     if slowest.min() <= _AT_REST:
         return ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
     return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS)

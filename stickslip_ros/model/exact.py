@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model import _outcome_kernel as kernel
 from stickslip_ros.model._cycle_kernel import LARGEST_DAMPING_RATIO as _LARGEST
-from stickslip_ros.model._cycle_kernel import PERSISTS, UNKNOWN
+from stickslip_ros.model._cycle_kernel import NO_ANSWER, PERSISTS
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.dimensionless import (
@@ -43,11 +43,11 @@ _SCAN_STEPS_A_DECADE = 12
 Progress = Callable[[int, int], None]
 
 
-def cycle_persists(groups: DimensionlessGroups, *, patient: bool = True) -> float | NDArray[np.float64]:
+def cycle_persists(groups: DimensionlessGroups, *, full_accuracy: bool = True) -> float | NDArray[np.float64]:
     """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever.
 
-    With a long lag it may take thousands of natural periods to die out; who is not ``patient`` takes what goes on for
-    hundreds to go on for ever.
+    With a long lag the cycle may take thousands of natural periods to die out. Without ``full_accuracy`` a cycle that
+    goes on for hundreds of periods counts as one that goes on for ever.
 
     Returns
     -------
@@ -60,8 +60,8 @@ def cycle_persists(groups: DimensionlessGroups, *, patient: bool = True) -> floa
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
     shape, points = point_arrays(groups)
-    verdicts = ask(kernel.PERSISTENCE if patient else kernel.GLANCE, points, groups.law)[:, 0]
-    answers = np.where(verdicts == UNKNOWN, np.nan, verdicts == PERSISTS)
+    verdicts = evaluate(kernel.PERSISTENCE if full_accuracy else kernel.COARSE_PERSISTENCE, points, groups.law)[:, 0]
+    answers = np.where(verdicts == NO_ANSWER, np.nan, verdicts == PERSISTS)
     return float(answers[0]) if shape == () else answers.reshape(shape)
 
 
@@ -95,11 +95,11 @@ def exact_critical_damping_ratio(
     shape, points = point_arrays(undamped)
     paper = np.asarray(critical_damping_ratio(undamped), dtype=float)
     guesses = np.broadcast_to(np.where((paper > 0) & np.isfinite(paper), paper, 0.3), shape).ravel()
-    found = ask(kernel.CRITICAL_RATIO, points, groups.law, guesses.copy(), tolerance, workers, progress)[:, 0]
+    found = evaluate(kernel.CRITICAL_RATIO, points, groups.law, guesses.copy(), tolerance, workers, progress)[:, 0]
     return float(found[0]) if shape == () else found.reshape(shape)
 
 
-def ask(
+def evaluate(
     question: int,
     points: list[NDArray[np.float64]],
     law: str,

@@ -4,16 +4,20 @@
 
 All quantities are in SI units of rotation; a prismatic joint uses N, N·s/m, m/s and kg through the
 same code. Equation numbers are those of Armstrong-Hélouvry (1993).
+
+`JOINT_PARAMETERS` and `PRESLIDING_PARAMETERS` are the one table of the parameters, and its order is the one order: a
+vector of some of them, in a kernel or a fit, has them in the same sequence.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import (
@@ -29,17 +33,98 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 
 
 @dataclass(frozen=True, kw_only=True)
+class FrictionParameter:
+    """Row of the table: a parameter of a joint and of its friction.
+
+    The parameters of a joint whose gains are unknown are divided by its inertia, which then is 1.
+
+    Attributes
+    ----------
+    name : field of :class:`Friction` or :class:`Joint`; key in files and in every output.
+    unit, unit_per_inertia : for people; :func:`~stickslip_ros.model.units.in_ascii` makes keys of them.
+    label : as tables for people have it. symbol : of the paper. help : as help texts of options have it, without unit.
+    require : raises InvalidParameterError, with the name and the value, for a value out of bounds.
+    """
+
+    name: str
+    unit: str
+    unit_per_inertia: str
+    label: str
+    symbol: str
+    help: str
+    require: Callable[[str, ArrayLike], None]
+
+    @property
+    def is_force(self) -> bool:
+        """Whether the parameter is divided by the inertia, where that is not known."""
+        return self.name != "inertia" and self.unit != self.unit_per_inertia
+
+    def unit_where(self, *, per_inertia: bool) -> str:
+        """The unit of a value that is, or is not, per inertia."""
+        return self.unit_per_inertia if per_inertia else self.unit
+
+
+INERTIA = FrictionParameter(
+    name="inertia", unit="kg·m²", unit_per_inertia="1", label="inertia", symbol="M", help="inertia",
+    require=require_positive,
+)  # fmt: skip
+FRICTION_PARAMETERS = (
+    FrictionParameter(
+        name="coulomb", unit="N·m", unit_per_inertia="rad/s²", label="Coulomb friction", symbol="F_k",
+        help="Coulomb friction F_k", require=require_not_negative,
+    ),
+    FrictionParameter(
+        name="viscous", unit="N·m·s/rad", unit_per_inertia="1/s", label="viscous friction", symbol="F_v",
+        help="viscous friction F_v", require=require_not_negative,
+    ),
+    FrictionParameter(
+        name="stribeck", unit="N·m", unit_per_inertia="rad/s²", label="Stribeck friction after a long rest",
+        symbol="F_s∞", help="F_s∞, static friction in excess of Coulomb friction", require=require_not_negative,
+    ),
+    FrictionParameter(
+        name="stribeck_velocity", unit="rad/s", unit_per_inertia="rad/s", label="Stribeck velocity", symbol="x˙_s",
+        help="Stribeck velocity", require=require_positive,
+    ),
+    FrictionParameter(
+        name="lag", unit="s", unit_per_inertia="s", label="lag of friction (frictional memory)", symbol="τ_L",
+        help="frictional memory τ_L", require=require_not_negative,
+    ),
+    FrictionParameter(
+        name="rise_time", unit="s", unit_per_inertia="s", label="rise time of static friction", symbol="γ",
+        help="rise time γ of static friction", require=require_not_negative,
+    ),
+)  # fmt: skip
+JOINT_PARAMETERS = (INERTIA, *FRICTION_PARAMETERS)
+PRESLIDING_PARAMETERS = (
+    FrictionParameter(
+        name="presliding_stiffness", unit="N·m/rad", unit_per_inertia="N·m/rad", label="presliding stiffness",
+        symbol="σ₀", help="presliding stiffness σ₀ (default: infinite)", require=require_positive_or_infinite,
+    ),
+    FrictionParameter(
+        name="presliding_damping", unit="N·m·s/rad", unit_per_inertia="N·m·s/rad", label="presliding damping",
+        symbol="σ₁", help="presliding damping σ₁", require=require_not_negative,
+    ),
+)  # of a contact that is not rigid  # fmt: skip
+_BY_NAME = {parameter.name: parameter for parameter in (*JOINT_PARAMETERS, *PRESLIDING_PARAMETERS)}
+
+
+def _unit(name: str) -> dict[str, str]:
+    """Metadata of a field that is a parameter of the table."""
+    return {"unit": _BY_NAME[name].unit}
+
+
+@dataclass(frozen=True, kw_only=True)
 class Friction:
     """A friction law and its parameters; each a float or an array (they broadcast together).
 
     Attributes
     ----------
+    coulomb : F_k [N·m], kinetic friction; it cancels from every stability result.
+    viscous : F_v [N·m·s/rad].
     stribeck : F_s∞ [N·m], Stribeck (excess static) friction after long contact.
     stribeck_velocity : x˙_s [rad/s], characteristic velocity of the Stribeck curve.
     lag : τ_L [s], frictional memory.
     rise_time : γ [s], characteristic time of the rise of static friction.
-    viscous : F_v [N·m·s/rad].
-    coulomb : F_k [N·m], kinetic friction; it cancels from every stability result.
     law : how Stribeck friction falls with speed, Ψ of Eq. (5). "hess_soom", 1/(1 + (x˙/x˙_s)²) after Hess and Soom,
         is the paper's, and the only one that Eq. (43) holds for; "exponential" is exp(−(x˙/x˙_s)²).
     presliding_stiffness : σ₀ [N·m/rad], of the contact before it breaks away, see
@@ -54,22 +139,20 @@ class Friction:
         contact is not known. An infinite presliding stiffness is none.
     """
 
-    stribeck: Real = field(metadata={"unit": "N·m"})
-    stribeck_velocity: Real = field(metadata={"unit": "rad/s"})
-    lag: Real = field(default=0.0, metadata={"unit": "s"})
-    rise_time: Real = field(default=0.0, metadata={"unit": "s"})
-    viscous: Real = field(default=0.0, metadata={"unit": "N·m·s/rad"})
-    coulomb: Real = field(default=0.0, metadata={"unit": "N·m"})
+    coulomb: Real = field(default=0.0, metadata=_unit("coulomb"))
+    viscous: Real = field(default=0.0, metadata=_unit("viscous"))
+    stribeck: Real = field(metadata=_unit("stribeck"))
+    stribeck_velocity: Real = field(metadata=_unit("stribeck_velocity"))
+    lag: Real = field(default=0.0, metadata=_unit("lag"))
+    rise_time: Real = field(default=0.0, metadata=_unit("rise_time"))
     law: str = PAPERS_LAW
-    presliding_stiffness: Real = field(default=math.inf, metadata={"unit": "N·m/rad"})
-    presliding_damping: Real = field(default=0.0, metadata={"unit": "N·m·s/rad"})
+    presliding_stiffness: Real = field(default=math.inf, metadata=_unit("presliding_stiffness"))
+    presliding_damping: Real = field(default=0.0, metadata=_unit("presliding_damping"))
     contact: str = ELASTO_PLASTIC
 
     def __post_init__(self) -> None:
-        require_positive("stribeck_velocity", self.stribeck_velocity)
-        require_positive_or_infinite("presliding_stiffness", self.presliding_stiffness)
-        for name in ("stribeck", "lag", "rise_time", "viscous", "coulomb", "presliding_damping"):
-            require_not_negative(name, getattr(self, name))
+        for parameter in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS):
+            parameter.require(parameter.name, getattr(self, parameter.name))
         if not isinstance(self.law, str) or self.law not in LAWS:
             raise InvalidParameterError("law", f"one of {', '.join(LAWS)}", self.law)
         if not isinstance(self.contact, str) or self.contact not in CONTACTS:
@@ -119,12 +202,12 @@ class Joint:
         If the inertia is not finite and > 0, or the delay is not finite or negative.
     """
 
-    inertia: Real = field(metadata={"unit": "kg·m²"})
+    inertia: Real = field(metadata=_unit("inertia"))
     friction: Friction
     actuation_delay: Real = field(default=0.0, metadata={"unit": "s"})
 
     def __post_init__(self) -> None:
-        require_positive("inertia", self.inertia)
+        INERTIA.require("inertia", self.inertia)
         require_not_negative("actuation_delay", self.actuation_delay)
 
     @property

@@ -94,7 +94,7 @@ def hunting(joint: Joint, gains: Gains, conditions: OperatingConditions | None =
     )
 
 
-def largest_quiet_integral(joint: Joint, gains: Gains, conditions: OperatingConditions | None = None) -> float:
+def largest_non_hunting_integral(joint: Joint, gains: Gains, conditions: OperatingConditions | None = None) -> float:
     """Largest k_i [N·m/(rad·s)] up to the present one below which it settles; 0 if it does with none that is tried.
 
     Tried are twelve of three decades, then what lies between: from each of the starts, and from the motion with which
@@ -108,7 +108,7 @@ def largest_quiet_integral(joint: Joint, gains: Gains, conditions: OperatingCond
 def least_quiet_stiffness(joint: Joint, gains: Gains, conditions: OperatingConditions | None = None) -> float:
     """Least k_p [N·m/rad] from the present one up beyond which it settles; infinite if it does with none that is tried.
 
-    Tried as by :func:`largest_quiet_integral`.
+    Tried as by :func:`largest_non_hunting_integral`.
     """
     least = float(gains.stiffness)
     tried = least * 10.0 ** (np.arange(_DECADES * _A_DECADE + 1.0) / _A_DECADE)
@@ -219,7 +219,7 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         if runs_away(joint, gains, conditions, errors, reach):
             return _GROWN
         for event in motion.events:
-            slips.take(event)
+            slips.add_event(event)
         if slips.hunts(unstable=unstable):
             return slips.hunting(joint, gains)
         if unstable and slips.grow():
@@ -268,7 +268,7 @@ class _Slips:
         self._begun: list[float] = []
         self._one_way = 0
 
-    def take(self, event: Event) -> None:
+    def add_event(self, event: Event) -> None:
         if event.kind is EventKind.BREAKAWAY:
             self._from = event
             return

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _joint_kernel as kernel
-from stickslip_ros.model import _joint_state as at
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._friction_law import CONTACTS, LAWS, RIGID
 from stickslip_ros.model._validation import require_finite, require_positive
 from stickslip_ros.model.compensation import Compensation
@@ -32,8 +32,8 @@ from stickslip_ros.model.friction import Gains, Joint
 # Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
 # then below a millionth.
 _STEPS_PER_RADIAN = 40.0
-# Times k_p: so stiff a contact is rigid, as its deflection is lost in the rounding of positions.
-_RIGID = 1e9
+# Presliding stiffness over k_p, above which a contact is rigid: its deflection is lost in the rounding of positions.
+_RIGID_CONTACT = 1e9
 _REMEMBERED = 600  # velocities of a slip at least; a creeping contact has its own steps
 
 
@@ -252,8 +252,8 @@ class JointSimulation:
         parameters[at.RISE_TIME] = friction.rise_time
         parameters[at.LAW] = LAWS[friction.law]
         parameters[at.CONTACT] = RIGID if self._rigid else CONTACTS[friction.contact]
-        parameters[at.CONTACT_STIFFNESS] = 0.0 if self._rigid else friction.presliding_stiffness
-        parameters[at.CONTACT_DAMPING] = friction.presliding_damping
+        parameters[at.PRESLIDING_STIFFNESS] = 0.0 if self._rigid else friction.presliding_stiffness
+        parameters[at.PRESLIDING_DAMPING] = friction.presliding_damping
         parameters[at.STIFFNESS] = gains.stiffness
         parameters[at.DAMPING] = gains.damping
         if not self.sampled:
@@ -265,7 +265,7 @@ class JointSimulation:
     @property
     def _rigid(self) -> bool:
         friction, stiffness = self.joint.friction, abs(float(self._gains.stiffness))
-        return friction.rigid or 0.0 < _RIGID * stiffness < float(friction.presliding_stiffness)
+        return friction.rigid or 0.0 < _RIGID_CONTACT * stiffness < float(friction.presliding_stiffness)
 
     def _lean_on_contact(self, reference: float, reference_velocity: float) -> None:
         """Let an elastic contact carry what the controller begins with, as far as it can; nothing rings then."""

@@ -26,7 +26,7 @@ _SCAN_POINTS = 400
 _BISECTIONS = 52
 _VELOCITY_DECADES = (-3.0, 3.0)
 _STIFFNESS_DECADES = 8.0
-_RIGID = 1000.0  # times k_p, from which on presliding changes cycles and verdicts by a hundredth or so
+_STIFF_CONTACT = 1000.0  # presliding stiffness over k_p, above which presliding changes verdicts by 1 % or less
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,8 +96,10 @@ def _reasons(joint: Joint, groups: DimensionlessGroups, gains: Gains, velocity: 
     )
     if groups.law != PAPERS_LAW:
         mark(True, f"it is of the paper's friction law ({PAPERS_LAW}), and this joint's is {groups.law}")
-    soft = ~(np.asarray(joint.friction.presliding_stiffness) >= _RIGID * np.abs(np.asarray(gains.stiffness)))
-    mark(soft, f"the contact gives way before it breaks: its presliding stiffness is below {_RIGID:g} times k_p")
+    soft = ~(np.asarray(joint.friction.presliding_stiffness) >= _STIFF_CONTACT * np.abs(np.asarray(gains.stiffness)))
+    mark(
+        soft, f"the contact gives way before it breaks: its presliding stiffness is below {_STIFF_CONTACT:g} times k_p"
+    )
     finite = (
         np.isfinite(velocity) & np.isfinite(gains.stiffness) & np.isfinite(gains.damping) & np.isfinite(gains.integral)
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model import _outcome_kernel as kernel
 from stickslip_ros.model._friction_law import LAWS, stribeck_slope
 from stickslip_ros.model.dimensionless import DimensionlessGroups
-from stickslip_ros.model.exact import Progress, ask
+from stickslip_ros.model.exact import Progress, evaluate
 from stickslip_ros.model.friction import Real
 from stickslip_ros.model.simulation import point_arrays
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
@@ -68,8 +68,8 @@ class Outcomes:
     @property
     def depends_on_start(self) -> bool:
         """Whether the outcome is another one from another start."""
-        alike = self.worst is Outcome.STEADY or not self.disturbances_decay
-        return self.stuck is not self.sliding or not alike
+        same = self.worst is Outcome.STEADY or not self.disturbances_decay
+        return self.stuck is not self.sliding or not same
 
 
 def outcomes(groups: DimensionlessGroups) -> Outcomes:
@@ -99,7 +99,7 @@ def ever_sticks(groups: DimensionlessGroups) -> NDArray[np.bool_]:
 
 def _numbers(groups: DimensionlessGroups) -> NDArray[np.float64]:
     shape, points = point_arrays(groups)
-    return ask(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)
+    return evaluate(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)
 
 
 def steady_damping_ratio(
@@ -138,5 +138,5 @@ def steady_damping_ratio(
     steepest = -float(np.min(stribeck_slope(LAWS[groups.law], 1.0, _SPEEDS)))
     first = 0.5 * steepest * points[1] * _ROOM if guess is None else np.broadcast_to(np.asarray(guess), shape).ravel()
     guesses = np.array(first, dtype=float)
-    found = ask(kernel.STEADY_RATIO, points, groups.law, guesses, tolerance, workers, progress)[:, 0]
+    found = evaluate(kernel.STEADY_RATIO, points, groups.law, guesses, tolerance, workers, progress)[:, 0]
     return float(found[0]) if shape == () else found.reshape(shape)

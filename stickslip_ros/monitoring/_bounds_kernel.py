@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled look at every sample of a joint: whether its values are within bounds, and between which they lie."""
+"""Compiled scan of all samples of a joint: whether its values are within bounds, and between which they lie."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from stickslip_ros.compilation import kernel
 
 
 @kernel()
-def look(extremes, referred, largest, smallest, positions, velocities, efforts, references, reference_velocities):
+def scan_bounds(
+    extremes, referred, largest, smallest, positions, velocities, efforts, references, reference_velocities
+):
     """Whether no value but a position is as large as ``largest`` and no effort denormal; NaN is within.
 
     The extremes, lowest and highest effort and position, shape (2, 2), are widened by samples with both; ``referred``,

@@ -145,10 +145,10 @@ class Assessment:
 
         ``joint`` is as it is at the worst place. In steps of 2 %, so that what is computed from it is seldom anew.
         """
-        growth = self.estimate.growth if self.estimate is not None else None
-        if growth is None or self.joint is None or self.uncertainty is None or math.isnan(self.position):
+        friction_factor = self.estimate.friction_factor if self.estimate is not None else None
+        if friction_factor is None or self.joint is None or self.uncertainty is None or math.isnan(self.position):
             return None
-        factor = math.ceil(growth.factor(self.position) / _STEP) * _STEP
+        factor = math.ceil(friction_factor.factor(self.position) / _STEP) * _STEP
         friction = replace(self.joint.friction, stribeck=factor * np.asarray(self.joint.friction.stribeck).item())
         return replace(self.joint, friction=friction)
 

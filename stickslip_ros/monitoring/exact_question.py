@@ -14,7 +14,7 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
 
-UNKNOWN = ExactVerdict(smooth=None)
+NOT_COMPUTED = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02
 _SAME_GAINS = 0.01
 _SEEN = 0.99  # probability of stick slip that is detected: of a hundred detections one may be false

@@ -159,14 +159,14 @@ class JointMonitor:
         self._noted_until = -math.inf  # breakaway of the last cycle counted
         self._recent: deque[Cycle] = deque(maxlen=_RECENT_CYCLES)
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Follow the motion anew, as if it began with the next sample; what was learnt is kept."""
         self._begin()
         self._filter = SampleFilter()
 
     def reset(self) -> None:
         """Forget everything that was learnt from the motion."""
-        self.begin_anew()
+        self.restart()
         self.cycle_count = 0
         self._last_cycle = None
         self._segments.all.clear()
@@ -179,13 +179,13 @@ class JointMonitor:
         """What to remember beyond the end of the process."""
         return JointMemory(cycles=self.cycle_count, last_cycle=self._last_cycle, friction=self.learner.memory_of())
 
-    def remember(self, memory: JointMemory) -> bool:
+    def restore(self, memory: JointMemory) -> bool:
         """Go on from what was known once; returns whether the friction is of use, the joint configured being the same.
 
         The motion seen then is another story, so that it has no say in what is found now.
         """
         self.cycle_count, self._last_cycle = memory.cycles, memory.last_cycle
-        return self.learner.remember(memory.friction)
+        return self.learner.restore(memory.friction)
 
     @property
     def latest_status(self) -> Status:
@@ -193,7 +193,7 @@ class JointMonitor:
         return self._latest_status
 
     @property
-    def news(self) -> tuple[object, ...]:
+    def change_token(self) -> tuple[object, ...]:
         """Objects, one of which is another whenever there is something new to tell but for numbers that run on."""
         return (
             self._latest_status, self.cycle_count, self._joint, self._gains, self.options, self.learner.estimate,
@@ -271,22 +271,22 @@ class JointMonitor:
         self._note_needed_motion()
         for rest in self._rests.feed(batch):
             if isinstance(rest, Swing):
-                cycles += self._settle(self._cycles.take_swing(rest))
+                cycles += self._settle(self._cycles.add_swing(rest))
                 continue
             if rest.complete:
-                self._reversals.take(rest, self._samples)
+                self._reversals.add_rest(rest, self._samples)
                 self._learn_presliding(rest)
-                cycles += self._settle(self._cycles.take(rest))
+                cycles += self._settle(self._cycles.add_rest(rest))
                 continue
-            foreseen = self._cycles.foresee(rest)
-            if foreseen is not None:
+            early = self._cycles.detect_at_arrest(rest)
+            if early is not None:
                 self._take_slices()
-                self._note([foreseen])
-                cycles += [foreseen] if self._at_arrest else []
+                self._note([early])
+                cycles += [early] if self._at_arrest else []
         self._take_slices()
         for turned in self._motion.turns():
             self._reversals.turn(turned, self._samples)
-        self._reversals.look(self._motion.last_time, self._samples)
+        self._reversals.poll(self._motion.last_time, self._samples)
         if self._motion.silent is not None:
             # What lies in a silence was not seen: what follows is followed anew.
             unseen = batch.where(slice(self._motion.silent, None))
@@ -315,18 +315,18 @@ class JointMonitor:
             if self._recent:
                 # One slip may be chance. From the second one on, what lay between two slips was stick slip.
                 first = len(self._recent) == 1
-                self._segments.mend(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)
+                self._segments.relabel(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)
             self._recent.append(cycle)
         self.cycle_count += len(cycles)
         self._last_cycle = cycles[-1] if cycles else self._last_cycle
-        self._motion.note(self._cycles.evidence(self._recent))
-        self._motion.await_rest(awaited=self._cycles.may_foresee)
+        self._motion.note(self._cycles.record(self._recent))
+        self._motion.await_rest(awaited=self._cycles.may_detect_at_arrest)
         self._note_needed_motion()
 
     def _learn_presliding(self, rest: Rest) -> None:
         """Let a rest say how the contact gives way, if the gains were what they are throughout."""
         if self.options.learn and self._gains_since <= rest.arrest:
-            self._presliding.take(rest, self._samples, self._gains, self._motion.resolution)
+            self._presliding.add_rest(rest, self._samples, self._gains, self._motion.resolution)
 
     def _learn_from(self, cycle: Cycle) -> None:
         """Let the learner see one slip, if gains and reference were what they are throughout."""
@@ -344,7 +344,7 @@ class JointMonitor:
             )
             if window is not None:
                 self.learner.memory = self.options.memory
-                self.learner.take(window)
+                self.learner.add_slip(window)
                 if self._studies_at_once:
                     self.learner.study_now()
 
@@ -421,15 +421,15 @@ class JointMonitor:
 
         NaN if unknown, and with integral action or sampled control, which take longer than there is time in passing.
         """
-        self._believe()
-        belief = self._prediction.belief
-        if belief is None or beyond_the_paper(belief.joint, belief.gains, self.options.conditions):
+        self._select_model()
+        selected = self._prediction.selected
+        if selected is None or beyond_the_paper(selected.joint, selected.gains, self.options.conditions):
             return math.nan
         reserves, _ = self._prediction.damping_reserves(np.array([velocity]), Criterion.EXACT, self.options.conditions)
         return float(reserves[0])
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, Criterion]:
-        self._believe()
+        self._select_model()
         return self._prediction.damping_reserves(velocities, self.options.limits.condition, self.options.conditions)
 
     def velocity(self) -> tuple[float, str]:
@@ -447,7 +447,7 @@ class JointMonitor:
         mean = self._motion.mean_velocity(window)
         return mean, "mean motion" if math.isfinite(mean) else ""
 
-    def _believe(self) -> None:
+    def _select_model(self) -> None:
         self._prediction.follow(
             self.learner.estimate, self._joint, self._gains, velocity_loop=self._filter.velocity_alone
         )
@@ -460,24 +460,24 @@ class JointMonitor:
         velocity, source = self.velocity() if velocity is None else (velocity, "given")
         advice, trial_margin = None, None
         tracking_error, velocity_error = self._motion.errors(_RECENT)
-        self._believe()
-        belief = self._prediction.belief
+        self._select_model()
+        selected = self._prediction.selected
         margin, reason = self._prediction.margin(velocity)
-        if belief is None and self.learner.estimate is None and self.learner.studied_in_vain:
+        if selected is None and self.learner.estimate is None and self.learner.studied_in_vain:
             reason += f": {self.learner.studied_in_vain} slips were studied in vain"
         std = probability = math.nan
-        if margin is not None and belief is not None:
+        if margin is not None and selected is not None:
             loop = ObservedLoop(
                 conditions=self.options.conditions,
                 sample_rate=self._sample_rate(),
-                crossover=crossover_frequency(belief.joint, belief.gains) if belief.gains.stiffness > 0 else 0.0,
+                crossover=crossover_frequency(selected.joint, selected.gains) if selected.gains.stiffness > 0 else 0.0,
                 tracking_error=tracking_error,
                 velocity_error=velocity_error,
             )
-            advice = self._prediction.advise(belief, velocity, self.options.limits, loop)
+            advice = self._prediction.advise(selected, velocity, self.options.limits, loop)
             std, probability = self._prediction.uncertainty(velocity)
-            if self.options.trial is not None and belief.gains_known:
-                trial_margin = stability_margin(belief.joint, self.options.trial, velocity)
+            if self.options.trial is not None and selected.gains_known:
+                trial_margin = stability_margin(selected.joint, self.options.trial, velocity)
         return Assessment(
             finding=self.finding(),
             time=self._motion.last_time if math.isfinite(self._motion.last_time) else math.nan,
@@ -488,11 +488,11 @@ class JointMonitor:
             margin_reason=reason,
             margin_std=std,
             stick_slip_probability=probability,
-            rests_on=belief.rests_on if belief else "",
-            uncertainty=belief.uncertainty if belief else None,
-            joint=belief.joint if belief else None,
-            margin_gains=belief.gains if belief else None,
-            per_inertia=belief is not None and belief.per_inertia,
+            rests_on=selected.rests_on if selected else "",
+            uncertainty=selected.uncertainty if selected else None,
+            joint=selected.joint if selected else None,
+            margin_gains=selected.gains if selected else None,
+            per_inertia=selected is not None and selected.per_inertia,
             position=self._motion.position,
             mean_velocity=self._motion.mean_velocity(_NOW),
             estimate=self.learner.estimate,
@@ -524,8 +524,8 @@ def _follows(cycle: Cycle, last: Cycle) -> bool:
     speeds = [abs(one.reference_speed) for one in (cycle, last)]
     if not all(speed > 0.0 for speed in speeds):  # NaN included
         speeds = [one.mean_speed for one in (cycle, last)]
-    alike = max(speeds) < _ANOTHER_SPEED * min(speeds)
-    return unseen <= min(cycle.period, last.period) and alike
+    similar = max(speeds) < _ANOTHER_SPEED * min(speeds)
+    return unseen <= min(cycle.period, last.period) and similar
 
 
 def _short_parts(batch: Batch) -> Iterator[Batch]:

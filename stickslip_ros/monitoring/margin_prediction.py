@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the equations expect of a joint: which friction to believe in, its margin, and the advice that follows."""
+"""Prediction for a joint: the selected model, its margin, and the advice that follows."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin, damping_reserve, stability_margin
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, CachingAdviser, no_advice
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, criterion_for
-from stickslip_ros.monitoring.belief import Belief, believed, much_the_same, uncertainty_of
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.selected_model import SelectedModel, approximately_equal, select_model, uncertainty_of
 
 _SPEEDS_APART = 0.1  # difference of the logarithms of two speeds at which a reserve is integrated
 _TOLERANCE = 5e-3  # relative error of a critical damping ratio that makes no difference to a status
@@ -33,37 +33,37 @@ class MarginPrediction:
 
     Attributes
     ----------
-    belief : joint and gains to compute with, None if they are not known; disbelief : what is missing then.
+    selected : joint and gains to compute with, None if they are not known; why_none : what is missing then.
     """
 
     def __init__(self, adviser: Adviser | None = None) -> None:
         self._adviser = adviser or CachingAdviser()
-        self._last: tuple[Belief, float, StabilityMargin, tuple[float, float]] | None = None
+        self._last: tuple[SelectedModel, float, StabilityMargin, tuple[float, float]] | None = None
         self._advised: tuple[AdviceQuestion, Advice] | None = None
         self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
-        self.belief: Belief | None = None
-        self.disbelief = ""
-        self._critical: tuple[Belief, OperatingConditions, dict[int, float]] | None = None
+        self.selected: SelectedModel | None = None
+        self.why_none = ""
+        self._critical: tuple[SelectedModel, OperatingConditions, dict[int, float]] | None = None
 
     def follow(
         self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool
     ) -> None:
-        """Believe the same as before until something has changed that matters; parameters as of :func:`believed`."""
+        """Keep the model until it changes by more than 1 %; parameters as of :func:`select_model`."""
         basis = (estimate, configured, gains, velocity_loop)
         if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
             return
-        belief, self.disbelief = believed(estimate, configured, gains, velocity_loop=velocity_loop)
-        if belief is None or self.belief is None or not much_the_same(belief, self.belief):
-            self.belief = belief
+        selected, self.why_none = select_model(estimate, configured, gains, velocity_loop=velocity_loop)
+        if selected is None or self.selected is None or not approximately_equal(selected, self.selected):
+            self.selected = selected
         self._basis = basis
 
     def margin(self, velocity: float) -> tuple[StabilityMargin | None, str]:
         """The margin at a velocity [rad/s], or None; and why there is none, or it does not apply."""
-        if self.belief is None:
-            return None, self.disbelief
+        if self.selected is None:
+            return None, self.why_none
         if not math.isfinite(velocity):
             return None, "the commanded velocity is not known"
-        margin, _ = self._at(self.belief, velocity)
+        margin, _ = self._at(self.selected, velocity)
         return margin, str(margin.reason or "")
 
     def uncertainty(self, velocity: float) -> tuple[float, float]:
@@ -71,28 +71,30 @@ class MarginPrediction:
 
         NaN where they are not known.
         """
-        return (math.nan, math.nan) if self.belief is None else self._at(self.belief, velocity)[1]
+        return (math.nan, math.nan) if self.selected is None else self._at(self.selected, velocity)[1]
 
-    def _at(self, belief: Belief, velocity: float) -> tuple[StabilityMargin, tuple[float, float]]:
+    def _at(self, selected: SelectedModel, velocity: float) -> tuple[StabilityMargin, tuple[float, float]]:
         last = self._last
         # Many a speed is asked for again and again: that of the reference, and the mean of the last cycles.
-        if last is None or last[0] is not belief or last[1] != velocity:
-            margin = stability_margin(belief.joint, belief.gains, velocity)
-            last = self._last = (belief, velocity, margin, uncertainty_of(margin, belief, velocity))
+        if last is None or last[0] is not selected or last[1] != velocity:
+            margin = stability_margin(selected.joint, selected.gains, velocity)
+            last = self._last = (selected, velocity, margin, uncertainty_of(margin, selected, velocity))
         return last[2:]
 
-    def advise(self, belief: Belief, velocity: float, limits: AdviceLimits, loop: ObservedLoop) -> Advice | None:
-        """Advice on the joint as it is believed to be, None as long as it is being worked out."""
-        if belief.no_advice:
-            return no_advice(belief.no_advice, abs(velocity), limits, gains_known=belief.gains_known)
+    def advise(
+        self, selected: SelectedModel, velocity: float, limits: AdviceLimits, loop: ObservedLoop
+    ) -> Advice | None:
+        """Advice by the selected model, None while it is being computed."""
+        if selected.no_advice:
+            return no_advice(selected.no_advice, abs(velocity), limits, gains_known=selected.gains_known)
         question = AdviceQuestion(
-            joint=belief.joint,
-            gains=belief.gains,
+            joint=selected.joint,
+            gains=selected.gains,
             velocity=abs(velocity),
             limits=limits,
-            uncertainty=belief.uncertainty,
+            uncertainty=selected.uncertainty,
             loop=loop,
-            gains_known=belief.gains_known,
+            gains_known=selected.gains_known,
         )
         if self._advised is not None and self._advised[0].comparable(question):
             question = replace(question, before=self._advised[1].recommendation)
@@ -108,19 +110,19 @@ class MarginPrediction:
         reserves = np.full(len(velocities), np.nan)
         speeds = np.abs(velocities)
         known = np.isfinite(speeds) & (speeds > 0)
-        belief = self.belief
-        if belief is None or not known.any() or not belief.gains.stiffness > 0:
+        selected = self.selected
+        if selected is None or not known.any() or not selected.gains.stiffness > 0:
             return reserves, condition
-        condition = criterion_for(belief.joint, condition)
-        joint = conditions.at_constant_speed.applied_to(belief.joint)
+        condition = criterion_for(selected.joint, condition)
+        joint = conditions.at_constant_speed.applied_to(selected.joint)
         if condition is Criterion.EXACT:
-            if self._critical is None or self._critical[0] is not belief or self._critical[1] != conditions:
-                self._critical = (belief, conditions, {})
-            ratio = dimensionless_groups(joint, belief.gains, 1.0).damping_ratio
-            critical = _critical_ratios(joint, belief.gains, speeds[known], self._critical[2])
+            if self._critical is None or self._critical[0] is not selected or self._critical[1] != conditions:
+                self._critical = (selected, conditions, {})
+            ratio = dimensionless_groups(joint, selected.gains, 1.0).damping_ratio
+            critical = _critical_ratios(joint, selected.gains, speeds[known], self._critical[2])
             reserves[known] = damping_reserve(ratio, critical)
         else:
-            reserves[known] = stability_margin(joint, belief.gains, speeds[known]).damping_reserve
+            reserves[known] = stability_margin(joint, selected.gains, speeds[known]).damping_reserve
         return reserves, condition
 
 

@@ -60,7 +60,7 @@ class ReferencePairing:
         """How many samples wait."""
         return len(self._samples) + sum(len(rows) for rows in self._new_samples)
 
-    def take(self, now: float = math.inf, *, all_of_them: bool = False) -> Batch | None:
+    def next_batch(self, now: float = math.inf, *, all_of_them: bool = False) -> Batch | None:
         """The samples whose reference is known, or will not come any more; None if there are none.
 
         ``now`` is a steady time [s]: what is played fast has no less time to arrive.

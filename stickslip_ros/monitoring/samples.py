@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import LARGEST, LEAST_EFFORT_CHANGE, SMALLEST
-from stickslip_ros.monitoring._bounds_kernel import look
+from stickslip_ros.monitoring._bounds_kernel import scan_bounds
 
 FloatArray = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class SampleFilter:
 
     def blank(self, batch: Batch) -> Batch:
         """The samples without values that cannot be, which are counted; to be called once for each."""
-        if look(
+        if scan_bounds(
             self._extremes, self._referred, LARGEST, SMALLEST, batch.position, batch.velocity, batch.effort,
             batch.reference_position, batch.reference_velocity,
         ):  # fmt: skip

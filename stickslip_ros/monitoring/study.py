@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -23,10 +23,10 @@ from stickslip_ros.monitoring.friction.estimation import (
     may_be_usable,
 )
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
+from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.friction.surroundings import Surroundings
-from stickslip_ros.monitoring.friction.trend import lasting_knowledge
+from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
 from stickslip_ros.monitoring.samples import FloatArray
 
 
@@ -34,15 +34,18 @@ from stickslip_ros.monitoring.samples import FloatArray
 class Learnt:
     """What a study found: the estimate, and what updates start from.
 
+    Fields that were renamed keep their keys in state files.
+
     Attributes
     ----------
     parameters : logarithms, by the law of the estimate. drifts : whether friction changes steadily; all is then as it
         is at the last slip.
-    surroundings : what is to be taken off the forces of further slips, None if nothing.
+    position_disturbance : force to be subtracted from that of further slips, None if none is.
     contact : what was known of one that yields, whose compliance is among the parameters; None else.
     curved_at : speed at which curved viscous friction is told [rad/s], whose curvature is among them; None else.
-    hopeless : laws that these slips have excluded for good.
-    spread : standard errors of parameters and kinetic friction; widening : by how much misfit widened them.
+    rejected : names of the laws that these slips have rejected for good.
+    spread : standard errors of parameters and kinetic friction. error_inflation : factor of misfit on them.
+    jitter : standard deviation of time stamps [s]. stribeck_fraction : share of F_s∞ left at the last arrest.
     """
 
     estimate: FrictionEstimate
@@ -51,18 +54,18 @@ class Learnt:
     information: FloatArray
     prior: Prior
     balance_error: float
-    stray: float
+    jitter: float = field(metadata={"key": "stray"})
     tolerance: float
     link_error: float
     last_window: SlipWindow
-    remains: float
-    widening: FloatArray
+    stribeck_fraction: float = field(metadata={"key": "remains"})
+    error_inflation: FloatArray = field(metadata={"key": "widening"})
     spread: FloatArray
     drifts: bool = False
-    surroundings: Surroundings | None = None
+    position_disturbance: PositionDisturbance | None = field(default=None, metadata={"key": "surroundings"})
     contact: ContactKnowledge | None = None
     curved_at: float | None = None
-    hopeless: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,13 +75,13 @@ class StudyQuestion:
     Attributes
     ----------
     windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
-    hopeless : laws that earlier slips have excluded. yields : whether they were of a contact that yields.
+    rejected : laws that earlier slips have excluded. yields : whether they were of a contact that yields.
     """
 
     windows: list[SlipWindow]
     configured: Joint | None = None
     start: FloatArray | None = None
-    hopeless: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
     yields: bool = False
 
 
@@ -121,38 +124,38 @@ def _fitted(question: StudyQuestion) -> Learnt | None:
 
 def _study(question: StudyQuestion) -> Learnt | None:
     windows, configured = question.windows, question.configured
-    fits = fitted_laws(windows, configured, question.start, question.hopeless, yields=question.yields)
+    fits = fitted_laws(windows, configured, question.start, question.rejected, yields=question.yields)
     if not fits:
         return None
     problem, solution = fits[0].problem, fits[0].solution
     fit = solution.fit
-    information, prior = lasting_knowledge(problem, fit.information, solution.prior)
+    information, prior = knowledge_without_drift(problem, fit.information, solution.prior)
     narrow = spread_of(covariance_of(information, prior))
     covariance = covariance_over_laws(fits)
-    lasting, of_balance = problem.lasting
-    spread = spread_of(covariance)[np.concatenate([lasting, len(fit.parameters) + of_balance])]
+    without_drift, of_balance = problem.without_drift
+    spread = spread_of(covariance)[np.concatenate([without_drift, len(fit.parameters) + of_balance])]
     estimate = friction_estimate(fits, covariance, configured=configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(
         estimate=estimate,
-        parameters=fit.parameters[lasting],
+        parameters=fit.parameters[without_drift],
         kinetic=fit.kinetic[of_balance],
         information=information,
         prior=prior,
         balance_error=solution.balance_error,
-        stray=problem.stray,
+        jitter=problem.jitter,
         tolerance=solution.tolerance,
         link_error=solution.link_error,
         last_window=problem.windows[-1],
-        remains=_remains(fit),
-        widening=spread / np.maximum(narrow, 1e-300),
+        stribeck_fraction=_stribeck_fraction(fit),
+        error_inflation=spread / np.maximum(narrow, 1e-300),
         spread=spread,
         drifts=problem.trend,
-        surroundings=fits[0].surroundings,
+        position_disturbance=fits[0].position_disturbance,
         contact=problem.contact,
         curved_at=problem.curved_at,
-        hopeless=fits[0].hopeless,
+        rejected=fits[0].rejected,
     )
 
 
@@ -161,7 +164,7 @@ def spread_of(covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 1e-300)))
 
 
-def _remains(fit: SlipFit) -> float:
+def _stribeck_fraction(fit: SlipFit) -> float:
     """Share of F_s∞ left at the last arrest."""
-    level = float(np.exp(fit.unknowns[-1, LEVEL])) * float(fit.found[-1, kernel.REMAINS])
+    level = float(np.exp(fit.unknowns[-1, LEVEL])) * float(fit.found[-1, kernel.STRIBECK_FRACTION])
     return level / math.exp(fit.parameters[STRIBECK])

@@ -29,14 +29,14 @@ class Uncertainty:
     joint : of arrays, one value a draw.
     stiffness : of the controller in each draw over the nominal one; 1 where the gains are known.
     weight : of this law. others : laws that the data do not exclude; the weights add up to 1.
-    doubt : least probability of being wrong, because the model does not explain what was seen.
+    error_floor : least error probability of results, for a model that does not fit.
     """
 
     joint: Joint
     stiffness: FloatArray
     weight: float = 1.0
     others: tuple[Uncertainty, ...] = ()
-    doubt: float = 0.0
+    error_floor: float = 0.0
 
     def under(self, conditions: OperatingConditions) -> Uncertainty:
         """The same, as the conditions leave each joint."""
@@ -90,11 +90,11 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
         groups = law.thinned().groups(gains, velocity)
         ratio = np.asarray(groups.damping_ratio)
         damped = replace(groups, damping_ratio=np.maximum(ratio, 0.0))
-        persists = np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(damped, patient=False)))
+        persists = np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(damped, full_accuracy=False)))
         known = np.isfinite(persists)
         if known.any():
             total += law.weight * float(persists[known].mean())
             answered += law.weight
     if answered == 0.0:
         return math.nan
-    return min(max(total / answered, uncertainty.doubt), 1.0 - uncertainty.doubt)
+    return min(max(total / answered, uncertainty.error_floor), 1.0 - uncertainty.error_floor)

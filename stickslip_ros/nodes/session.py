@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.messages.whole_turns import WholeTurns
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.exact_question import UNKNOWN, as_seen
+from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, as_seen
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
@@ -382,7 +382,7 @@ class Session:
         for name in names:
             joint = self.joints[name]
             outcome = self._ramps.outcomes.get(name, "")
-            self._news[name] = (*joint.monitor.news, joint.trouble, now - joint.heard > _STALE_AFTER, outcome)
+            self._news[name] = (*joint.monitor.change_token, joint.trouble, now - joint.heard > _STALE_AFTER, outcome)
         return followed
 
     def _find(self, joint: WatchedJoint, now: float) -> Findings:
@@ -392,7 +392,7 @@ class Session:
         trial = assessment.trial if assessment.gains_known else None
         conditions = joint.settings.options.conditions
         exact = self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now)
-        if exact is UNKNOWN:
+        if exact is NOT_COMPUTED:
             # While gains go up in steps each verdict comes too late.
             exact = replace(exact, damping_reserve=joint.monitor.damping_reserve(assessment.velocity))
         return Findings(

@@ -147,7 +147,7 @@ class LadderNode(Node):
             row = self._rows(message).get(self._joint)
             if row is not None:
                 self._pairing.add_reference(seconds(message.header.stamp), row[0], row[1])
-        batch = self._pairing.take()
+        batch = self._pairing.next_batch()
         if batch is not None:
             self._batches.append(batch)
 

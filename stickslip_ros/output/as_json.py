@@ -92,7 +92,7 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
         "coulomb": _term_json(dry.coulomb),
         "load": _term_json(dry.load),
         "drift": _term_json(dry.drift),
-        "time_and_position_told_apart": dry.told_apart,
+        "time_and_position_told_apart": dry.distinguished,
         "ripple": None
         if ripple is None
         else {
@@ -131,25 +131,25 @@ def curvature_json(curvature: Curvature | None) -> dict[str, Any] | None:
 
 def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] | None:
     """Friction that varies with place or load, at the worst place and at a position [rad]; None where it does not."""
-    growth = estimate.growth
-    if growth is None:
+    friction_factor = estimate.friction_factor
+    if friction_factor is None:
         return None
-    slope, std = growth.over_load(estimate["stribeck"].value)
+    slope, std = friction_factor.over_load(estimate["stribeck"].value)
     known = math.isfinite(position)
     return {
-        "with": "load" if growth.surroundings.with_load else "position",
-        "share": number(growth.share),
-        "share_std": number(growth.std),
-        "coulomb": number(growth.coulomb),
-        "coulomb_std": number(growth.coulomb_std),
+        "with": "load" if friction_factor.position_disturbance.with_load else "position",
+        "share": number(friction_factor.share),
+        "share_std": number(friction_factor.std),
+        "coulomb": number(friction_factor.coulomb),
+        "coulomb_std": number(friction_factor.coulomb_std),
         "stribeck_over_load": number(slope),
         "stribeck_over_load_std": number(std),
-        "worst_position": number(growth.worst_position),
-        "least_load": number(growth.loads[0]),
-        "largest_load": number(growth.loads[1]),
-        "load_here": number(growth.load_at(position)) if known else None,
-        "stribeck_here": number(growth.factor(position) * estimate["stribeck"].value) if known else None,
-        "summary": growth.text,
+        "worst_position": number(friction_factor.worst_position),
+        "least_load": number(friction_factor.loads[0]),
+        "largest_load": number(friction_factor.loads[1]),
+        "load_here": number(friction_factor.load_at(position)) if known else None,
+        "stribeck_here": number(friction_factor.factor(position) * estimate["stribeck"].value) if known else None,
+        "summary": friction_factor.text,
     }
 
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.friction import Friction, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS, INERTIA, PRESLIDING_PARAMETERS
+from stickslip_ros.model.friction import FRICTION_PARAMETERS, INERTIA, PRESLIDING_PARAMETERS, Friction, Joint
 from stickslip_ros.model.units import in_ascii
 
 _BEFORE = "believed "

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from stickslip_ros.model.controlled import OperatingConditions
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import in_ascii, unit_of
@@ -104,15 +104,15 @@ def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
 
 def _growth_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     """By how much friction varies with place or load; nothing where it is not known to."""
-    growth = estimate.growth
-    if growth is None:
+    friction_factor = estimate.friction_factor
+    if friction_factor is None:
         return []
     values: list[tuple[str, object]] = [
-        ("friction varies", growth.text),
-        ("stribeck share that varies [1]", growth.share),
-        ("stribeck share that varies std [1]", growth.std),
+        ("friction varies", friction_factor.text),
+        ("stribeck share that varies [1]", friction_factor.share),
+        ("stribeck share that varies std [1]", friction_factor.std),
     ]
-    slope, std = growth.over_load(estimate["stribeck"].value)
+    slope, std = friction_factor.over_load(estimate["stribeck"].value)
     if math.isfinite(slope):
         values += [("stribeck over load [1]", slope), ("stribeck over load std [1]", std)]
     return values

@@ -69,7 +69,7 @@ def dry_friction_text(dry: DryFriction | None) -> str:
         a_minute = _MINUTE * abs(dry.drift.value)
         size = f"{100.0 * a_minute / coulomb:.2g} %" if coulomb > 0 else f"{a_minute:.2g} N·m"
         said.append(f"{'rises' if dry.drift.value > 0 else 'falls'} by {size} a minute")
-        if not dry.told_apart:
+        if not dry.distinguished:
             said[-1] += " (or over position, which went with time)"
     if dry.load_dependence is not None:
         slope = dry.load_dependence.value

@@ -9,13 +9,14 @@ from pathlib import Path
 from stickslip_ros.errors import JointFileError, reason
 from stickslip_ros.files import write_whole
 from stickslip_ros.model._friction_law import PAPERS_LAW
-from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.friction_parameters import (
+from stickslip_ros.model.friction import (
     FRICTION_PARAMETERS,
     INERTIA,
     JOINT_PARAMETERS,
     PRESLIDING_PARAMETERS,
     FrictionParameter,
+    Gains,
+    Joint,
 )
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate

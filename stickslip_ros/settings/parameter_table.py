@@ -11,8 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.friction_parameters import INERTIA, JOINT_PARAMETERS, PRESLIDING_PARAMETERS
+from stickslip_ros.model.friction import INERTIA, JOINT_PARAMETERS, PRESLIDING_PARAMETERS, Gains
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions

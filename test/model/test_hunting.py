@@ -13,7 +13,7 @@ from brute_standstill import late_motion
 
 from stickslip_ros.model.controlled import OperatingConditions, natural_period
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.hunting import hunting, largest_quiet_integral, least_quiet_stiffness, starts_of
+from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness, starts_of
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
 
 # Canudas de Wit, Olsson, Åström and Lischinsky, IEEE TAC 40(3), 1995, Table I.
@@ -64,7 +64,7 @@ def test_gains_without_hunting() -> None:
     assert hunting(joint, replace(gains, stiffness=1.04 * stiffness)).hunts is False
     assert hunting(joint, replace(gains, stiffness=0.94 * stiffness)).hunts
     # However weak, integral action makes this mass hunt.
-    assert largest_quiet_integral(joint, gains) == 0.0
+    assert largest_non_hunting_integral(joint, gains) == 0.0
 
 
 SECOND = Joint(
@@ -109,7 +109,7 @@ def test_it_hunts_where_brute_force_does(
 
 def test_limits_do_not_contradict_the_verdict(puma: Joint) -> None:
     """Issue 23: joint 1 hunts from k_i 320 to 400 on, and no more from k_p 900 on; slips one way are not hunting."""
-    integral, stiffness = largest_quiet_integral(puma, HUNTS), least_quiet_stiffness(puma, HUNTS)
+    integral, stiffness = largest_non_hunting_integral(puma, HUNTS), least_quiet_stiffness(puma, HUNTS)
     assert 315.0 < integral < 340.0
     assert 860.0 < stiffness < 1260.0
     for value in integral * np.array([0.003, 0.01, 0.1, 0.3, 0.98]):

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.friction_parameters import FRICTION_PARAMETERS
+from stickslip_ros.model.friction import FRICTION_PARAMETERS, Gains, Joint
 
 PAPER, EXPONENTIAL, LUGRE = range(3)
 

@@ -277,8 +277,8 @@ def test_the_monitor_keeps_its_advice(puma: Joint) -> None:
     def advised(stribeck: float, stiffness: float) -> Gains:
         joint = replace(puma, friction=replace(puma.friction, stribeck=stribeck * float(puma.friction.stribeck)))
         prediction.follow(None, joint, Gains(stiffness=stiffness, damping=20.0), velocity_loop=False)
-        assert prediction.belief is not None
-        advice = prediction.advise(prediction.belief, SPEED, limits, ObservedLoop())
+        assert prediction.selected is not None
+        advice = prediction.advise(prediction.selected, SPEED, limits, ObservedLoop())
         assert advice is not None
         return advice.recommendation[Kind.DAMPING_ONLY].gains
 

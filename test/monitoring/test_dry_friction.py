@@ -103,7 +103,7 @@ def test_a_drift_is_found(seed: int, rate: float, sign: float, both: bool) -> No
     dry = found(kinetic, direction, position, time)
     assert dry.drift is not None
     assert abs(dry.drift.value - sign * rate) < 6.0 * dry.drift.std
-    assert dry.told_apart == both
+    assert dry.distinguished == both
 
 
 def test_drift_and_ripple_together() -> None:
@@ -116,7 +116,7 @@ def test_drift_and_ripple_together() -> None:
     assert dry.drift.value == pytest.approx(0.02, abs=4.0 * dry.drift.std)
     assert dry.ripple.amplitude == pytest.approx(0.4, abs=4.0 * dry.ripple.amplitude_std)
     assert dry.scatter == pytest.approx(0.05, rel=0.4)
-    assert dry.told_apart
+    assert dry.distinguished
 
 
 def test_a_load_is_told_in_both_directions() -> None:
@@ -152,9 +152,9 @@ def test_once_there_and_back_a_drift_may_be_a_load_that_varies() -> None:
     rng = np.random.default_rng(6)
     direction, position, time = slips(rng, 40, both=True)
     drifting = found(COULOMB + 0.05 * time + 0.01 * rng.standard_normal(40), direction, position, time)
-    assert not drifting.told_apart
+    assert not drifting.distinguished
     loaded = found(COULOMB + 3.0 * direction * position + 0.01 * rng.standard_normal(40), direction, position, time)
-    assert not loaded.told_apart
+    assert not loaded.distinguished
     assert loaded.drift is None
 
 

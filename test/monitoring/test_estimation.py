@@ -333,7 +333,7 @@ def test_slips_that_teach_nothing_are_told(puma: Joint) -> None:
     windows = [one.without_force() for one in cut_slips(record(puma, GAINS, 0.0058, duration=16.0).batch, GAINS)[0]]
     monitor = JointMonitor(studies_at_once=True)
     for number, one in enumerate(windows):
-        monitor.learner.take(replace(one, reference_speed=0.001 * 2.0**number))
+        monitor.learner.add_slip(replace(one, reference_speed=0.001 * 2.0**number))
         monitor.learner.study_now()
     assert monitor.learner.estimate is None
     assert re.search(

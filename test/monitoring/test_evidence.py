@@ -35,7 +35,7 @@ def smooth_step(share: FloatArray) -> FloatArray:
 
 def of(distance: float, period: float, duration: float, asymmetry: float = 0.9) -> Motion:
     """A motion with the course of a slip."""
-    shape = SlipShape(middle_half=duration, asymmetry=asymmetry, directness=1.0, quickness=3.0)
+    shape = SlipShape(middle_half=duration, asymmetry=asymmetry, path_efficiency=1.0, peak_speed_ratio=3.0)
     return Motion(distance=distance, period=period, shape=shape, bands=100.0)
 
 
@@ -43,7 +43,7 @@ def needed(motions: list[Motion]) -> int:
     """How many of these motions it takes to be certain; 0 if all are not enough."""
     evidence = SpringEvidence()
     for number, motion in enumerate(motions, 1):
-        evidence.take(motion)
+        evidence.add_motion(motion)
         if evidence.certain:
             return number
     return 0
@@ -96,12 +96,12 @@ def test_certainty_is_given_up() -> None:
     """Issue 17: what has been certain is given up after a few motions that do not fit, and these are no slips."""
     evidence = SpringEvidence()
     for _ in range(20):
-        evidence.take(of(0.01, 1.0, 0.1))
+        evidence.add_motion(of(0.01, 1.0, 0.1))
     assert evidence.fits(of(0.012, 1.2, 0.11))
     odd = of(0.5, 3.0, 0.8)
     assert not evidence.fits(odd)
     for _ in range(6):
-        evidence.take(odd)
+        evidence.add_motion(odd)
     assert not evidence.certain
 
 
@@ -113,8 +113,8 @@ def test_no_constant_carries_a_unit(length: float, time: float, reverse: bool) -
     sign = -1.0 if reverse else 1.0
     one, other = SpringEvidence(), SpringEvidence()
     for distance, period, duration in numbers.tolist():
-        one.take(of(distance, period, 0.1 * duration))
-        other.take(of(sign * length * distance, time * period, time * 0.1 * duration))
+        one.add_motion(of(distance, period, 0.1 * duration))
+        other.add_motion(of(sign * length * distance, time * period, time * 0.1 * duration))
         assert other.total == pytest.approx(one.total, abs=1e-6)
         assert other.certain == one.certain
 
@@ -126,9 +126,9 @@ def test_shape_of_half_a_cosine(duration: float, way: float, count: int) -> None
     shape = slip_shape(time, 0.5 * way * (1.0 - np.cos(np.pi * time / duration)), 0.5 * way * time / duration)
     assert shape.middle_half == pytest.approx(duration / 3.0, rel=0.01)
     assert shape.asymmetry == pytest.approx(1.0, rel=0.02)
-    assert shape.directness == pytest.approx(1.0)
+    assert shape.path_efficiency == pytest.approx(1.0)
     # Its fastest speed is pi/2 times its mean, and the reference goes half as far.
-    assert shape.quickness == pytest.approx(math.pi, rel=0.05)
+    assert shape.peak_speed_ratio == pytest.approx(math.pi, rel=0.05)
 
 
 def followed(batch: Batch) -> tuple[JointMonitor, list[Cycle], float]:

@@ -150,7 +150,7 @@ def test_memory_is_bounded(puma: Joint) -> None:
     learner = FrictionLearner()
     for repeat in range(20):
         for window in windows:
-            learner.take(later(window, 100.0 * repeat))
+            learner.add_slip(later(window, 100.0 * repeat))
     chosen = learner.wanted_study()
     assert chosen is not None
     assert len(chosen.windows) <= 64
@@ -168,7 +168,7 @@ def test_old_slips_fade(puma: Joint) -> None:
         learner = FrictionLearner(memory=memory)
         studies = iter([known])
         for window in [*windows, *(later(one, 100.0) for one in warm)]:
-            learner.take(window)
+            learner.add_slip(window)
             if learner.wanted_study():
                 # Studies after the first one find nothing.
                 learner.adopt(next(studies, None))
@@ -238,9 +238,9 @@ def test_what_is_learnt_does_not_depend_on_how_long_studies_take(puma: Joint) ->
     at_once, late = FrictionLearner(), FrictionLearner()
     under_way: list[StudyQuestion] = []
     for number, window in enumerate(windows):
-        at_once.take(window)
+        at_once.add_slip(window)
         at_once.study_now()
-        late.take(window)
+        late.add_slip(window)
         question = late.wanted_study()
         under_way += [question] if question is not None else []
         if under_way and number % 5 == 4:
@@ -263,7 +263,7 @@ def test_a_study_begun_before_a_reset_comes_to_nothing(puma: Joint) -> None:
     windows, _ = cut_slips(moving(puma, 12.0), GAINS)
     learner = FrictionLearner()
     for window in windows[:6]:
-        learner.take(window)
+        learner.add_slip(window)
     question = learner.wanted_study()
     assert question is not None
     learner.reset()

@@ -14,10 +14,10 @@ from random_machines import CONDITIONS, random_recording
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
-from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow
@@ -84,26 +84,26 @@ def test_a_delay_that_takes_away_more_than_friction_gives(seed: int) -> None:
     for name in ("inertia", "lag"):
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
     # No parameter has what is missing, but every verdict and all advice that rests on them.
-    belief, _ = believed(estimate, None, gains)
-    assert belief is not None
-    assert belief.uncertainty is not None
+    selected, _ = select_model(estimate, None, gains)
+    assert selected is not None
+    assert selected.uncertainty is not None
     if estimate.may_be_late:
         # Only that it may be late is known: nothing is sure.
         assert "acts late" in estimate.summary()
         for factor in (0.5, 1.0, 2.0):
             tried = replace(gains, stiffness=factor * float(gains.stiffness))
-            assert 0.1 <= stick_slip_probability(belief.uncertainty, tried, recording.speeds[0]) <= 0.9
+            assert 0.1 <= stick_slip_probability(selected.uncertainty, tried, recording.speeds[0]) <= 0.9
         return
     assert estimate.late is not None
     assert estimate.late.missing_damping == pytest.approx(missing, abs=3.0 * estimate.late.std)
     assert "acts late" in estimate.summary()
-    assert float(belief.joint.own_damping(gains.stiffness)) == pytest.approx(-estimate.late.missing_damping)
+    assert float(selected.joint.own_damping(gains.stiffness)) == pytest.approx(-estimate.late.missing_damping)
     for factor in (0.5, 2.0):
         tried = replace(gains, stiffness=factor * float(gains.stiffness))
-        probability = stick_slip_probability(belief.uncertainty, tried, recording.speeds[0])
+        probability = stick_slip_probability(selected.uncertainty, tried, recording.speeds[0])
         truth = sticks(machine, tried, recording.speeds[0], controller_period=recording.period)
         assert 0.05 < probability < 0.95 or (probability > 0.5) == truth
-    answer = recommend(belief.joint, gains, recording.speeds[0], uncertainty=belief.uncertainty)
+    answer = recommend(selected.joint, gains, recording.speeds[0], uncertainty=selected.uncertainty)
     advised = answer[Kind.LEAST_CHANGE]
     if advised.found:
         assert not sticks(machine, advised.gains, recording.speeds[0], controller_period=recording.period)

@@ -21,14 +21,14 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
 from stickslip_ros.monitoring.advice.requirement import Requirement
-from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate, LawAlternative
 from stickslip_ros.monitoring.friction.estimation import fitted_laws
 from stickslip_ros.monitoring.friction.fitted_law import misfit_of
-from stickslip_ros.monitoring.friction.law_look import same_curve
+from stickslip_ros.monitoring.friction.screening import same_curve
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow
@@ -85,7 +85,7 @@ def test_a_look_begins_with_the_same_curve() -> None:
     recording = random_recording(3, CONDITIONS["base"])
     monitor = JointMonitor(None, recording.gains)
     windows = []
-    monitor.learner.take = windows.append  # type: ignore[method-assign]
+    monitor.learner.add_slip = windows.append  # type: ignore[method-assign]
     monitor.process(recording.batch)
     (first, *_) = fitted_laws(windows[:12], None)
     other = same_curve("exponential", first)
@@ -136,23 +136,23 @@ def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
     )
     assert "the law may be exponential (30 %) as well" in undecided.summary()
     assert [weight for weight, _ in undecided.by_law()] == pytest.approx([0.7, 0.3])
-    belief, _ = believed(undecided, None, recording.gains)
-    assert belief is not None
-    assert belief.uncertainty is not None
+    selected, _ = select_model(undecided, None, recording.gains)
+    assert selected is not None
+    assert selected.uncertainty is not None
     for speed in (0.5 * recording.speeds[0], recording.speeds[0], 2.0 * recording.speeds[0]):
-        together = stick_slip_probability(belief.uncertainty, damped, speed)
+        together = stick_slip_probability(selected.uncertainty, damped, speed)
         apart = [
             stick_slip_probability(replace(one, weight=1.0, others=()), damped, speed)
-            for one in (belief.uncertainty, *belief.uncertainty.others)
+            for one in (selected.uncertainty, *selected.uncertainty.others)
         ]
         assert together == pytest.approx(0.7 * apart[0] + 0.3 * apart[1])
     speed = recording.speeds[0]
     limits = AdviceLimits()
-    advised = recommend(belief.joint, recording.gains, speed, limits, belief.uncertainty)[Kind.DAMPING_ONLY]
+    advised = recommend(selected.joint, recording.gains, speed, limits, selected.uncertainty)[Kind.DAMPING_ONLY]
     assert advised.found
     exactly = replace(limits, condition=Criterion.EXACT)
-    for law in belief.uncertainty.others:
-        needed = Requirement(belief.joint, speed, exactly, law).damping(np.array([advised.stiffness]))
+    for law in selected.uncertainty.others:
+        needed = Requirement(selected.joint, speed, exactly, law).damping(np.array([advised.stiffness]))
         assert advised.damping >= float(needed[0]) * (1.0 - 1e-6)
 
 
@@ -162,12 +162,12 @@ def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: i
     recording, estimate = learnt(condition, seed)
     assert estimate.mismatch
     assert not any(estimate[name].identified for name in (*NAMES, COULOMB_AND_LOAD))
-    belief, _ = believed(estimate, None, recording.gains)
-    assert belief is not None
-    assert belief.uncertainty is not None
+    selected, _ = select_model(estimate, None, recording.gains)
+    assert selected is not None
+    assert selected.uncertainty is not None
     for factor in (0.5, 2.0):
         gains = replace(recording.gains, stiffness=factor * float(recording.gains.stiffness))
-        assert 0.05 < stick_slip_probability(belief.uncertainty, gains, recording.speeds[0]) < 0.95
+        assert 0.05 < stick_slip_probability(selected.uncertainty, gains, recording.speeds[0]) < 0.95
 
 
 @pytest.mark.parametrize(("condition", "seed"), [("drift", 0), ("triangle", 2), ("load_both_ways", 3), ("base", 3)])
@@ -238,9 +238,9 @@ def test_a_late_controller_with_gains_to_and_fro(puma: Joint) -> None:
 def test_the_verdict_at_other_gains_is_right_and_sure(puma: Joint) -> None:
     """The probability of stick slip is next to 0 or 1 well away from the boundary, and between them next to it."""
     recording, estimate = learnt("base", 0)
-    belief, _ = believed(estimate, None, recording.gains)
-    assert belief is not None
-    assert belief.uncertainty is not None
+    selected, _ = select_model(estimate, None, recording.gains)
+    assert selected is not None
+    assert selected.uncertainty is not None
     speed, joint = recording.speeds[0], estimate.joint()
     groups = dimensionless_groups(joint, recording.gains, speed)
     critical = float(exact_critical_damping_ratio(groups))
@@ -248,7 +248,7 @@ def test_the_verdict_at_other_gains_is_right_and_sure(puma: Joint) -> None:
     found = []
     for factor in (0.6, 1.0, 1.6):
         damping = factor * critical * momentum - float(joint.friction.viscous)
-        found.append(stick_slip_probability(belief.uncertainty, replace(recording.gains, damping=damping), speed))
+        found.append(stick_slip_probability(selected.uncertainty, replace(recording.gains, damping=damping), speed))
     assert found[0] > 0.95
     assert 0.05 < found[1] < 0.95
     assert found[2] < 0.05

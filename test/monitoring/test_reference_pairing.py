@@ -28,10 +28,10 @@ def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: objec
             reference_at += 1
         pairing.add_sample(time, time, math.nan, math.nan)
         if index % chunk == 0:
-            batches.append(pairing.take())
+            batches.append(pairing.next_batch())
     for rest in range(reference_at, 100):
         pairing.add_reference(times[rest], 2.0 * times[rest], 2.0)
-    batches.append(pairing.take())
+    batches.append(pairing.next_batch())
     taken = [batch for batch in batches if batch is not None]
     np.testing.assert_array_equal(np.concatenate([batch.time for batch in taken]), times)
     position = np.concatenate([batch.reference_position for batch in taken])
@@ -46,7 +46,7 @@ def test_a_stale_reference_says_nothing() -> None:
     pairing.add_reference(0.0, 1.0, 0.0)
     pairing.add_sample(0.5, 0.0, math.nan, math.nan)
     pairing.add_sample(5.0, 0.0, math.nan, math.nan)
-    batch = pairing.take()
+    batch = pairing.next_batch()
     assert batch is not None
     assert batch.reference_position[0] == 1.0
     assert math.isnan(batch.reference_position[1])
@@ -67,7 +67,7 @@ def test_pairing_at_once_is_pairing_bit_by_bit(gaps: list[float], size: int, ran
     at_once, bit_by_bit = ReferencePairing(), ReferencePairing()
     at_once.add_references(references)
     at_once.add_samples(samples)
-    whole = at_once.take(all_of_them=True)
+    whole = at_once.next_batch(all_of_them=True)
     assert whole is not None
     parts, heard = [], 0
     for begin in range(0, len(times), size):
@@ -76,8 +76,8 @@ def test_pairing_at_once_is_pairing_bit_by_bit(gaps: list[float], size: int, ran
         until = int(np.searchsorted(known, times[end - 1], side="right"))
         bit_by_bit.add_references(references[heard:until])
         heard = until
-        parts.append(bit_by_bit.take())
-    parts.append(bit_by_bit.take(all_of_them=True))
+        parts.append(bit_by_bit.next_batch())
+    parts.append(bit_by_bit.next_batch(all_of_them=True))
     position = np.concatenate([part.reference_position for part in parts if part is not None])
     np.testing.assert_array_equal(position, whole.reference_position)
 
@@ -87,12 +87,12 @@ def test_references_that_come_late_or_anew() -> None:
     pairing = ReferencePairing()
     pairing.add_references(np.array([[1.0, 1.0, 0.0], [1.2, 3.0, 0.0], [1.1, 2.0, 0.0]]))
     pairing.add_sample(1.15, 0.0, math.nan, math.nan)
-    batch = pairing.take()
+    batch = pairing.next_batch()
     assert batch is not None
     assert batch.reference_position[0] == pytest.approx(2.5)
     pairing.add_references(np.array([[0.1, 7.0, 0.0], [0.2, 8.0, 0.0]]))
     pairing.add_sample(0.15, 0.0, math.nan, math.nan)
-    batch = pairing.take()
+    batch = pairing.next_batch()
     assert batch is not None
     assert batch.reference_position[0] == pytest.approx(7.5)
 
@@ -102,18 +102,18 @@ def test_what_is_played_fast_has_as_long_to_arrive() -> None:
     pairing = ReferencePairing()
     pairing.add_references(np.array([[1.0, 1.0, 0.0]]))
     pairing.add_samples(np.array([[1.0, 0.0, math.nan, math.nan]]))
-    assert pairing.take(10.0) is not None
+    assert pairing.next_batch(10.0) is not None
     pairing.add_samples(np.array([[1.1, 0.0, math.nan, math.nan], [1.5, 0.0, math.nan, math.nan]]))
-    assert pairing.take(10.1) is None
+    assert pairing.next_batch(10.1) is None
     pairing.add_references(np.array([[1.1, 2.0, 0.0]]))
-    batch = pairing.take(10.12)
+    batch = pairing.next_batch(10.12)
     assert batch is not None
     assert batch.reference_position.tolist() == [2.0]
     # By a clock that is far behind they are not waited for again and again.
     for now, stamp in ((10.33, 2.0), (10.34, 2.1), (10.35, 2.2)):
         pairing.add_references(np.array([[stamp - 0.8, 5.0, 0.0]]))
         pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan]]))
-        assert pairing.take(now) is not None
+        assert pairing.next_batch(now) is not None
     assert pairing.waiting == 0
 
 
@@ -122,16 +122,16 @@ def test_references_that_came_too_late_are_counted() -> None:
     pairing = ReferencePairing()
     pairing.add_references(np.array([[1.0, 1.0, 0.0]]))
     pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan] for stamp in (1.0, 1.1, 1.2)]))
-    pairing.take(10.0)
+    pairing.next_batch(10.0)
     pairing.add_references(np.array([[1.1, 1.0, 0.0], [1.2, 1.0, 0.0]]))
-    pairing.take(10.1)
+    pairing.next_batch(10.1)
     assert pairing.too_late == 0
     pairing.add_samples(np.array([[stamp, 0.0, math.nan, math.nan] for stamp in (1.3, 1.4, 1.5)]))
-    pairing.take(11.0)
+    pairing.next_batch(11.0)
     assert pairing.waiting == 0
     pairing.add_references(np.array([[1.3, 1.0, 0.0], [1.4, 1.0, 0.0], [1.6, 1.0, 0.0]]))
-    pairing.take(11.1)
+    pairing.next_batch(11.1)
     assert pairing.too_late == 2
     pairing.add_references(np.array([[0.1, 1.0, 0.0]]))
-    pairing.take(11.2)
+    pairing.next_batch(11.2)
     assert pairing.too_late == 2

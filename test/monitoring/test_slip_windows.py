@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip_ros.model import _joint_kernel as joint_kernel
-from stickslip_ros.model import _joint_state as at
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._friction_law import EXPONENTIAL, HESS_SOOM
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
@@ -97,7 +97,7 @@ def test_a_slip_is_that_of_the_whole_motion(
     unknowns = np.array([[0.0, begin, math.log(level)]])
     positions, _, found = problem.simulate(np.log(parameters), unknowns)
     assert np.abs(positions - expected).max() < 1e-4 * distance
-    assert found[0, kernel.HELD] == pytest.approx((STIFFNESS * begin + damping) * pace)
+    assert found[0, kernel.HOLDING_FORCE] == pytest.approx((STIFFNESS * begin + damping) * pace)
 
 
 def test_slopes_of_a_slip_do_not_depend_on_the_step_of_the_difference() -> None:

@@ -22,7 +22,7 @@ from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
 from stickslip_ros.monitoring.friction.dry_friction import dry_friction
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
-from stickslip_ros.monitoring.friction.surroundings import Growth, Surroundings
+from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor, PositionDisturbance
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 from stickslip_ros.output.as_json import growth_json
@@ -72,14 +72,16 @@ def found(request: pytest.FixtureRequest) -> tuple[VaryingRecording, JointMonito
 def test_how_far_it_varies_is_learnt(found: tuple[VaryingRecording, JointMonitor, FrictionEstimate]) -> None:
     recording, _, estimate = found
     worst, best = places(recording)
-    growth = estimate.growth
-    assert growth is not None
-    assert growth.share == pytest.approx(1.0 - best.stribeck / worst.stribeck, abs=max(3.0 * growth.std, 0.04))
+    friction_factor = estimate.friction_factor
+    assert friction_factor is not None
+    assert friction_factor.share == pytest.approx(
+        1.0 - best.stribeck / worst.stribeck, abs=max(3.0 * friction_factor.std, 0.04)
+    )
     assert estimate["stribeck"].value == pytest.approx(worst.stribeck, rel=0.1)
-    assert growth.factor(growth.worst_position) == 1.0
+    assert friction_factor.factor(friction_factor.worst_position) == 1.0
     # What is taken off is only nearly what varies: the model is still said not to fit.
     assert estimate.mismatch
-    assert growth.text in estimate.summary()
+    assert friction_factor.text in estimate.summary()
 
 
 def test_verdict_is_that_of_the_worst_place(
@@ -132,9 +134,9 @@ def test_advice_holds_at_the_worst_place(
 def test_slope_over_the_load() -> None:
     """Both slopes are known with their errors: a tenth of the load, and that share of the Stribeck friction."""
     recording, _, estimate = learnt(ARM)
-    growth = estimate.growth
-    assert growth is not None
-    assert growth.surroundings.with_load
+    friction_factor = estimate.friction_factor
+    assert friction_factor is not None
+    assert friction_factor.position_disturbance.with_load
     said = growth_json(estimate, float(recording.batch.position[-1]))
     assert said is not None
     assert said["with"] == "load"
@@ -164,7 +166,7 @@ def test_slope_over_the_load_in_the_coulomb_friction() -> None:
 def test_what_does_not_vary_is_not_claimed(machine: Machine) -> None:
     """And costs no stiffness or damping: the advice is that for the true joint."""
     _, monitor, estimate = learnt(machine)
-    assert estimate.growth is None
+    assert estimate.friction_factor is None
     state = monitor.assessment()
     assert state.here is None
     advised = recommend(estimate.joint(), GAINS, SPEED, AdviceLimits())[Kind.DAMPING_ONLY]
@@ -184,7 +186,7 @@ def test_what_does_not_vary_is_not_claimed(machine: Machine) -> None:
 def test_a_load_alone_is_no_growth() -> None:
     """An arm's weight varies, its friction does not."""
     _, _, estimate = learnt(replace(ARM, load_share=0.0))
-    assert estimate.growth is None or estimate.growth.share < 0.03
+    assert estimate.friction_factor is None or estimate.friction_factor.share < 0.03
     assert estimate["stribeck"].value == pytest.approx(1.6, rel=0.12)
 
 
@@ -201,7 +203,7 @@ def test_random_machines(kind: str, seed: int) -> None:
     assert estimate is not None
     assert estimate.usable
     if kind == EVEN:
-        assert estimate.growth is None or estimate.growth.share < 0.03
+        assert estimate.friction_factor is None or estimate.friction_factor.share < 0.03
     advised = recommend(estimate.joint(), recording.gains, recording.speed, AdviceLimits())[Kind.DAMPING_ONLY]
     tried = replace(recording.gains, damping=advised.damping)
     assert not sticks(worst, tried, recording.speed)
@@ -217,12 +219,17 @@ def test_what_was_not_seen_is_not_guessed() -> None:
     dry = dry_friction(kinetic, direction, position, np.arange(24) * 1.0)
     assert dry is not None
     assert dry.load_curve
-    growth = Growth(
-        surroundings=Surroundings(dry=dry, without=""), falls=False, share=0.2, std=0.01, coulomb=1.0, coulomb_std=0.1
+    friction_factor = FrictionFactor(
+        position_disturbance=PositionDisturbance(dry=dry, without=""),
+        decreasing=False,
+        share=0.2,
+        std=0.01,
+        coulomb=1.0,
+        coulomb_std=0.1,
     )
-    assert growth.factor(-5.0) == pytest.approx(0.8)
-    assert growth.factor(9.0) == pytest.approx(1.0)
-    assert growth.worst_position == position[-1]
+    assert friction_factor.factor(-5.0) == pytest.approx(0.8)
+    assert friction_factor.factor(9.0) == pytest.approx(1.0)
+    assert friction_factor.worst_position == position[-1]
 
 
 def test_what_varies_is_remembered() -> None:
@@ -230,10 +237,10 @@ def test_what_varies_is_remembered() -> None:
     recording, monitor, _ = learnt(ARM)
     memory = from_plain(LearnerMemory, json.loads(json.dumps(to_plain(monitor.learner.memory_of()))))
     assert memory.learnt is not None
-    growth = memory.learnt.estimate.growth
-    assert growth is not None
+    friction_factor = memory.learnt.estimate.friction_factor
+    assert friction_factor is not None
     again = JointMonitor(None, recording.gains, studies_at_once=True, at_arrest=True)
-    assert again.learner.remember(memory)
+    assert again.learner.restore(memory)
     again.process(recording.batch.where(slice(len(recording.batch) * 3 // 4, None)))
     assert again.learner.change is None
     assert again.learner.estimate is not None

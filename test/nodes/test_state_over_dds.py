@@ -211,16 +211,16 @@ def test_what_is_read_is_what_was_written(learnt: JointMonitor, tmp_path: Path) 
     memory = read_state(path)["joint1"]
     assert as_text({"joint1": memory}) == path.read_bytes()
     other = JointMonitor(gains=Gains(stiffness=630.0))
-    assert other.remember(memory)
+    assert other.restore(memory)
     assert other.learner.estimate is not None
     assert other.learner.estimate["stribeck"] == learnt.learner.estimate["stribeck"]
     other.process(sticking_motion(12.0))
     assert other.learner.estimate["stribeck"].value == pytest.approx(1.6, rel=0.05)
-    assert not JointMonitor(load_joint("puma560_joint1").joint).remember(memory)
+    assert not JointMonitor(load_joint("puma560_joint1").joint).restore(memory)
     with_prior = JointMonitor(load_joint("puma560_joint1").joint, Gains(stiffness=630.0), studies_at_once=True)
     with_prior.process(sticking_motion(12.0))
     write_state(path, as_text({"joint1": with_prior.memory()}))
-    assert JointMonitor(load_joint("puma560_joint1").joint).remember(read_state(path)["joint1"])
+    assert JointMonitor(load_joint("puma560_joint1").joint).restore(read_state(path)["joint1"])
 
 
 @given(st.data())

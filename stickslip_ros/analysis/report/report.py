@@ -16,8 +16,7 @@ from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import SEVERITY
 from stickslip_ros.analysis.report.page import Plot, write_page
 from stickslip_ros.analysis.trend import YEAR_2001
-from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, compensation_advice
 from stickslip_ros.monitoring.detection.status import Status

@@ -85,7 +85,7 @@ class Requirement:
             less = np.maximum(damping[:, None, None] + own, 0.0) / self._wanted - own
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses, damping=less), self.speeds)
             persists = _where_lag_is_short(
-                groups, lambda few: np.asarray(cycle_persists(few, patient=False), dtype=float), 1.0
+                groups, lambda few: np.asarray(cycle_persists(few, full_accuracy=False), dtype=float), 1.0
             )
             dies = np.all(persists == 0.0, axis=2)
         return np.asarray(np.mean(dies, axis=1) >= self._share)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled first stage of detection: samples to crossings, crossings to slow spells.
+"""Compiled first stage of detection: samples to crossings, crossings to low-speed intervals.
 
 A crossing of a level is noted whenever the joint has moved by one band: the encoder's resolution, or the noise if that
 is larger. Slow motion has long gaps between crossings, fast motion short ones, whatever the sampling
-rate. A spell is a run of gaps much slower than the motion before it; it ends when the joint moves much
-faster again. Whether a spell was a stick is decided by :mod:`stickslip_ros.monitoring.detection.cycles`.
+rate. A low-speed interval is a run of gaps much slower than the motion before it; it ends when the joint moves much
+faster again. Whether a low-speed interval was a stick is decided by :mod:`stickslip_ros.monitoring.detection.cycles`.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ DETECTOR = np.dtype(
         ("sign", float),  # direction of the last crossing
         ("update", float),  # how often the position changes while the joint moves fast; sensors may be slower
         ("peak", float),  # fastest motion since the last rest
-        ("in_spell", np.bool_),
-        ("longest_gap", np.int64),  # crossing from which the spell's longest gap runs
+        ("in_low_speed", np.bool_),
+        ("longest_gap", np.int64),  # crossing from which the low-speed interval's longest gap runs
         ("longest_time", float),
         ("peak_after", float),  # fastest motion since the longest gap
     ]
@@ -85,11 +85,11 @@ _BANDS_PER_NOISE = 5.0
 _LEAST_BAND = 1e-15
 _ROUNDING = 1e-10  # differences below this share of the position are arithmetic, not motion
 _STEPS_OF_SPEED = 3.0
-_HELD = 2.5
+_HOLD_LIMIT = 2.5
 _CROSSINGS_TO_LEAVE = 4
 _CROSSINGS_TO_WAIT = 128
 _NO_FASTER = 0.6  # of the fastest motion so far
-_FAST_AGAIN = 0.4  # of the fastest motion before the spell
+_FAST_AGAIN = 0.4  # of the fastest motion before the low-speed interval
 
 
 @inlined()
@@ -221,7 +221,7 @@ def _set_crossing(time, position, step, reference, effort, detector):
             gap = crossing_time - detector.crossings[last, TIME]
             if detector.update == 0.0:
                 detector.update = time - detector.last_time
-            held = gap <= _HELD * detector.update
+            held = gap <= _HOLD_LIMIT * detector.update
             elapsed = gap if held else max(time - detector.crossings[last, FLAT_END], detector.update)
             # A running median, in steps of a tenth.
             detector.update *= 1.1 if gap > detector.update else 1.0 / 1.1
@@ -237,11 +237,11 @@ def _set_crossing(time, position, step, reference, effort, detector):
 
 
 @inlined()
-def _follow_spell(detector):
-    """Update the spell with the gap that the newest crossing has ended; True when a spell is complete.
+def _follow_low_speed(detector):
+    """Update the low-speed interval with the gap that the newest crossing has ended; True if that completes it.
 
-    The joint is slow where it takes ten times as long for a band as in the fastest motion before, and the spell is
-    complete when it has been ten times as fast again as it was slowest. Nothing before that motion has a say.
+    The joint is slow where it takes ten times as long for a band as in the fastest motion before. The interval is
+    complete when the joint has been ten times as fast again as it was slowest. Nothing before that motion counts.
     """
     newest = detector.head - 1
     if newest < 1:
@@ -251,16 +251,16 @@ def _follow_spell(detector):
     step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
     large = step >= _STEPS_OF_SPEED * band
     stood = _time_for_a_band(newest, detector)
-    if not detector.in_spell:
+    if not detector.in_low_speed:
         if band < SLOW * detector.peak * stood:
-            _begin_spell(newest - 1, stood, detector)
+            _begin_low_speed(newest - 1, stood, detector)
         else:
             detector.peak = max(detector.peak, speed)
         return False
     if band < SLOW * detector.peak_after * min(stood, detector.longest_time):
         return True
     if stood > detector.longest_time:
-        _begin_spell(newest - 1, stood, detector)
+        _begin_low_speed(newest - 1, stood, detector)
         return False
     after = newest - detector.longest_gap
     # A speed over two gaps lies wholly after the longest gap from the third crossing on.
@@ -283,22 +283,22 @@ def _time_for_a_band(newest, detector):
     lasted = detector.crossings[now, TIME] - detector.crossings[gap, TIME]
     flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
     # A flat of few updates before a large step is a sensor that repeats itself.
-    if step >= _STEPS_OF_SPEED * band and flat <= (_HELD - 1.0) * detector.update:
+    if step >= _STEPS_OF_SPEED * band and flat <= (_HOLD_LIMIT - 1.0) * detector.update:
         flat = 0.0
     return max(flat, lasted * band / max(step, band))
 
 
 @helper()
-def _begin_spell(gap, stood, detector):
+def _begin_low_speed(gap, stood, detector):
     detector.longest_gap = gap
     detector.longest_time = stood
     detector.peak_after = 0.0
-    detector.in_spell = True
+    detector.in_low_speed = True
 
 
 @kernel()
-def close_spell(rested, detector):
-    """Begin anew after a spell, in which the joint rested or not; the newest gap may be the first of the next one.
+def close_low_speed(rested, detector):
+    """Restart after a low-speed interval, with or without a rest; the newest gap may be the first of the next one.
 
     Where it did not rest the motion goes on: a bounce on an elastic contact belongs to the slip before it.
     """
@@ -306,17 +306,17 @@ def close_spell(rested, detector):
     stood = _time_for_a_band(newest, detector)
     goes_on = not rested and np.isfinite(detector.peak)
     detector.peak = max(detector.peak, detector.peak_after) if goes_on else detector.peak_after
-    detector.in_spell = False
+    detector.in_low_speed = False
     if newest - 1 > detector.longest_gap and detector.position.band < SLOW * detector.peak * stood:
-        _begin_spell(newest - 1, stood, detector)
+        _begin_low_speed(newest - 1, stood, detector)
 
 
 @helper()
-def take(count, now, raw, pace_now, way_now, effort_now, detector):
-    """Take sample number ``count``; True if it completes a spell.
+def process_sample(count, now, raw, pace_now, way_now, effort_now, detector):
+    """Process sample number ``count``; True if it completes a low-speed interval.
 
-    It is time, position, velocity, way of the reference and effort. The longest gap of a completed spell stands in
-    the state (``LONGEST_GAP``), its surroundings in the ring of crossings.
+    A sample is time, position, velocity, path of the reference and effort. The longest gap of a completed interval
+    stands in the state (``LONGEST_GAP``), the crossings about it in the ring.
     """
     # A median of three keeps single-sample impulses out and leaves monotonic motion as it is.
     position = _median(raw, detector.median_1, detector.median_2) if count >= 2 else detector.median_1
@@ -334,7 +334,7 @@ def take(count, now, raw, pace_now, way_now, effort_now, detector):
         if first:
             detector.sign = 0.0
         else:
-            complete = _follow_spell(detector)
+            complete = _follow_low_speed(detector)
     else:
         meanwhile = 0.5 * (detector.last_reference + reference) - detector.level_reference
         detector.advance += meanwhile * (time - detector.last_time)

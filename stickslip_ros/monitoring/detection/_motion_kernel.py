@@ -73,7 +73,7 @@ MOTION = np.dtype(
         ("dwell", float),  # likewise
         ("distance", float),  # farthest of them
         ("reached", float),  # where the last one ended
-        ("evidence", float),  # end of the last cycle, or of the rest in which it ended
+        ("cycle_end", float),  # end of the last cycle, or of the rest in which it ended
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
@@ -94,7 +94,7 @@ MOTION = np.dtype(
 )
 
 # What ends a call of `follow`.
-ENDED, SPELL, STANDS, SWUNG, SILENT = range(5)
+ENDED, LOW_SPEED, STANDS, SWUNG, SILENT = range(5)
 
 # Columns of what is reported of a slice.
 BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
@@ -177,7 +177,7 @@ def _last_crossing_time(detector):
 
 
 @helper()
-def _flickers_since(lasting, detector):
+def _flickers_since(least_duration, detector):
     """Since when the joint has stayed within less than any slip, to and fro, if for so long or always; else NaN.
 
     A joint that goes one way moves, however slowly; two steps are too few to tell.
@@ -196,15 +196,15 @@ def _flickers_since(lasting, detector):
             turns += 1 if step * step_before < 0.0 else 0
             step_before = step
         since = detector.crossings[n % kernel.RING, kernel.TIME]
-        if detector.last_time - since >= lasting and turns > 0:
+        if detector.last_time - since >= least_duration and turns > 0:
             return since
         n -= 1
-    long_enough = n < 0 or detector.last_time - since >= lasting
+    long_enough = n < 0 or detector.last_time - since >= least_duration
     return since if long_enough and (turns > 0 or steps <= _FEW_STEPS) else np.nan
 
 
 @compiled()
-def open_rest(lasting, detector):
+def open_rest(least_duration, detector):
     """Since when the joint has been at rest, if by now that can be told from slow motion; else NaN.
 
     A reading that flickers for so long [s] is at rest, too.
@@ -215,7 +215,7 @@ def open_rest(lasting, detector):
         return last if head else np.nan
     flat = detector.last_time - last
     if not flat > _GAPS_AT_REST * detector.update:
-        return _flickers_since(lasting, detector)
+        return _flickers_since(least_duration, detector)
     count = min(head, _RECENT_CROSSINGS) - 1
     gaps, speeds = np.empty(count), np.empty(count)
     for n in range(count):
@@ -225,7 +225,7 @@ def open_rest(lasting, detector):
     usual = max(quantile(gaps, count, 0.5), detector.update)
     fastest = quantile(speeds, count, _FAST_SHARE)
     stands = flat > _GAPS_AT_REST * usual and detector.position.band < kernel.SLOW * fastest * flat
-    return last if stands else _flickers_since(lasting, detector)
+    return last if stands else _flickers_since(least_duration, detector)
 
 
 @inlined()
@@ -375,14 +375,14 @@ def _goes_on_sticking(rest, motion):
     """
     if motion.cycles < _CYCLES_FOR_STICK_SLIP:
         return False
-    if motion.now - motion.evidence > _CYCLES_AT_MOST * motion.period:
+    if motion.now - motion.cycle_end > _CYCLES_AT_MOST * motion.period:
         return False
     if abs(motion.position - motion.reached) > _OUTLIVES * motion.distance:
         return False
     slip, dwell = _OUTLIVES * motion.slip, _OUTLIVES * motion.dwell
     if np.isfinite(rest):
-        return rest - motion.evidence <= slip and motion.now - rest <= dwell
-    since = motion.evidence
+        return rest - motion.cycle_end <= slip and motion.now - rest <= dwell
+    since = motion.cycle_end
     if motion.rested_at > since and motion.rest_began - since <= slip and motion.rested_at - motion.rest_began <= dwell:
         since = motion.rested_at
     return motion.now - since <= slip
@@ -567,12 +567,12 @@ def _may_rest(motion, detector):
 
 @compiled()
 def replay(detector):
-    """Take the first block, which had to be measured first; True whenever a spell is complete."""
+    """Process the first block, which had to be measured first; True whenever a low-speed interval is complete."""
     early = detector.early
     while detector.samples >= kernel.BLOCK and detector.replayed < kernel.BLOCK:
         n = detector.replayed
         detector.replayed += 1
-        if kernel.take(n, early[n, 0], early[n, 1], early[n, 2], early[n, 3], early[n, 4], detector):
+        if kernel.process_sample(n, early[n, 0], early[n, 1], early[n, 2], early[n, 3], early[n, 4], detector):
             return True
     return False
 
@@ -593,7 +593,7 @@ def _note_reading(reading, count, signal):
 
 @compiled()
 def follow(start, times, positions, velocities, efforts, references, reference_speeds, slices, motions, detectors):
-    """Take samples from ``start`` until a spell or a swing is complete, the joint may rest, or nothing came for long.
+    """Process samples from ``start`` until a low-speed interval or a swing ends, the joint may rest, or after silence.
 
     Returns the index of the next sample, and which of these it is. The records come in arrays of one each: unpacking
     two records takes numba microseconds, and their arrays less than a tenth of that.
@@ -621,13 +621,13 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
             early[count, 0], early[count, 1], early[count, 2] = times[i], positions[i], velocities[i]
             early[count, 3], early[count, 4] = way, efforts[i]
             if count + 1 == kernel.BLOCK and replay(detector):
-                return i + 1, SPELL
+                return i + 1, LOW_SPEED
             continue
         head = detector.head
-        complete = kernel.take(count, times[i], positions[i], velocities[i], way, efforts[i], detector)
+        complete = kernel.process_sample(count, times[i], positions[i], velocities[i], way, efforts[i], detector)
         swung = detector.head > head and swings.follow_swing(motion, detector)
         if complete:
-            return i + 1, SPELL
+            return i + 1, LOW_SPEED
         if swung:
             return i + 1, SWUNG
         if _may_rest(motion, detector):

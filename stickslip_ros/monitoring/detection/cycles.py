@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from stickslip_ros.monitoring.detection._swing_kernel import STANDS
-from stickslip_ros.monitoring.detection.motion import Evidence, Swing
+from stickslip_ros.monitoring.detection.motion import CycleRecord, Swing
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvidence
 
@@ -32,8 +32,8 @@ _LEAST_ADVANCE = 0.2  # of a band, as a mean over a rest: less is noise
 _LEAST_STEP = 0.2  # of the travel of the reference during the rest beside it: a slip that keeps up with the reference
 _CREEP_SHARE = 0.1  # of the motions on both sides: so little is creep within a rest
 _LARGEST_SLIP = 2.0  # of the slip before: the last slip of a train is like those before it
-_LEAST_DIRECTNESS = 0.5  # a lightly damped joint bounces back before it rests; but a motion to and fro is none of it
-_LEAST_QUICKNESS = 1.3  # of the reference's speed: no more, and the joint follows it
+_LEAST_PATH_EFFICIENCY = 0.5  # net travel over path: a lightly damped joint bounces back, a motion to and fro has less
+_LEAST_PEAK_SPEED_RATIO = 1.3  # peak speed over the reference's: with less the joint follows the reference
 _MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
 _WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
 _TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8
@@ -100,7 +100,7 @@ class CycleDetector:
         self.last_rest: Rest | None = None
         self._rest_before: Rest | None = None
         self._small: Rest | None = None  # ends a motion so small beside the one before that it may be creep
-        self._foreseen: Cycle | None = None
+        self._early: Cycle | None = None
         self._closed: Rest | None = None
         self._distance = 0.0  # of the motion before the last rest
         self._pending: list[Cycle] = []
@@ -111,17 +111,17 @@ class CycleDetector:
         self._reported_swings = 0  # of these, how many are published
         self._told_until = -math.inf  # arrest of the last cycle told
 
-    def evidence(self, recent: Sequence[Cycle]) -> Evidence:
+    def record(self, recent: Sequence[Cycle]) -> CycleRecord:
         """What the recent cycles, oldest first, and the last rests tell of the time after them."""
         rest, before = self.last_rest, self._rest_before
         last_breakaway = rest.breakaway if rest is not None else math.nan
         stop_before = before.breakaway if before is not None and before.direction_before else math.nan
         if not recent:
-            return Evidence(last_breakaway=last_breakaway, stop_before=stop_before)
+            return CycleRecord(last_breakaway=last_breakaway, stop_before=stop_before)
         last = recent[-1]
         in_last_rest = rest is not None and before is not None and last.breakaway == before.breakaway
         seen = last_breakaway if in_last_rest else self._turned if last.hunting else last.arrest
-        return Evidence(
+        return CycleRecord(
             cycles=len(recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
             period=median(cycle.period for cycle in recent),
@@ -130,25 +130,25 @@ class CycleDetector:
             dwell=math.inf if last.hunting else max(cycle.dwell for cycle in recent),
             distance=max(abs(cycle.slip_distance) for cycle in recent),
             reached=last.position + last.slip_distance,
-            evidence=seen,
+            cycle_end=seen,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
         )
 
     @property
-    def may_foresee(self) -> bool:
-        """Whether :meth:`foresee` may say anything before the next rest is complete."""
-        return self._foreseen is None and self._closed is None and self._small is None and bool(self._train)
+    def may_detect_at_arrest(self) -> bool:
+        """Whether :meth:`detect_at_arrest` may return a cycle before the next rest is complete."""
+        return self._early is None and self._closed is None and self._small is None and bool(self._train)
 
-    def foresee(self, rest: Rest) -> Cycle | None:
+    def detect_at_arrest(self, rest: Rest) -> Cycle | None:
         """The cycle that ends in a rest which has only begun, if that is certain already, once.
 
-        It is settled thereby: :meth:`take` or :meth:`finish` returns it again, with what the whole rest tells of it.
+        The cycle is final: :meth:`add_rest` or :meth:`finish` returns it once more, completed from the whole rest.
         """
-        if self.last_rest is None or not self.may_foresee:
+        if self.last_rest is None or not self.may_detect_at_arrest:
             return None
-        self._foreseen = self._certain_already(self.last_rest, rest)
-        return self._foreseen
+        self._early = self._certain_already(self.last_rest, rest)
+        return self._early
 
     def _certain_already(self, before: Rest, rest: Rest) -> Cycle | None:
         cycle = _cycle(before, rest)
@@ -158,7 +158,7 @@ class CycleDetector:
             return None
         if math.isnan(rest.reference_advance):
             return cycle if self._spring.fits(_motion(cycle, rest)) else None
-        if not rest.slip.quickness >= _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
+        if not rest.slip.peak_speed_ratio >= _LEAST_PEAK_SPEED_RATIO or rest.slip.bursts > _MOST_BURSTS:
             return None
         # The rest that has just begun will be like the last one.
         certain = (
@@ -171,16 +171,16 @@ class CycleDetector:
     def finish(self, rest: Rest | None) -> list[Cycle]:
         """The cycle that ended in a rest which still lasts (None if there is none), where the samples end there."""
         if rest is None or self._closed is not None:
-            foreseen, self._foreseen = self._foreseen, None
-            return [foreseen] if foreseen is not None else []
-        cycles = self.take(rest)
+            early, self._early = self._early, None
+            return [early] if early is not None else []
+        cycles = self.add_rest(rest)
         self._closed = rest
         return cycles
 
-    def take(self, rest: Rest) -> list[Cycle]:
+    def add_rest(self, rest: Rest) -> list[Cycle]:
         """Take the next rest and return the cycles that are now certain, oldest first."""
         closed, self._closed = self._closed, None
-        foreseen, self._foreseen = self._foreseen, None
+        early, self._early = self._early, None
         before = self.last_rest
         if before is None or (closed is not None and rest.arrest < closed.breakaway):
             self._rest_before, self.last_rest = before, rest
@@ -199,11 +199,11 @@ class CycleDetector:
             self._small = rest
             return self._once(certain)
         certain += self._decide(before, rest)
-        if foreseen is not None and foreseen.breakaway not in [cycle.breakaway for cycle in certain]:
-            certain.append(foreseen)
+        if early is not None and early.breakaway not in [cycle.breakaway for cycle in certain]:
+            certain.append(early)
         return self._once(certain)
 
-    def take_swing(self, swing: Swing) -> list[Cycle]:
+    def add_swing(self, swing: Swing) -> list[Cycle]:
         """Take a swing about the reference, and return the cycles of hunting that are now certain."""
         if not _hunts_on(self._swings, swing):
             self._end_hunting()
@@ -234,7 +234,7 @@ class CycleDetector:
         if math.isnan(rest.reference_advance):
             certain = self._without_reference(cycle, rest)
         else:
-            self._begin_anew()
+            self._restart()
             certain = self._with_reference(cycle, before, rest, distance_before) if cycle is not None else []
         if cycle is None or cycle not in certain:
             self._train.clear()
@@ -242,7 +242,7 @@ class CycleDetector:
         return certain
 
     def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, distance_before: float) -> list[Cycle]:
-        if not rest.slip.quickness >= _LEAST_QUICKNESS or rest.slip.bursts > _MOST_BURSTS:
+        if not rest.slip.peak_speed_ratio >= _LEAST_PEAK_SPEED_RATIO or rest.slip.bursts > _MOST_BURSTS:
             return []
         if _keeps_up(cycle.slip_distance, rest) and _is_driven(rest, cycle, before, rest):
             return [cycle]
@@ -254,13 +254,13 @@ class CycleDetector:
     def _without_reference(self, cycle: Cycle | None, rest: Rest) -> list[Cycle]:
         if cycle is None:
             # What went to and fro in between was no slip.
-            self._begin_anew()
+            self._restart()
             return []
         if rest.slip.bursts > _MOST_BURSTS:
             return []
         motion = _motion(cycle, rest)
         was_certain, fits = self._spring.certain, self._spring.fits(motion)
-        if not self._spring.take(motion):
+        if not self._spring.add_motion(motion):
             self._pending = []
         if was_certain:
             return [cycle] if fits else []
@@ -270,8 +270,8 @@ class CycleDetector:
         certain, self._pending = self._pending, []
         return certain
 
-    def _begin_anew(self) -> None:
-        self._spring.begin_anew()
+    def _restart(self) -> None:
+        self._spring.restart()
         self._pending = []
 
     def _end_hunting(self) -> None:
@@ -282,14 +282,14 @@ class CycleDetector:
 def _cycle(before: Rest, rest: Rest) -> Cycle | None:
     """The slip between two rests, None if it is a motion to and fro."""
     distance = rest.position - before.position
-    if rest.arrest <= before.breakaway or distance == 0 or rest.slip.directness < _LEAST_DIRECTNESS:
+    if rest.arrest <= before.breakaway or distance == 0 or rest.slip.path_efficiency < _LEAST_PATH_EFFICIENCY:
         return None
     moved = rest.seen_from - before.seen_until
     return Cycle(
         breakaway=before.breakaway,
         arrest=rest.arrest,
         dwell=before.dwell,
-        creep=before.breakaway - before.stirred,
+        creep=before.breakaway - before.creep_onset,
         stands=rest.dwell,
         dated=before.dated and rest.dated,
         slip_distance=distance,

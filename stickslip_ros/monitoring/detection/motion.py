@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
+class CycleRecord:
     """What the recent cycles and rests tell; times are in seconds, and NaN where there was none.
 
     Attributes
@@ -25,7 +25,7 @@ class Evidence:
     cycles : how many; period : their median.
     slip, dwell : the longest among them.
     distance : likewise of the slips, without their sign [rad]; reached : where the last cycle ended [rad].
-    evidence : when the last cycle ended, or the rest in which it ended; the latest that was noted counts.
+    cycle_end : when the last cycle ended, or the rest in which it ended; the latest that was noted counts.
     last_breakaway : of the last rest; stop_before : of the rest before that, if the joint moved before.
     """
 
@@ -35,7 +35,7 @@ class Evidence:
     dwell: float = math.nan
     distance: float = math.nan
     reached: float = math.nan
-    evidence: float = math.nan
+    cycle_end: float = math.nan
     last_breakaway: float = math.nan
     stop_before: float = math.nan
 
@@ -93,11 +93,11 @@ class MotionRecord:
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
-            "before", "evidence",
+            "before", "cycle_end",
         ):  # fmt: skip
             self._motion[name] = np.nan
         self._motion["looked"] = -1
-        self.note(Evidence())
+        self.note(CycleRecord())
         self._motion["window"] = window
         self._detectors: Any = np.zeros(1, crossing_kernel.DETECTOR)
         self._detector = self._detectors[0]
@@ -108,7 +108,7 @@ class MotionRecord:
             signal["band"] = np.inf
         self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
         self._turns_taken = 0
-        self._rested = True  # in the spell just completed
+        self._rested = True  # in the low-speed interval just completed
         self.silent: int | None = None
 
     def follow(self, samples: Batch) -> Iterator[bool | Swing]:
@@ -136,11 +136,11 @@ class MotionRecord:
             if self._motion["swung"]:
                 self._motion["swung"] = False
                 yield Swing(**dict(zip(Swing.__dataclass_fields__, self._motion["swing"].tolist(), strict=True)))
-            complete = why == kernel.SPELL
+            complete = why == kernel.LOW_SPEED
             while complete:
                 self._rested = True
                 yield True
-                crossing_kernel.close_spell(self._rested, self._detector)
+                crossing_kernel.close_low_speed(self._rested, self._detector)
                 # The first block, which had to wait, may hold more than one.
                 complete = kernel.replay(self._detector)
 
@@ -155,13 +155,13 @@ class MotionRecord:
         self._motion["closed"] = 0
         return rows
 
-    def note(self, evidence: Evidence) -> None:
+    def note(self, record: CycleRecord) -> None:
         """Let the judgement know the recent cycles and rests."""
-        # What was evidence remains it, though another rest may have begun since.
-        latest = np.fmax(self._motion["evidence"], evidence.evidence)
-        for name in evidence.__dataclass_fields__:
-            self._motion[name] = getattr(evidence, name)
-        self._motion["evidence"] = latest
+        # The end of a cycle stays the latest one, though another rest may have begun since.
+        latest = np.fmax(self._motion["cycle_end"], record.cycle_end)
+        for name in record.__dataclass_fields__:
+            self._motion[name] = getattr(record, name)
+        self._motion["cycle_end"] = latest
 
     def await_rest(self, *, awaited: bool) -> None:
         """Whether :meth:`follow` is to stop where a rest may have begun, from the next sample on; at first not."""
@@ -279,7 +279,7 @@ class MotionRecord:
     def longest_gap(self) -> tuple[int, float]:
         """Crossing from which the longest gap of the slow stretch runs, and its duration [s]; 0 if there is none."""
         gap = int(self._detector["longest_gap"])
-        return gap, float(self._detector["longest_time"]) if self._detector["in_spell"] else 0.0
+        return gap, float(self._detector["longest_time"]) if self._detector["in_low_speed"] else 0.0
 
     @property
     def speed_after(self) -> float:

@@ -64,7 +64,7 @@ class Rest:
     Attributes
     ----------
     arrest, breakaway : [s]; the first rest of a record has the record's first stamp as arrest.
-    stirred : when it began to creep towards the breakaway [s]; the breakaway itself where no creep was seen.
+    creep_onset : when it began to creep towards the breakaway [s]; the breakaway itself where no creep was seen.
     position : [rad]; crept : how far the joint moved within the rest, signed [rad].
     direction_before, direction_after : ±1, of the motion on either side; 0 before the first rest.
     slip : the course of the motion before.
@@ -83,7 +83,7 @@ class Rest:
 
     arrest: float
     breakaway: float
-    stirred: float
+    creep_onset: float
     position: float
     crept: float
     direction_before: int
@@ -155,7 +155,7 @@ class RestDetector:
             if isinstance(event, Swing):
                 yield event
                 continue
-            rest = self._rest_in_spell() if event else self._begun_rest()
+            rest = self._rest_in_interval() if event else self._begun_rest()
             if event and rest is None:
                 self.motion.did_not_rest()
             if rest is not None:
@@ -218,8 +218,8 @@ class RestDetector:
             before, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
         )
 
-    def _rest_in_spell(self) -> Rest | None:
-        """Decide whether the spell just completed was a rest, and when it began and ended."""
+    def _rest_in_interval(self) -> Rest | None:
+        """Decide whether the low-speed interval just completed was a rest, and when it began and ended."""
         newest = self.motion.crossing_count - 1
         longest, _ = self.motion.longest_gap
         oldest = max(self._rest_end, newest - kernel.RING + 1)
@@ -266,7 +266,7 @@ class RestDetector:
         begin = float(before[-1, kernel.POSITION])
         crept = direction_after * float(crossings[last, kernel.POSITION] - begin)
         speed = speed_after if initial else max(speed_before, speed_after)
-        stirred = math.inf
+        creep_onset = math.inf
         left_at, left_from, slip = end_of_creep(crossings, longest - oldest, last, speed, direction_after)
         if last - first > _FEW_GAPS or crept < 0 or (left_at > last and abs(left_from - begin) > _LEAST_CREEP * travel):
             # The joint crept: where it came to rest and where it left is known, and not the same.
@@ -274,7 +274,8 @@ class RestDetector:
             at = np.searchsorted(crossings[:, kernel.TIME], edges, side="right") - 1
             places = crossings[at, kernel.POSITION][None, :]
             if abs(left_from - begin) > _LEAST_CREEP * travel:
-                _, stirred, _ = rest_ends(left, right, places, rest_begin, rest_end, direction_before, direction_after)
+                ends = rest_ends(left, right, places, rest_begin, rest_end, direction_before, direction_after)
+                creep_onset = ends[1]
                 places[0, 1], right, last = left_from, slip, left_at
                 rest_end = float(crossings[last, kernel.FLAT_END])
         elif direction_before * direction_after < 0:
@@ -306,7 +307,7 @@ class RestDetector:
             float(0.5 * (begin + crossings[last, kernel.POSITION])),
             direction_before,
             direction_after,
-            stirred=max(stirred, arrest),
+            creep_onset=max(creep_onset, arrest),
             dated=dated,
         )
         self._rest_end, self._left = (
@@ -330,7 +331,7 @@ class RestDetector:
         direction_before: int,
         direction_after: int,
         *,
-        stirred: float = math.inf,
+        creep_onset: float = math.inf,
         dated: bool = True,
     ) -> Rest:
         """A rest over the flats of these crossings; with those of the slip before it, or the last of a long one."""
@@ -362,7 +363,7 @@ class RestDetector:
         return Rest(
             arrest=arrest,
             breakaway=breakaway,
-            stirred=min(stirred, breakaway),
+            creep_onset=min(creep_onset, breakaway),
             position=position,
             crept=crept,
             direction_before=direction_before,

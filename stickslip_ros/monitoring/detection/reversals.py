@@ -82,7 +82,7 @@ class ReversalMeter:
         self._open = self._passing = None
         self._stood.clear()
 
-    def take(self, rest: Rest, samples: SampleBuffer) -> None:
+    def add_rest(self, rest: Rest, samples: SampleBuffer) -> None:
         """Take a rest that is known in full."""
         if rest.direction_before == 0:
             return
@@ -100,7 +100,7 @@ class ReversalMeter:
         self._pass(time, samples)
         self._passing = before, time
 
-    def look(self, now: float, samples: SampleBuffer) -> None:
+    def poll(self, now: float, samples: SampleBuffer) -> None:
         """Measure a reversal that was so long ago that its samples would be forgotten."""
         if self._open is not None and now - self._open.breakaway > _LONGEST:
             self._close(now, samples)

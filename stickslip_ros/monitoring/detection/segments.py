@@ -58,7 +58,7 @@ class Segments:
         for begin, end in pairwise(edges):
             self._extend(rows[begin:end], STATUS_OF[int(codes[begin])])
 
-    def mend(self, start: float, end: float) -> None:
+    def relabel(self, start: float, end: float) -> None:
         """Let a stretch of time be stick slip after all, as became certain only later."""
         reached = self._from + _way(self.all[-1]) if self.all else math.nan
         later: list[Segment] = []

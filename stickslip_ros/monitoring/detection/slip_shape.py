@@ -27,18 +27,18 @@ class SlipShape:
         frequency, whatever its distance.
     asymmetry : from half of the way to nine tenths, over from a tenth to half [1]; NaN if unknown. Above 1 the motion
         is fastest early, as one that follows a step of its reference.
-    directness : its way over all that it went to and fro [1]; NaN if unknown.
-    quickness : its fastest speed over that of the reference [1], each over a small part of its duration; infinite if
-        the reference stood, NaN if unknown. A joint that follows has about 1, a spring that lets go more. Of a steady
-        slide, whose fastest part may be noise, the upper quartile counts.
+    path_efficiency : net travel over the length of the path [1]; NaN if unknown.
+    peak_speed_ratio : peak speed of the joint over that of the reference [1], each over a small part of the duration;
+        infinite if the reference stood, NaN if unknown. A joint that follows has about 1, a spring that lets go more.
+        In a steady slide, whose fastest part may be noise, the upper quartile counts.
     bursts : how often it got fast on its way [1]; a slip is one burst, and its bounce back none.
     straight : whether it is a steady slide with corners, which no spring makes.
     """
 
     middle_half: float = math.nan
     asymmetry: float = math.nan
-    directness: float = math.nan
-    quickness: float = math.nan
+    path_efficiency: float = math.nan
+    peak_speed_ratio: float = math.nan
     bursts: int = 1
     straight: bool = False
 
@@ -69,8 +69,8 @@ def slip_shape(
     return SlipShape(
         middle_half=middle_half,
         asymmetry=asymmetry,
-        directness=abs(way) / float(np.sum(np.abs(np.diff(positions)))),
-        quickness=math.inf if reference == 0.0 else fast / reference,
+        path_efficiency=abs(way) / float(np.sum(np.abs(np.diff(positions)))),
+        peak_speed_ratio=math.inf if reference == 0.0 else fast / reference,
         bursts=_bursts((math.copysign(1.0, way) * forward).tolist()),
         straight=straight,
     )

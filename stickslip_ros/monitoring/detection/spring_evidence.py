@@ -78,13 +78,13 @@ class SpringEvidence:
         """Whether a motion would be another slip of a train of which it is certain."""
         return self.certain and self._evidence(motion) > _LEAST
 
-    def take(self, motion: Motion) -> bool:
+    def add_motion(self, motion: Motion) -> bool:
         """Take the next motion; returns whether the train goes on, else it begins with this one."""
         evidence = self._evidence(motion)
         self.total = min(self.total + evidence, _MOST)
         goes_on = bool(self._train) and self.total > 0.0 and not self._scatters([*self._train, motion])
         if not goes_on:
-            self.begin_anew()
+            self.restart()
         self._train.append(motion)
         if self.total < _GIVEN_UP or self._is_front_loaded() or self._is_straight():
             self.certain = False
@@ -92,7 +92,7 @@ class SpringEvidence:
             self.certain = True
         return goes_on
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Forget the train."""
         self.total, self.certain = 0.0, False
         self._train.clear()

@@ -17,12 +17,12 @@ from stickslip_ros.model import _friction_law
 from stickslip_ros.monitoring.friction._window_kernel import (
     ARREST,
     BREAKAWAY,
-    HELD,
+    HOLDING_FORCE,
     LEVEL,
     POSITION,
-    REMAINS,
     RISE_TIME,
     STRIBECK,
+    STRIBECK_FRACTION,
 )
 
 UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
@@ -35,8 +35,8 @@ UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 DETAILS = LINKED + 1
 # Columns of what Eq. (6) says of a level: its logarithm, and the slopes of that by the logarithms of F_s∞ and γ, the
 # dwell and the logarithm of what remained of the level before.
-EXPECTED, BY_STRIBECK, BY_RISE_TIME, BY_DWELL, BY_REMAINS = range(5)
-TIES = BY_REMAINS + 1
+EXPECTED, BY_STRIBECK, BY_RISE_TIME, BY_DWELL, BY_FRACTION = range(5)
+TIES = BY_FRACTION + 1
 
 HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
 WEAK = 1e-4  # weight of the detected breakaway beside the data's
@@ -97,16 +97,16 @@ def measure(
             ties[n, BY_STRIBECK] = stribeck * share / risen if n > 0 else 1.0
             ties[n, BY_RISE_TIME] = -(stribeck - left) / risen * dwell * steepness
             ties[n, BY_DWELL] = (stribeck - left) / risen * steepness
-            ties[n, BY_REMAINS] = left * (1.0 - share) / risen
+            ties[n, BY_FRACTION] = left * (1.0 - share) / risen
         else:
             # What was left is anything from none to all: in the middle of the two.
             ties[n, EXPECTED] = log_stribeck + 0.5 * math.log(share)
             ties[n, BY_STRIBECK] = 1.0
             ties[n, BY_RISE_TIME] = -0.5 * (1.0 - share)
             ties[n, BY_DWELL] = 0.5 * steepness / share
-            ties[n, BY_REMAINS] = 0.0
-        arrest, left = found[n, ARREST], level * found[n, REMAINS]
-        misfit = found[n, HELD] - level
+            ties[n, BY_FRACTION] = 0.0
+        arrest, left = found[n, ARREST], level * found[n, STRIBECK_FRACTION]
+        misfit = found[n, HOLDING_FORCE] - level
         for k in range(kinetic.shape[0]):
             misfit -= balance[n, k] * kinetic[k]
         misfits[n] = misfit * slips[n, BALANCE_WEIGHT]
@@ -137,16 +137,16 @@ def fill_slopes(
             step = steps[v, n]
             for m in range(edges[n], edges[n + 1]):
                 terms[row, m] = ((targets[m] - positions[v, observed[m]]) * scale[m] - residuals[m]) / step
-            force = (found[v, n, HELD] - found_here[n, HELD]) / step * slips[n, BALANCE_WEIGHT]
+            force = (found[v, n, HOLDING_FORCE] - found_here[n, HOLDING_FORCE]) / step * slips[n, BALANCE_WEIGHT]
             link = 0.0
             if n + 1 < count and slips[n + 1, LINKED] > 0.0:
                 # Where the joint stops without a trace of Stribeck friction nothing is left to the next slip.
-                left, left_here = found[v, n, REMAINS], found_here[n, REMAINS]
+                left, left_here = found[v, n, STRIBECK_FRACTION], found_here[n, STRIBECK_FRACTION]
                 left = left if left > _NOTHING_LEFT else _NOTHING_LEFT
                 left_here = left_here if left_here > _NOTHING_LEFT else _NOTHING_LEFT
                 ended = found[v, n, ARREST]
                 ended = (ended if math.isfinite(ended) else slips[n, WINDOW_END]) - found_here[n, ARREST]
-                link = ties[n + 1, BY_DWELL] * ended - ties[n + 1, BY_REMAINS] * math.log(left / left_here)
+                link = ties[n + 1, BY_DWELL] * ended - ties[n + 1, BY_FRACTION] * math.log(left / left_here)
                 link /= step * slips[n + 1, LEVEL_ERROR]
             if v < shared:
                 by_shared[0, n, moving[v]] = force
@@ -170,7 +170,7 @@ def fill_slopes(
         by_own[1, n, BREAKAWAY] = -ties[n, BY_DWELL] / error
         by_own[1, n, LEVEL] = 1.0 / error
         if n + 1 < count:
-            by_own[2, n, LEVEL] -= ties[n + 1, BY_REMAINS] / slips[n + 1, LEVEL_ERROR]
+            by_own[2, n, LEVEL] -= ties[n + 1, BY_FRACTION] / slips[n + 1, LEVEL_ERROR]
 
 
 @helper(fastmath={"reassoc"})  # sums in any order, so that several terms are added at once

@@ -29,13 +29,16 @@ from stickslip_ros.monitoring.friction._window_step import (
     first_not_positive,
 )
 
-# Indices of the parameter vector.
+# Indices of the fitted parameters: those that shape a slip, then those of Eq. (6), from slip to slip; each in the order
+# of the table in `model.friction`. Coulomb friction is fitted apart.
+SHAPE = ("inertia", "viscous", "stribeck_velocity", "lag")
+FITTED = (*SHAPE, "stribeck", "rise_time")
 INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
 # Columns of a slip's start.
 POSITION, BREAKAWAY, LEVEL = range(3)
 # Columns of what is found of a slip: the force on the joint at breakaway in the slip's direction, when and where
 # it ends, and the factor by which the Stribeck friction is less there than at breakaway.
-HELD, ARREST, ARREST_POSITION, REMAINS = range(4)
+HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION = range(4)
 FOUND_COLUMNS = 4
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
 
@@ -302,7 +305,7 @@ def simulate_windows(
             damped = creep * contacts[variant % contacts.shape[0], n, DAMPING]
             held = drive - direction * stiffness * rest - damped
             kinetic = held - level
-            found[variant, n, HELD] = held
+            found[variant, n, HOLDING_FORCE] = held
             found[variant, n, ARREST] = math.nan
             for i in range(first, node + 1):
                 positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * drive), 0.0
@@ -318,7 +321,7 @@ def simulate_windows(
                 rest += direction * way
                 level_now *= shape
                 found[variant, n, ARREST], found[variant, n, ARREST_POSITION] = arrest, rest
-                found[variant, n, REMAINS] = level_now / level
+                found[variant, n, STRIBECK_FRACTION] = level_now / level
                 before, stopped = node, direction * _at(arrest, node, times, drive_at)
                 holding = kinetic + direction * stiffness * rest
                 rest -= direction * softness * (holding + level_now - stopped)
@@ -340,4 +343,4 @@ def simulate_windows(
             if math.isnan(found[variant, n, ARREST]):
                 ratio = velocities_at[last] / plant[STRIBECK_VELOCITY]
                 found[variant, n, ARREST_POSITION] = positions_at[last]
-                found[variant, n, REMAINS] = _stribeck_friction(law, 1.0, ratio)
+                found[variant, n, STRIBECK_FRACTION] = _stribeck_friction(law, 1.0, ratio)

@@ -13,7 +13,7 @@ would hardly show as much; of both the surer enters first, and each has to hold 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ class DryFriction:
     coulomb : F_k, the mean of both directions [N·m], in the middle of the slips' time; in one direction with any load.
     load : F_l, half of what friction is higher by in positive direction [N·m], the mean over the slips' positions; None
         in one direction.
-    drift : D [N·m/s]. told_apart : whether time and position are; else the drift may be a slope over position, of
+    drift : D [N·m/s]. distinguished : whether time and position are; else the drift may be a slope over position, of
         friction or of load.
     ripple : over position.
     load_dependence : slope of the Coulomb friction over the size of a load that varies with position [1].
@@ -82,7 +82,7 @@ class DryFriction:
     coulomb: Term
     load: Term | None
     drift: Term | None
-    told_apart: bool
+    distinguished: bool = field(metadata={"key": "told_apart"})
     ripple: Ripple | None
     load_dependence: Term | None
     scatter: float
@@ -100,7 +100,9 @@ class DryFriction:
         """
         mean = self.load.value if self.load is not None else 0.0
         within = np.clip(position, self.position.min(), self.position.max())
-        return np.asarray(mean + _bends(within, self.position)[:, : len(self.load_curve)] @ np.array(self.load_curve))
+        return np.asarray(
+            mean + _polynomial_basis(within, self.position)[:, : len(self.load_curve)] @ np.array(self.load_curve)
+        )
 
     @property
     def middle(self) -> float:
@@ -155,7 +157,7 @@ def dry_friction(
         coulomb=_term(fit, 0),
         load=_term(fit, 1) if base.shape[1] > 1 else None,
         drift=drift,
-        told_apart=_told_apart(base, since[:, 0], position),
+        distinguished=_distinguished(base, since[:, 0], position),
         ripple=ripple,
         load_dependence=_term(fit, size - 1)
         if varying.shape[1] > bends
@@ -178,7 +180,7 @@ def dry_friction_of(problem: SlipProblem, fit: SlipFit) -> DryFriction | None:
     # No force is known better than the position that the spring rested at.
     errors = problem.stiffness(fit.parameters) * problem.rest_errors
     return dry_friction(
-        (fit.misfits + problem.balance @ fit.kinetic + problem.taken_off)[used],
+        (fit.misfits + problem.balance @ fit.kinetic + problem.subtracted_force)[used],
         problem.directions[used],
         problem.rests[used],
         (problem.breakaways + problem.origin)[used],
@@ -222,7 +224,7 @@ def _spans(time: FloatArray) -> bool:
     return bool(float(np.ptp(time)) > 0 and counts.min() >= _LEAST_OF_A_PART * len(time))
 
 
-def _bends(position: FloatArray, slips: FloatArray) -> FloatArray:
+def _polynomial_basis(position: FloatArray, slips: FloatArray) -> FloatArray:
     """Columns of a polynomial over position whose mean over the slips' positions is zero, shape (n, 4)."""
     extent = max(float(np.ptp(slips)), 1e-300)
     place, own = (position - slips.mean()) / extent, (slips - slips.mean()) / extent
@@ -231,7 +233,7 @@ def _bends(position: FloatArray, slips: FloatArray) -> FloatArray:
 
 def _loads(direction: FloatArray, position: FloatArray, bends: int = _PARABOLA) -> FloatArray:
     """Columns of a load that is a polynomial over position, shape (n, bends)."""
-    return direction[:, None] * _bends(position, position)[:, :bends]
+    return direction[:, None] * _polynomial_basis(position, position)[:, :bends]
 
 
 def _varying_load(
@@ -268,7 +270,7 @@ def _size_of_load(base: FloatArray, varying: FloatArray, kinetic: FloatArray, st
     return size if follows.significance(columns.shape[1]) < SIGNIFICANT else none
 
 
-def _told_apart(base: FloatArray, since: FloatArray, position: FloatArray) -> bool:
+def _distinguished(base: FloatArray, since: FloatArray, position: FloatArray) -> bool:
     """Whether time is told apart from position, and from a load over it."""
     place = (position - position.mean())[:, None]
     basis = np.linalg.svd(base, full_matrices=False)[0]

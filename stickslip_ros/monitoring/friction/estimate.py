@@ -11,15 +11,15 @@ Neither condition contains it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stickslip_ros.model._friction_law import PAPERS_LAW
-from stickslip_ros.model.friction import Friction, Gains, Joint, Real
-from stickslip_ros.model.friction_parameters import JOINT_PARAMETERS
+from stickslip_ros.model.friction import JOINT_PARAMETERS, Friction, Gains, Joint, Real
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction._window_kernel import (
+    FITTED,
     INERTIA,
     LAG,
     RISE_TIME,
@@ -27,11 +27,11 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.delay_estimate import SPREAD_LIMIT, DelayEstimate
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
-from stickslip_ros.monitoring.friction.lateness import SPREAD_LIMIT, Lateness
+from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
-from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.samples import FloatArray
 
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
@@ -39,14 +39,6 @@ IDENTIFIED = 0.05  # relative standard error from which on the data are said to 
 DOES_NOT_FIT = "friction model does not fit"
 COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 
-_INDEX = {
-    "inertia": INERTIA,
-    "viscous": VISCOUS,
-    "stribeck": STRIBECK,
-    "stribeck_velocity": STRIBECK_VELOCITY,
-    "lag": LAG,
-    "rise_time": RISE_TIME,
-}
 _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
 _SEEN = 3.0  # standard errors
 _ROUGHLY = 0.3  # relative standard error of what is not identified, but not a guess either
@@ -66,7 +58,7 @@ class ParameterEstimate:
     identified: bool
 
 
-UNKNOWN = ParameterEstimate(value=math.nan, std=math.nan, identified=False)
+NOT_ESTIMATED = ParameterEstimate(value=math.nan, std=math.nan, identified=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +79,7 @@ class LawAlternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Curvature:
-    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.supplements` has it.
+    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.optional_terms` has it.
 
     Attributes
     ----------
@@ -140,7 +132,8 @@ class FrictionEstimate:
         otherwise is in the covariance too.
     drive : the controller's gains as the effort shows them, None where another source is used or it does not.
     dry : what the kinetic friction depends on beside the speed; None per inertia.
-    growth : of friction that varies with place or load; all parameters are then those of the worst place. None else.
+    friction_factor : factor of friction that varies with position or load; all parameters are then those of the worst
+        place. None else.
     late : how late the controller acts, where that shows; the viscous friction told is then what is left of it at the
         latest gains. None else.
     may_be_late : whether a delay that does not show may take away more damping than friction gives. No parameter has
@@ -166,8 +159,8 @@ class FrictionEstimate:
     alternatives: tuple[LawAlternative, ...] = ()
     drive: DriveGains | None = None
     dry: DryFriction | None = None
-    growth: Growth | None = None
-    late: Lateness | None = None
+    friction_factor: FrictionFactor | None = field(default=None, metadata={"key": "growth"})
+    late: DelayEstimate | None = None
     may_be_late: bool = False
     curvature: Curvature | None = None
 
@@ -175,7 +168,7 @@ class FrictionEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
         if name in ("coulomb", COULOMB_AND_LOAD):
             return self.coulomb if name == "coulomb" else self.coulomb_and_load
-        index = _INDEX[name]
+        index = FITTED.index(name)
         if name == "inertia" and self.normalised:
             return ParameterEstimate(value=1.0, std=0.0, identified=False)
         value = math.exp(self.logarithms[index])
@@ -192,7 +185,7 @@ class FrictionEstimate:
     def natural_frequency(self) -> ParameterEstimate:
         """ω [1/s] where the gains are unknown; NaN else, since it then depends on the gains."""
         if not self.normalised:
-            return UNKNOWN
+            return NOT_ESTIMATED
         value = math.exp(0.5 * self.logarithms[INERTIA])
         error = 0.5 * math.sqrt(max(float(self.covariance[INERTIA, INERTIA]), 0.0))
         return ParameterEstimate(value=value, std=value * error, identified=error <= IDENTIFIED and not self.mismatch)
@@ -274,8 +267,8 @@ class FrictionEstimate:
         if self.alternatives:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
             text += f"; the law may be {others} as well"
-        if self.growth is not None:
-            text += f"; {self.growth.text}"
+        if self.friction_factor is not None:
+            text += f"; {self.friction_factor.text}"
         if self.curvature is not None:
             text += f"; {self.curvature.text}"
         if self.may_be_late:

@@ -30,24 +30,24 @@ from stickslip_ros.monitoring.friction.dry_friction import dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
     DOES_NOT_FIT,
     IDENTIFIED,
-    UNKNOWN,
+    NOT_ESTIMATED,
     USABLE_ASIDE,
     Curvature,
     FrictionEstimate,
     LawAlternative,
     ParameterEstimate,
 )
-from stickslip_ros.monitoring.friction.fit_errors import honest_covariance
+from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
 from stickslip_ros.monitoring.friction.laws import weighed_laws
-from stickslip_ros.monitoring.friction.place_fit import with_surroundings
+from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
+from stickslip_ros.monitoring.friction.place_fit import with_position_disturbance
+from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
-from stickslip_ros.monitoring.friction.supplements import with_supplements
-from stickslip_ros.monitoring.friction.surroundings import Growth
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
 from stickslip_ros.monitoring.samples import FloatArray
@@ -55,7 +55,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 LEAST_SLIPS = 3
 _LEAST_OF_A_DIRECTION = 3
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
-_STRAYS = 0.001  # of a slip: less is left over by real joints that the model explains
+_LARGEST_UNEXPLAINED = 0.001  # tolerance, in slip distances: joints that the model explains need less
 _LARGEST_MEAN_SQUARE = 1.2  # of the residuals, of joints that the model explains
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
 _ASIDE = 0.34  # share of slips that nothing explains
@@ -85,7 +85,7 @@ def fitted_laws(
     windows: list[SlipWindow],
     configured: Joint | None,
     start: FloatArray | None = None,
-    hopeless: Collection[str] = (),
+    rejected: Collection[str] = (),
     *,
     yields: bool = False,
 ) -> list[FittedLaw]:
@@ -93,7 +93,7 @@ def fitted_laws(
 
     Parameters
     ----------
-    start : logarithms that fitted earlier slips under the paper's law, or None. hopeless : laws that these excluded.
+    start : logarithms that fitted earlier slips under the paper's law, or None. rejected : laws that these excluded.
         yields : whether these were of a contact that yields.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
@@ -110,11 +110,11 @@ def fitted_laws(
     if solution is None:
         return []
     first = with_delay(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
-    first = with_supplements(with_trend(with_contact(first, known), known), known)
+    first = with_optional_terms(with_trend(with_contact(first, known), known), known)
     why = _unexplained(first)
-    if why and not first.problem.trend and not first.problem.normalised and not first.swings:
-        first = with_surroundings(first, known, why)
-    fits = weighed_laws(first, known, hopeless)
+    if why and not first.problem.trend and not first.problem.normalised and not first.unsettled:
+        first = with_position_disturbance(first, known, why)
+    fits = weighed_laws(first, known, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 
@@ -173,18 +173,18 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
     aside = int((~problem.usable).sum())
-    # What is taken off is only nearly what varies: what is left is not certain either.
-    around = fits[0].surroundings
-    unexplained = around.without if around is not None else _unexplained(fits[0])
+    # The subtracted force is only nearly the right one, so the fit without it is not certain either.
+    disturbance = fits[0].position_disturbance
+    unexplained = disturbance.without if disturbance is not None else _unexplained(fits[0])
     against = contradiction(problem.windows)
     blank = FrictionEstimate(
         source=problem.windows[0].source,
         normalised=problem.normalised,
         logarithms=fit.parameters[:PARAMETERS],
         covariance=np.zeros((PARAMETERS, PARAMETERS)),
-        coulomb=UNKNOWN,
-        load=UNKNOWN,
-        coulomb_and_load=UNKNOWN,
+        coulomb=NOT_ESTIMATED,
+        load=NOT_ESTIMATED,
+        coulomb_and_load=NOT_ESTIMATED,
         slips=problem.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
@@ -195,7 +195,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.normalised else dry_friction_of(problem, fit),
-        growth=_growth(fits[0], covariance),
+        friction_factor=_friction_factor(fits[0], covariance),
         may_be_late=may_hide_a_delay(fits[0]),
         curvature=_curvature(fits[0], covariance),
     )
@@ -209,28 +209,28 @@ def _unexplained(fitted: FittedLaw) -> str:
     scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
     aside = int((~problem.usable).sum())
     reasons = []
-    if left_over > _STRAYS:
+    if left_over > _LARGEST_UNEXPLAINED:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
     elif solution.mean_square > _LARGEST_MEAN_SQUARE:
         reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
-    if fitted.swings:
+    if fitted.unsettled:
         reasons.append("its contact yields, and it slips again before it has come to rest on it")
     if aside > _ASIDE * problem.count:
         reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
     return "; ".join(reasons)
 
 
-def _growth(fitted: FittedLaw, covariance: FloatArray) -> Growth | None:
-    """By how much friction grows from the best place to the worst; None where it is not seen to."""
-    if fitted.surroundings is None or fitted.problem.growth is None:
+def _friction_factor(fitted: FittedLaw, covariance: FloatArray) -> FrictionFactor | None:
+    """Factor of friction between best and worst place; None where no fit has one."""
+    if fitted.position_disturbance is None or fitted.problem.covariate is None:
         return None
     fit = fitted.solution.fit
     errors = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
-    return Growth(
-        surroundings=fitted.surroundings,
-        falls=fitted.falls,
+    return FrictionFactor(
+        position_disturbance=fitted.position_disturbance,
+        decreasing=fitted.decreasing,
         share=float(fit.parameters[-1]),
         std=float(errors[len(fit.parameters) - 1]),
         coulomb=float(fit.kinetic[-1]),
@@ -263,8 +263,8 @@ def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
 
 def _covariance(fitted: FittedLaw) -> FloatArray:
     """Of one law's parameters and kinetic friction, with what was not fitted, but may make something of them."""
-    covariance = honest_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior)
-    return np.asarray(covariance + fitted.by_supplements)
+    covariance = robust_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior)
+    return np.asarray(covariance + fitted.by_optional_terms)
 
 
 def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
@@ -275,7 +275,7 @@ def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
     size = len(first.solution.fit.parameters)
     off = np.zeros(size + len(first.solution.fit.kinetic))
     off[:PARAMETERS] = _comparable(other) - _comparable(first)
-    both = min(len(one.problem.lasting[1]) for one in (first, other))
+    both = min(len(one.problem.without_drift[1]) for one in (first, other))
     off[size : size + both] = other.solution.fit.kinetic[:both] - first.solution.fit.kinetic[:both]
     return off
 
@@ -309,12 +309,12 @@ def estimate_from(
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
     covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
-    late = problem.lateness(parameters, covariance) if problem.delay_shows else None
+    late = problem.delay_estimate(parameters, covariance) if problem.delay_shows else None
     parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
-    lasting, of_balance = problem.lasting
-    chosen = np.concatenate([lasting, len(parameters) + of_balance])
-    parameters, kinetic, covariance = parameters[lasting], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]
-    coulomb = load = together = UNKNOWN
+    without_drift, of_balance = problem.without_drift
+    chosen = np.concatenate([without_drift, len(parameters) + of_balance])
+    parameters, kinetic, covariance = parameters[without_drift], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]
+    coulomb = load = together = NOT_ESTIMATED
     if not estimate.normalised:
         size = len(parameters)
         errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))

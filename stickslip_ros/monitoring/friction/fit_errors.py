@@ -27,7 +27,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 _UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
 _FEW = 8  # slips more than parameters, before their scatter says something
-_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square without meaning; how much more widens the errors
+_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square up to which errors stay; factor on what is beyond
 _RISEN, _LONGER = 0.1, 2.0  # of the usual rest: a rise time that has long passed; a rest that is longer
 _MORE = 0.1  # of a logarithm: a level that F_s∞ is too small for
 _ANY = 1.5  # of a logarithm: an error that leaves it open
@@ -51,8 +51,8 @@ def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
     return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
 
 
-def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
-    """The covariance, widened by what the residuals show; shape (p + k, p + k)."""
+def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
+    """Robust covariance: that of least squares, inflated by misfit, scatter and discrepancy; shape (p + k, p + k)."""
     narrow = covariance_of(fit.information, prior)
     mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
     aside = 1.0 - float(problem.usable.mean())
@@ -69,14 +69,14 @@ def honest_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> Float
         + _by_sampling(problem, fit)
         + _by_steps(problem, fit, narrow)
         + _by_trend(problem, fit)
-        + _by_no_rise(problem, fit, prior)
+        + _by_unidentified_rise(problem, fit, prior)
     )
 
 
 def repeating_residual(problem: SlipProblem, fit: SlipFit) -> float:
-    """What the model leaves over in every slip alike, as a standard deviation; share of a slip's distance.
+    """Systematic residual, common to all slips, as a standard deviation in slip distances.
 
-    Of the mean residual of each part of a slip that is counted which the scatter within it does not explain.
+    It is the mean residual of each part of a slip, less what the scatter within the part explains.
     """
     means, scatter, counts = _residual_of_parts(problem, fit)
     seen = counts > 1
@@ -143,9 +143,9 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
     ways = (quicker - balanced)[problem.observed] / (problem.directions * problem.distances)[problem.slip_of]
     used = (problem.weights > 0) & np.isfinite(ways)
-    parts, count = problem.parts_of_slips[used], len(fit.pulls)
+    parts, count = problem.parts_of_slips[used], len(fit.bias_sensitivity)
     mean = np.bincount(parts, ways[used], count) / np.maximum(np.bincount(parts, minlength=count), 1)
-    moved = covariance @ fit.pulls.T @ mean
+    moved = covariance @ fit.bias_sensitivity.T @ mean
     return np.asarray(np.outer(moved, moved))
 
 
@@ -157,10 +157,10 @@ def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     return np.diag(variances)
 
 
-def _by_no_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
+def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
     """Covariance of F_s∞ where static friction seems to have risen before every slip, but for slips after long rests.
 
-    Slips after rests that are alike are explained by friction that has risen long before, or that rises for long from
+    Slips after rests of one length are explained by friction that has risen long before, or that rises for long from
     an arrest that leaves little of it. Slips after longer rests tell; where these do not fit, or more than F_s∞ held
     them, the explanation is the wrong one, F_s∞ can be any more than what is seen, and least squares about the one know
     nothing of the other.
@@ -178,9 +178,9 @@ def _by_no_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
 
 def _by_discrepancy(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> FloatArray:
     """Covariance of what a discrepancy that repeats from slip to slip makes of the parameters."""
-    count = len(fit.pulls)
+    count = len(fit.bias_sensitivity)
     size = repeating_residual(problem, fit) ** 2 * count / max(count - _ABSORBED, 1)
     if repeats_for_sure(problem, fit):
         size *= _WRONG_LAW**2
-    moved = covariance @ fit.pulls.T
+    moved = covariance @ fit.bias_sensitivity.T
     return np.asarray(size * moved @ moved.T)

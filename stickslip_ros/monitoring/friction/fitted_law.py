@@ -17,10 +17,10 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
+from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_solution import FITS, GOOD, Solution, fit_near, glance, usual_level
-from stickslip_ros.monitoring.friction.surroundings import Surroundings
+from stickslip_ros.monitoring.friction.slip_solution import FITS, GOOD, Solution, fit_near, truncated_fit, usual_level
 from stickslip_ros.monitoring.samples import FloatArray
 
 # No model is better than so of kinetic friction, as a share of the usual level, and of levels.
@@ -37,23 +37,23 @@ class FittedLaw:
     Attributes
     ----------
     law : its name. weight : from 0 to 1; those of all laws add up to 1.
-    surroundings : what was taken off the forces of the problem's slips, None if nothing. falls : whether friction that
-        grows with them in the problem grows the other way.
-    hopeless : laws that were looked at and that no more slips would make as good.
-    swings : whether the joint's contact yields, and it slips again before it has come to rest on it.
-    by_supplements : covariance of what :mod:`.supplements` that were not fitted may make of parameters and kinetic
-        friction, shape (p + k, p + k), or 0.
+    position_disturbance : force subtracted from that of the problem's slips, None if none is.
+    decreasing : whether friction falls where the disturbance grows.
+    rejected : names of the laws that screening has rejected for good.
+    unsettled : whether the joint's contact yields, and the joint slips again before it has come to rest on the contact.
+    by_optional_terms : covariance of parameters and kinetic friction that :mod:`.optional_terms` which were not fitted
+        may cause, shape (p + k, p + k), or 0.
     """
 
     law: str
     problem: SlipProblem
     solution: Solution
     weight: float = 1.0
-    surroundings: Surroundings | None = None
-    falls: bool = False
-    hopeless: tuple[str, ...] = ()
-    swings: bool = False
-    by_supplements: FloatArray = field(default_factory=lambda: np.zeros(()))
+    position_disturbance: PositionDisturbance | None = None
+    decreasing: bool = False
+    rejected: tuple[str, ...] = ()
+    unsettled: bool = False
+    by_optional_terms: FloatArray = field(default_factory=lambda: np.zeros(()))
 
     @property
     def fits(self) -> bool:
@@ -67,16 +67,16 @@ def fitted_with_more(
     more: int,
     known: Mapping[int, tuple[float, float]],
     *,
-    promises: bool = False,
+    prior_evidence: bool = False,
 ) -> FittedLaw:
     """The fit of the same slips with more parameters, where it is good and worth them (BIC); else the first one.
 
     Parameters
     ----------
     problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
-    promises : whether it is known that there is something to explain; else a few of the slips are asked first.
+    prior_evidence : whether the slips are known to need the parameters; else a fit of a few slips has to show it first.
     """
-    if not first.fits and not promises and not _promises(first, problem, more, known):
+    if not first.fits and not prior_evidence and not _worth_the_parameters(first, problem, more, known):
         return first
     try:
         found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
@@ -85,10 +85,12 @@ def fitted_with_more(
     gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
-    return replace(first, problem=problem, solution=found, by_supplements=np.zeros(()))
+    return replace(first, problem=problem, solution=found, by_optional_terms=np.zeros(()))
 
 
-def _promises(first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]) -> bool:
+def _worth_the_parameters(
+    first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]
+) -> bool:
     """Whether a few of the slips are worth the parameters: what explains what is left over is seen in them.
 
     Where no law fits, full fits take many times as long, and are in vain.
@@ -96,7 +98,7 @@ def _promises(first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[
     start = first.solution.fit.parameters
     problem.set_aside(~first.solution.usable)
     without, together = first.problem.spread(), problem.spread()
-    fits = glance(without, start, known), glance(together, start, known)
+    fits = truncated_fit(without, start, known), truncated_fit(together, start, known)
     if fits[0] is None or fits[1] is None:
         return False
     return misfit_of(without, fits[0]) - misfit_of(together, fits[1]) > more * math.log(without.count)
@@ -125,8 +127,8 @@ def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64]
     return total
 
 
-def repeated(problem: SlipProblem, solution: Solution) -> float:
-    """How many residuals say the same, at least one."""
+def residuals_per_observation(problem: SlipProblem, solution: Solution) -> float:
+    """Residuals per independent observation, by runs of one sign; at least one."""
     residuals: FloatArray = solution.fit.residuals
     used = problem.weights > 0
     ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)

@@ -27,10 +27,10 @@ _RUN = 4  # slips in a row that are kept or dropped together: Eq. (6) ties each 
 # Circumstances so far apart tell different things. Of speeds, dwells and gains the logarithms.
 _SPEED, _DWELL, _GAIN = 0.25, 0.25, 0.2
 _OTHER_DIRECTION = 2.0
-_PLACES, _TIMES = 4.0, 1.5  # of the positions and of the times that the slips extend over, so many are told apart
-_OTHER_PLACES = 8.0  # of the range of the slips in one direction: one as far from all others is elsewhere
+_PLACES, _TIMES = 4.0, 1.5  # of the positions and of the times that the slips extend over, so many are distinguished
+_OTHER_PLACES = 8.0  # parts of the slips' range: a slip that is a part away from all others is at a new position
 _FEW_WAYS = 8.0  # slips one after the other, in a narrower range than which no place is another
-_OWN = 0.5  # variance of what a slip tells of itself alone, so that a second one like it is of use
+_OWN = 0.5  # variance of a slip's own noise, so that a second slip like it adds information
 
 
 class KeptSlips:
@@ -50,19 +50,19 @@ class KeptSlips:
         return [window for run in self._runs for window in run]
 
     def add(self, window: SlipWindow) -> None:
-        """Keep a slip, which is later than all others; the run that tells least beside the others makes room for it."""
+        """Keep a slip, which is later than all others; the least informative run makes room."""
         last = self._runs[-1] if self._runs else []
         if last and len(last) < _RUN and follows_on(last[-1], window):
             last.append(window)
         else:
             self._runs.append([window])
         if len(self) > MOST_SLIPS:
-            del self._runs[self._least_telling()]
+            del self._runs[self._least_informative()]
 
-    def is_elsewhere(self, cycle: Cycle) -> bool:
+    def is_at_new_position(self, cycle: Cycle) -> bool:
         """Whether a slip began where no slip that is kept began in its direction, nor nearly.
 
-        Of motion one way nothing is elsewhere: what varies with place is not told from what varies with time there.
+        False for motion one way: changes with position and with time are not distinguished there.
         """
         windows = self.windows
         places = [one.rest_position for one in windows if one.direction * cycle.slip_distance > 0.0]
@@ -71,17 +71,17 @@ class KeptSlips:
         near = max(max(places) - min(places), _FEW_WAYS * abs(cycle.slip_distance)) / _OTHER_PLACES
         return min(abs(cycle.position - place) for place in places) > near
 
-    def _least_telling(self) -> int:
-        """The run without which the others tell most, by slip; the latest is not asked, for it is not complete."""
+    def _least_informative(self) -> int:
+        """Index of the run with the least information beside the others, by slip; the latest, incomplete run stays."""
         runs = self._runs
         count = len(self)
         inverse = np.linalg.inv(_OWN * np.eye(count) + _likeness(self.windows))
         edges = np.cumsum([0, *(len(run) for run in runs)])
         # What a run tells beside the others is the logarithm of the determinant of its block of the inverse.
-        told = [
+        information = [
             -np.linalg.slogdet(inverse[first:last, first:last])[1] / (last - first) for first, last in pairwise(edges)
         ]
-        return int(np.argmin(told[:-1]))
+        return int(np.argmin(information[:-1]))
 
 
 def _likeness(windows: list[SlipWindow]) -> FloatArray:

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of, repeated
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of, residuals_per_observation
 from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
-from stickslip_ros.monitoring.friction.law_look import look_at, same_curve, same_parameters
+from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
+from stickslip_ros.monitoring.friction.screening import same_curve, same_parameters, screen_law
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
-from stickslip_ros.monitoring.friction.supplements import with_supplements
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import with_contact
 from stickslip_ros.monitoring.samples import FloatArray
@@ -30,21 +30,21 @@ LEAST_SLIPS = 8  # that tell laws apart
 
 
 def weighed_laws(
-    first: FittedLaw, known: Mapping[int, tuple[float, float]], hopeless: Collection[str] = ()
+    first: FittedLaw, known: Mapping[int, tuple[float, float]], rejected: Collection[str] = ()
 ) -> list[FittedLaw]:
     """The law fitted first and the others that the slips do not exclude, with their weights; the likeliest first.
 
     Parameters
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
-    hopeless : laws that fewer of these slips have excluded; they count as such as long as the first one fits.
+    rejected : laws that fewer of these slips have excluded; they count as such as long as the first one fits.
     """
     fits, given_up = [first], []
     if int(first.problem.usable.sum()) >= LEAST_SLIPS:
         for law in LAWS:
             if law == first.law:
                 continue
-            other = None if law in hopeless and first.fits else _beside(law, first, known)
+            other = None if law in rejected and first.fits else _beside(law, first, known)
             if other is None:
                 given_up.append(law)
             else:
@@ -60,10 +60,12 @@ def weighed_laws(
     if may_hide_a_delay(fits[0]):
         # What is left of the delay may be what speaks for another law: as far as is known, each is as likely.
         misfits = [misfits[best]] * len(fits)
-    weights = np.exp(-0.5 * (np.array(misfits) - misfits[best]) / repeated(fits[best].problem, fits[best].solution))
+    weights = np.exp(
+        -0.5 * (np.array(misfits) - misfits[best]) / residuals_per_observation(fits[best].problem, fits[best].solution)
+    )
     weights /= weights.sum()
     found = [
-        replace(fit, weight=float(weight), hopeless=tuple(given_up))
+        replace(fit, weight=float(weight), rejected=tuple(given_up))
         for fit, weight in zip(fits, weights, strict=True)
         if weight > EXCLUDED
     ]
@@ -78,28 +80,28 @@ def _misfits(fits: list[FittedLaw]) -> list[float]:
 
 def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
     """Another law's fit of the same slips; None if it would be far worse, or there is none."""
-    if first.surroundings is not None:
-        # What varies over position is taken off the forces of both alike.
+    if first.position_disturbance is not None:
+        # The same position-dependent forces are subtracted for both laws.
         return _near(first, law, same_parameters(law, first), first, known)
-    look = look_at(law, first, known)
-    if look is None or look.hopeless or not (first.fits or look.better):
+    screening = screen_law(law, first, known)
+    if screening is None or screening.rejected or not (first.fits or screening.better):
         return None
     problem = first.problem.plain(LAWS[law])
     try:
-        solution = fit_near(problem, look.start, first.solution.fit, known)
+        solution = fit_near(problem, screening.start, first.solution.fit, known)
     except LinAlgError:
         return None
-    # Whether a delay, a contact that yields, a trend or a supplement explains more is each law's own question.
+    # Delay, yielding contact, trend and optional terms are selected for each law by itself.
     other = with_delay(FittedLaw(law=law, problem=problem, solution=solution), known)
-    return with_supplements(with_trend(with_contact(other, known), known), known, beside=first)
+    return with_optional_terms(with_trend(with_contact(other, known), known), known, beside=first)
 
 
 def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
     """The first law fitted from where another one has led to; None if nothing can be fitted there."""
     again = _near(first, first.law, same_curve(first.law, better), better, known)
-    if again is None or first.surroundings is not None:
+    if again is None or first.position_disturbance is not None:
         return again
-    return with_supplements(with_contact(with_delay(again, known), known), known)
+    return with_optional_terms(with_contact(with_delay(again, known), known), known)
 
 
 def _near(
@@ -111,4 +113,4 @@ def _near(
         solution = fit_near(problem, start, shape.solution.fit, known)
     except LinAlgError:
         return None
-    return replace(first, law=law, problem=problem, solution=solution, by_supplements=np.zeros(()))
+    return replace(first, law=law, problem=problem, solution=solution, by_optional_terms=np.zeros(()))

@@ -3,7 +3,7 @@
 """Friction learnt slip by slip while a joint runs: bounded in time and memory, fading, watchful for changes.
 
 A study fits the kept slips from no guess at all and takes up to seconds; it is asked for at the beginning,
-then ever more seldom, and may run elsewhere. Between studies each new slip updates the last one's result
+then ever more seldom, and may run in another process. Between studies each new slip updates the last one's result
 in milliseconds.
 """
 
@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
-from stickslip_ros.monitoring.friction.slip_fit import SlipEvidence, Tolerances, evidence
+from stickslip_ros.monitoring.friction.slip_fit import FixedParameterFit, Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -42,14 +42,14 @@ _LAST_STUDY = 1.2  # likewise, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, from which on a study begins where the last one ended
 _EVERY_SLIP = 48  # slips, from which on those that are like the last one are learnt from only now and then
 _NOW_AND_THEN, _IN_A_ROW = 50.0, 5  # [s]; slips then, for one tells of the level of the next
-_LIKE = 0.15  # relative difference of two slips that are alike
+_LIKE = 0.15  # relative difference of dwell, distance and duration, below which two slips are similar
 _LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
-_STRANGE = 9.0  # mean square of a slip's residuals that the friction known does not explain
-_FORCE_STRANGE = 6.0  # standard deviations of the kinetic friction
+_OUTLIER = 9.0  # mean square of a slip's residuals, above which the estimate does not explain the slip
+_FORCE_OUTLIER = 6.0  # standard deviations of the kinetic friction
 _OFF = 0.01  # of the slip distance: less is no change
 _STEPS = 2.0  # of a controller's force, of the Stribeck friction: likewise
 _FORCE_OFF = 0.02  # of the Stribeck friction, likewise
-_STRANGE_IN_A_ROW = 3
+_OUTLIERS_IN_A_ROW = 3
 _WELL_STUDIED = 12  # slips of a study that is believed
 _UPDATE_WEIGHT = 0.3  # of a slip by itself, whose errors the next study will know better
 _UPDATE_LINK = 0.03  # how well the level left by one slip is known at the next, without the slips before
@@ -96,7 +96,7 @@ class FrictionLearner:
         self.change: FrictionChange | None = None
         self._kept = KeptSlips()
         self._state: Learnt | None = None
-        self._strange: list[SlipWindow] = []
+        self._outliers: list[SlipWindow] = []
         self._before_change: FrictionEstimate | None = None
         self._changed_at = math.nan
         self._seen = 0
@@ -119,7 +119,7 @@ class FrictionLearner:
             last is None
             or self._wanted < _EVERY_SLIP
             or (self._state is not None and self._state.drifts)
-            or self._kept.is_elsewhere(cycle)
+            or self._kept.is_at_new_position(cycle)
             or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
             or any(
                 abs(float(getattr(cycle, name)) - float(getattr(last, name))) > _LIKE * abs(float(getattr(last, name)))
@@ -133,7 +133,7 @@ class FrictionLearner:
         self._wanted += 1
         return True
 
-    def take(self, window: SlipWindow) -> None:
+    def add_slip(self, window: SlipWindow) -> None:
         """Learn from a slip, in bounded time."""
         if self._due is None:
             self._learn(window)
@@ -148,7 +148,7 @@ class FrictionLearner:
         self._kept.add(window)
         if self._state is not None and not self._state.estimate.normalised:
             self._update(window)
-        self._ask(_LATER_STUDIES)
+        self._request_study(_LATER_STUDIES)
 
     def finish(self) -> None:
         """No more slips come for now: what came since the last study is worth another.
@@ -157,19 +157,19 @@ class FrictionLearner:
         """
         if self._due is None:
             drifts = self._state is not None and self._state.drifts and self._studied > 0
-            self._ask((self._studied + 1) / self._studied if drifts else _LAST_STUDY)
+            self._request_study((self._studied + 1) / self._studied if drifts else _LAST_STUDY)
 
-    def _ask(self, more: float) -> None:
-        """Let a study be due if there are so many times more slips than at the last one."""
+    def _request_study(self, more: float) -> None:
+        """Make a study due if there are so many times more slips than at the last one."""
         if self._seen < max(_FIRST_STUDY, more * self._studied):
             return
         chosen = best_known(self._kept.windows)
         if len(chosen) >= _FIRST_STUDY:
             start = self._start(chosen)
-            hopeless = () if start is None or self._state is None else self._state.hopeless
+            rejected = () if start is None or self._state is None else self._state.rejected
             yields = self._state is not None and self._state.contact is not None
             self._due = StudyQuestion(
-                windows=chosen, configured=self.configured, start=start, hopeless=hopeless, yields=yields
+                windows=chosen, configured=self.configured, start=start, rejected=rejected, yields=yields
             )
             self._studied = self._seen
 
@@ -223,8 +223,8 @@ class FrictionLearner:
         """What to remember beyond the end of the process."""
         return LearnerMemory(configured=self.configured, learnt=self._state, change=self.change)
 
-    def remember(self, memory: LearnerMemory) -> bool:
-        """Go on from what was known once; returns whether it is of use: not if another joint is configured by now."""
+    def restore(self, memory: LearnerMemory) -> bool:
+        """Restore an earlier state; returns whether it is of use: not if another joint is configured by now."""
         if memory.configured != self.configured or memory.learnt is None:
             return False
         self._state, self.estimate, self.change = memory.learnt, memory.learnt.estimate, memory.change
@@ -246,13 +246,16 @@ class FrictionLearner:
             self._studied = 0
             return
         follows = follows_on(state.last_window, window)
-        around, growth = state.surroundings, state.estimate.growth
+        disturbance, friction_factor = state.position_disturbance, state.estimate.friction_factor
         # Of friction that varies from place to place each slip is made one at the worst.
-        rougher = None
-        if growth is not None:
-            rougher, window = np.array([growth.factor(window.rest_position)]), growth.applied(window)
-        elif around is not None:
-            window = around.applied(window)
+        known_factor = None
+        if friction_factor is not None:
+            known_factor, window = (
+                np.array([friction_factor.factor(window.rest_position)]),
+                friction_factor.applied(window),
+            )
+        elif disturbance is not None:
+            window = disturbance.applied(window)
         if state.contact is not None:
             if window.before is None or window.after is None:
                 return
@@ -260,49 +263,49 @@ class FrictionLearner:
         more = 2 * (state.contact is not None) + (state.curved_at is not None)
         problem = SlipProblem(
             [window],
-            (state.last_window.arrest, state.remains) if follows else None,
+            (state.last_window.arrest, state.stribeck_fraction) if follows else None,
             both_directions=len(state.kinetic) > 1,
             law=LAWS[state.estimate.law],
             delay_shows=len(state.parameters) > PARAMETERS + more,
-            rougher=rougher,
+            known_factor=known_factor,
             contact=state.contact,
             curved_at=state.curved_at,
         )
-        problem.take_up(stray=state.stray, tolerance=state.tolerance)
+        problem.set_noise(jitter=state.jitter, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
-        left = state.remains if follows else 0.5
+        left = state.stribeck_fraction if follows else 0.5
         share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
         unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
         try:
             with np.errstate(all="ignore"):
-                said = evidence(
+                fixed_fit = fit_at_fixed_parameters(
                     problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),
                     parameters=state.parameters, kinetic=state.kinetic, unknowns=unknowns,
                 )  # fmt: skip
         except LinAlgError:
             return
-        if not (np.isfinite(said.information).all() and np.isfinite(said.gradient).all()):
+        if not (np.isfinite(fixed_fit.information).all() and np.isfinite(fixed_fit.gradient).all()):
             return
-        if self._is_strange(problem, said, state):
-            self._find_strange(window)
+        if self._is_outlier(problem, fixed_fit, state):
+            self._add_outlier(window)
             return
-        self._strange = []
+        self._outliers = []
         size = len(state.parameters)
-        information = (1.0 - 1.0 / self.memory) * state.information + _UPDATE_WEIGHT * said.information
-        pull = _UPDATE_WEIGHT * said.gradient
+        information = (1.0 - 1.0 / self.memory) * state.information + _UPDATE_WEIGHT * fixed_fit.information
+        pull = _UPDATE_WEIGHT * fixed_fit.gradient
         pull[:size] += state.prior.information @ (state.prior.mean - state.parameters) / self.memory
         covariance = covariance_of(information, state.prior)
         step = np.clip(covariance @ pull, -_LARGEST_STEP, _LARGEST_STEP)
         parameters = np.clip(state.parameters + step[:size], state.prior.lower, state.prior.upper)
         kinetic = state.kinetic + covariance[size:] @ pull
-        level = float(np.exp(said.unknowns[-1, LEVEL])) * float(said.found[-1, kernel.REMAINS])
-        wide = covariance * np.outer(state.widening, state.widening)
+        level = float(np.exp(fixed_fit.unknowns[-1, LEVEL])) * float(fixed_fit.found[-1, kernel.STRIBECK_FRACTION])
+        wide = covariance * np.outer(state.error_inflation, state.error_inflation)
         # One slip after the other cannot show what slips have in common: no error falls below that of the study.
         factors = np.maximum(state.spread / spread_of(wide), 1.0)
         wide *= np.outer(factors, factors)
         estimate = estimate_from(problem, state.estimate, parameters, kinetic, wide)
         if estimate.drive is not None:
-            seen = gains_in_slips(problem, state.parameters, said.unknowns)[-1]
+            seen = gains_in_slips(problem, state.parameters, fixed_fit.unknowns)[-1]
             estimate = replace(estimate, drive=estimate.drive.followed_by(seen))
         self._state = replace(
             state,
@@ -311,36 +314,36 @@ class FrictionLearner:
             kinetic=kinetic,
             information=information,
             last_window=window,
-            remains=level / math.exp(parameters[STRIBECK]),
+            stribeck_fraction=level / math.exp(parameters[STRIBECK]),
         )
         self.estimate = self._state.estimate
 
-    def _is_strange(self, problem: SlipProblem, said: SlipEvidence, state: Learnt) -> bool:
-        """Whether a slip is more than errors and imprecise knowledge off what was learnt."""
-        square = float(np.mean(said.residuals**2))
-        off = float(np.sqrt(np.mean((said.residuals * problem.errors) ** 2))) / float(problem.distances[0])
-        force = abs(float(said.misfits[0]))
+    def _is_outlier(self, problem: SlipProblem, fixed_fit: FixedParameterFit, state: Learnt) -> bool:
+        """Whether a slip differs from the estimate by more than the errors of both."""
+        square = float(np.mean(fixed_fit.residuals**2))
+        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.errors) ** 2))) / float(problem.distances[0])
+        force = abs(float(fixed_fit.misfits[0]))
         level = math.exp(state.parameters[STRIBECK])
         # A controller that acts on samples begins each slip with some more or less of a step of its force.
         step = problem.loading_rate(state.parameters) * problem.sample_interval / level if problem.may_be_late else 0.0
         enough = max(_OFF, _STEPS * step)
-        return (square > _STRANGE * max(1.0, state.estimate.mean_square) and off > enough) or (
-            force > _FORCE_STRANGE * math.hypot(state.balance_error, _FORCE_OFF * level)
+        return (square > _OUTLIER * max(1.0, state.estimate.mean_square) and off > enough) or (
+            force > _FORCE_OUTLIER * math.hypot(state.balance_error, _FORCE_OFF * level)
         )
 
-    def _find_strange(self, window: SlipWindow) -> None:
-        """Note a slip that what is known does not explain; several in a row are a change."""
-        self._strange.append(window)
-        if len(self._strange) < _STRANGE_IN_A_ROW:
+    def _add_outlier(self, window: SlipWindow) -> None:
+        """Keep a slip that the estimate does not explain; several in a row are a change of friction."""
+        self._outliers.append(window)
+        if len(self._outliers) < _OUTLIERS_IN_A_ROW:
             return
         assert self.estimate is not None
         if self._studied < _WELL_STUDIED or self.estimate.mismatch:
             # What was learnt from so few may simply be wrong.
-            self._strange, self._studied = [], 0
+            self._outliers, self._studied = [], 0
             return
-        self._changed_at = self._strange[0].breakaway
+        self._changed_at = self._outliers[0].breakaway
         self.change = FrictionChange(time=self._changed_at, learning_anew=True, differences=())
         self._before_change, self.estimate, self._state = self.estimate, None, None
-        self._kept = KeptSlips(self._strange)
-        self._seen, self._studied, self._strange = len(self._kept), 0, []
+        self._kept = KeptSlips(self._outliers)
+        self._seen, self._studied, self._outliers = len(self._kept), 0, []
         self._wanted = self._seen

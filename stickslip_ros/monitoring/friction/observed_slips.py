@@ -27,7 +27,7 @@ _UNIFORM = 1.0 / math.sqrt(12.0)
 _PARTS = 16  # of a slip, in which residuals are compared from slip to slip
 _FINEST = 2e-5  # of a slip: neither stamps nor integration are more exact
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03  # relative errors of a reference's speed
-_LARGEST_STRAY = 0.5  # of a sample interval, by which stamps may stray
+_LARGEST_JITTER = 0.5  # standard deviation of time stamps, in sample intervals: more would exchange samples
 
 
 def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
@@ -75,7 +75,7 @@ class ObservedSlips:
         self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
         self.groups, self.speeds, self.speed_errors = self._reference_speeds()
         self.usable = np.ones(self.count, dtype=bool)
-        self.begin_anew()
+        self.reset()
         self.speeds_at_nodes = self._measured_speeds()
         self.weigh(self.speeds_at_nodes)
 
@@ -106,8 +106,8 @@ class ObservedSlips:
             long[changes] = long[changes + 1] = True
         for number in range(self.count):
             near = slice(max(0, number - _NEIGHBOURS), number + _NEIGHBOURS + 1)
-            alike = self.durations[near][self.groups[near] == self.groups[number]]
-            long[number] |= self.durations[number] > _LONG_SLIP * np.median(alike)
+            neighbours = self.durations[near][self.groups[near] == self.groups[number]]
+            long[number] |= self.durations[number] > _LONG_SLIP * np.median(neighbours)
         return long
 
     def _reference_speeds(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
@@ -167,38 +167,38 @@ class ObservedSlips:
         self.linked = self.follows & np.append(False, self.usable[:-1]) & self.usable
         self.weights = self.usable[self.slip_of].astype(float)
 
-    def take_up(
+    def set_noise(
         self,
         *,
-        stray: float,
+        jitter: float,
         tolerance: float,
         usable: NDArray[np.bool_] | None = None,
         speeds: FloatArray | None = None,
     ) -> None:
-        """Go on as an earlier fit left it, of these slips or of others of the joint.
+        """Set the noise model to that of an earlier fit, of these slips or of others of the joint.
 
         Parameters
         ----------
-        stray : by how much the stamps stray [s]. tolerance : as of :meth:`weigh`.
-        usable : which of these slips it explained; None if it was of others. speeds : at the nodes, likewise.
+        jitter : standard deviation of time stamps [s]. tolerance : as of :meth:`weigh`.
+        usable : slips that the fit explained, and speeds : at the nodes; both None if the fit was of other slips.
         """
-        self.stray = stray
+        self.jitter = jitter
         if usable is not None:
             self.usable = np.ones(self.count, dtype=bool)
             self.set_aside(~usable)
         self.weigh(self.speeds_at_nodes if speeds is None else speeds, tolerance)
 
-    def begin_anew(self) -> None:
-        """Take back what earlier fits set aside or found of the stamps."""
+    def reset(self) -> None:
+        """Undo earlier fits: all slips that hold one slip are usable, time stamps are exact."""
         self.usable = np.ones(self.count, dtype=bool)
-        self.stray = 0.0
+        self.jitter = 0.0
         self.set_aside(self._not_alone())
 
     def weigh(self, speeds: FloatArray, tolerance: float = 0.0) -> None:
         """Set what each observation says of the position, and its standard deviation, for speeds at the nodes.
 
         Where a count changed the joint was at the edge between two counts some time in the sample's gap.
-        ``tolerance`` [rad] is added to every error: it widens the valley while the parameters are far off.
+        ``tolerance`` [rad] is added to every error: it makes the cost smoother while the parameters are far off.
         """
         gaps = np.where(self._at_edge, self.gaps, 0.0)
         # In the middle of the gap: while the joint gets faster its way is shorter than its speed at the end has it.
@@ -209,25 +209,25 @@ class ObservedSlips:
         count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
         finest = _FINEST * self.distances[self.slip_of]
         self.errors = np.sqrt(
-            (_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.stray) ** 2 + tolerance**2 + finest**2
+            (_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.jitter) ** 2 + tolerance**2 + finest**2
         )
 
-    def know_speeds(self, velocities: FloatArray) -> None:
-        """Take a fit's velocities at the nodes for the speeds there, in place of the measured ones."""
+    def set_speeds(self, velocities: FloatArray) -> None:
+        """Replace the measured speeds at the nodes by the velocities of a fit."""
         self.speeds_at_nodes = velocities
 
-    def measure_stray(self, residuals: FloatArray, velocities: FloatArray) -> None:
-        """Set by how much the stamps stray [s], from residuals of a fit [1], where the joint moves fast."""
+    def estimate_jitter(self, residuals: FloatArray, velocities: FloatArray) -> None:
+        """Estimate the jitter of time stamps from residuals of a fit [1], where the joint moves fast."""
         speed = np.abs(velocities[self.observed])
         fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & (self.weights > 0)
         if not fast.any():
             return
         in_time = self.errors[fast] / speed[fast]
-        expected = in_time**2 - self.stray**2
+        expected = in_time**2 - self.jitter**2
         excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
         gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
-        largest = _LARGEST_STRAY * float(np.median(gaps))
-        self.stray = min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
+        largest = _LARGEST_JITTER * float(np.median(gaps))
+        self.jitter = min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
 
     def detected(self, level: float) -> FloatArray:
         """The slips' unknowns as the detection sees them, with one level [N·m] for all."""

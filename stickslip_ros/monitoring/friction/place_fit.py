@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Slips fitted with what their places make of their forces, where without it they cannot be explained.
+"""Slips fitted without their position-dependent forces, where no fit with them explains the slips.
 
-What varies over position is seen in the kinetic friction, taken off, and looked for once more in what is then left.
-Where friction varies, Coulomb and Stribeck friction each get one more unknown, by which they grow from the best place
-to the worst; kept where they explain more than they are worth (BIC). All is then told as it is at the worst place.
+The disturbance is estimated from the kinetic friction, subtracted, and estimated once more from the new fit. Where
+friction varies, Coulomb and Stribeck friction each get one more parameter, by which they grow from the best place to
+the worst; the parameters stay where BIC prefers them. All parameters are then reported at the worst place.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.monitoring.friction.dry_friction import dry_friction_of
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of
+from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
-from stickslip_ros.monitoring.friction.surroundings import Surroundings
 
-_ROUNDS = 2  # of what varies the more is seen the better the slips are explained
-_PARAMETERS = 2  # of a growth
-_OF_SURROUNDINGS = 5  # that a load over position and a ripple have at most, beside
+_ROUNDS = 2  # estimates of the disturbance: the second one rests on a better fit
+_PARAMETERS = 2  # of a friction factor
+_OF_DISTURBANCE = 5  # parameters that a load over position and a ripple have at most
 
 
-def with_surroundings(plain: FittedLaw, known: Mapping[int, tuple[float, float]], why: str) -> FittedLaw:
-    """The same law fitted with what varies over position taken off, where that explains the slips better.
+def with_position_disturbance(plain: FittedLaw, known: Mapping[int, tuple[float, float]], why: str) -> FittedLaw:
+    """Fit of the same law without the position-dependent forces, where that explains the slips better.
 
     Parameters
     ----------
-    plain : a fit of slips as they are. why : what it does not explain.
+    plain : fit with the forces as they are. why : what that fit does not explain.
     known : mean and standard deviation of parameters' logarithms, by index.
     """
     best = plain
@@ -45,45 +45,45 @@ def with_surroundings(plain: FittedLaw, known: Mapping[int, tuple[float, float]]
 
 
 def _round(plain: FittedLaw, best: FittedLaw, known: Mapping[int, tuple[float, float]], why: str) -> FittedLaw | None:
-    """A fit with what the best one so far shows to vary; None if nothing does, or nothing is gained."""
+    """Fit without the disturbance that the best fit so far shows; None if there is none, or BIC rejects it."""
     dry = dry_friction_of(best.problem, best.solution.fit)
     if dry is None or not (dry.load_curve or dry.ripple is not None):
         return None
     if best is plain and dry.load_curve:
-        # Beside a load that is not yet taken off a ripple may be anything.
+        # A ripple is not reliable while a varying load is not subtracted.
         dry = replace(dry, ripple=None)
-    around = Surroundings(dry=dry, without=why)
+    disturbance = PositionDisturbance(dry=dry, without=why)
     windows = plain.problem.windows
-    off = np.array([around.taken_off(window) for window in windows])
-    changed = plain.problem.elsewhere([around.applied(window) for window in windows], off)
+    off = np.array([disturbance.subtracted_force(window) for window in windows])
+    changed = plain.problem.without_position_force([disturbance.applied(window) for window in windows], off)
     try:
         solution = search(changed, known)
     except LinAlgError:
         return None
     count = math.log(changed.count)
-    if solution is None or _misfit(plain) - misfit_of(changed, solution) < _OF_SURROUNDINGS * count:
+    if solution is None or _misfit(plain) - misfit_of(changed, solution) < _OF_DISTURBANCE * count:
         return None
-    even = FittedLaw(law=plain.law, problem=changed, solution=solution, surroundings=around)
-    growing = _growing(even, known)
+    even = FittedLaw(law=plain.law, problem=changed, solution=solution, position_disturbance=disturbance)
+    growing = _with_friction_factor(even, known)
     found = growing if growing is not None and _misfit(even) - _misfit(growing) > _PARAMETERS * count else even
     return found if best is plain or _misfit(found) < _misfit(best) else None
 
 
-def _growing(even: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
-    """The fit whose friction may vary too, told as it is where it is largest; None where nothing can be fitted."""
-    around, problem, fit = even.surroundings, even.problem, even.solution.fit
-    assert around is not None
-    for falls in (False, True):
-        growth = around.growth(problem.rests, falls=falls)
-        if not growth.any():
+def _with_friction_factor(even: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+    """Fit with a friction factor, reported where friction is largest; None where no fit is possible."""
+    disturbance, problem, fit = even.position_disturbance, even.problem, even.solution.fit
+    assert disturbance is not None
+    for decreasing in (False, True):
+        covariate = disturbance.covariate(problem.rests, decreasing=decreasing)
+        if not covariate.any():
             return None
-        growing = problem.elsewhere(problem.windows, problem.taken_off, growth)
+        growing = problem.without_position_force(problem.windows, problem.subtracted_force, covariate)
         try:
             solution = fit_near(growing, np.append(fit.parameters, 0.0), fit, known)
         except LinAlgError:
             return None
         if solution.fit.parameters[-1] >= 0.0:
-            return FittedLaw(law=even.law, problem=growing, solution=solution, surroundings=around, falls=falls)
+            return replace(even, problem=growing, solution=solution, decreasing=decreasing)
     return None
 
 

@@ -98,7 +98,7 @@ class PreslidingMeter:
         """What follows has nothing to do with what was before."""
         self._last = None
 
-    def take(self, rest: Rest, samples: SampleBuffer, gains: Gains | None, resolution: float) -> None:
+    def add_rest(self, rest: Rest, samples: SampleBuffer, gains: Gains | None, resolution: float) -> None:
         """Take a rest that is known in full, and learn from the one before: by now its limit was seen.
 
         Parameters

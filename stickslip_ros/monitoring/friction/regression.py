@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip_ros.monitoring.samples import FloatArray
 
-_MOST_ALIKE = 0.9  # correlation of neighbours, beyond which nothing is left to count
+_LARGEST_AUTOCORRELATION = 0.9  # correlation of neighbours, beyond which nothing is left to count
 _LEAST_FREE = 0.05  # of an observation: what its own residual shows where the fit goes through it
 _SINGULAR = 1e-10
 
@@ -29,14 +29,14 @@ class Regression:
     ----------
     coefficients : b, shape (p,). covariance : of these, shape (p, p). residuals : e, shape (n,).
     scatter : standard deviation of the residuals, at least the error that was given.
-    alike : correlation of each residual with the one before it, from 0 to 0.9.
+    autocorrelation : correlation of each residual with the one before it, from 0 to 0.9.
     """
 
     coefficients: FloatArray
     covariance: FloatArray
     residuals: FloatArray
     scatter: float
-    alike: float
+    autocorrelation: float
 
     @property
     def freedom(self) -> int:
@@ -61,8 +61,8 @@ def regression(columns: FloatArray, values: FloatArray, standard_error: float = 
     columns : X, shape (n, p) with n > p. values : y, shape (n,).
     standard_error : that each value has at least, in units of y.
     """
-    alike = _alike(values - columns @ (_solved(columns)[0] @ values))
-    new, new_values = news(columns, alike), news(values, alike)
+    autocorrelation = _autocorrelation(values - columns @ (_solved(columns)[0] @ values))
+    new, new_values = prewhitened(columns, autocorrelation), prewhitened(values, autocorrelation)
     inverse, leverage = _solved(new)
     coefficients = inverse @ new_values
     left = new_values - new @ coefficients
@@ -76,14 +76,14 @@ def regression(columns: FloatArray, values: FloatArray, standard_error: float = 
         covariance=np.asarray(covariance),
         residuals=residuals,
         scatter=max(math.sqrt(float(residuals @ residuals) / free), standard_error),
-        alike=alike,
+        autocorrelation=autocorrelation,
     )
 
 
-def news(values: FloatArray, alike: float) -> FloatArray:
-    """What is new in each row beside the one before it, by the correlation of neighbours; of the same shape."""
-    first = math.sqrt(1.0 - alike**2) * values[:1]
-    return np.concatenate([first, values[1:] - alike * values[:-1]])
+def prewhitened(values: FloatArray, autocorrelation: float) -> FloatArray:
+    """Rows prewhitened by the lag-1 autocorrelation; of the same shape."""
+    first = math.sqrt(1.0 - autocorrelation**2) * values[:1]
+    return np.concatenate([first, values[1:] - autocorrelation * values[:-1]])
 
 
 def _solved(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -93,11 +93,11 @@ def _solved(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray((right[kept].T / sizes[kept]) @ left[:, kept].T), np.asarray((left[:, kept] ** 2).sum(axis=1))
 
 
-def _alike(residuals: FloatArray) -> float:
-    """Correlation of neighbours; what a fit to few leaves of it is (1 + 3 r)/n too small (Kendall 1954)."""
+def _autocorrelation(residuals: FloatArray) -> float:
+    """Lag-1 autocorrelation r of residuals; that of few is (1 + 3 r)/n too small (Kendall 1954)."""
     total = float(residuals @ residuals)
     seen = float(residuals[1:] @ residuals[:-1]) / total if total > 0 else 0.0
-    return min(seen + (1.0 + 3.0 * seen) / len(residuals), _MOST_ALIKE) if seen > 0 else 0.0
+    return min(seen + (1.0 + 3.0 * seen) / len(residuals), _LARGEST_AUTOCORRELATION) if seen > 0 else 0.0
 
 
 def student_tail(ratio: float, freedom: int) -> float:

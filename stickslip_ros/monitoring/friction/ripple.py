@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction.regression import Regression, news, regression
+from stickslip_ros.monitoring.friction.regression import Regression, prewhitened, regression
 from stickslip_ros.monitoring.samples import FloatArray
 
 _PER_PEAK = 10  # frequencies tried within the width of a peak
 _MOST_TRIED = 20_000
 _SHORTER = 10.0  # so many times shorter periods are looked for among those that explain the same
-_ALIKE = 6.0  # difference of twice the logarithms of likelihoods, within which two periods explain the same
+_EQUALLY_LIKELY = 6.0  # twice the logarithm of a likelihood ratio, below which two periods are equally likely
 _MOST_ALIASES = 4
 _DIGITS = 6  # of such a difference
 _ROUNDING = 1e-10  # of the largest value
@@ -94,15 +94,17 @@ def find_ripple(
         return None
     frequency, _ = search.narrowed(float(tried[np.argmax(powers)]), step)
     fit, ripple = _fitted(known, values, position, about, frequency, standard_error)
-    # Few residuals seem less alike than they are: the sine has to stand out of them as they are too.
+    # Few residuals show less autocorrelation than there is: the sine has to be significant with and without it.
     power = min(
-        _power_of_news(known, values, position - about, frequency, alike, standard_error) for alike in (0.0, fit.alike)
+        _prewhitened_power(known, values, position - about, frequency, autocorrelation, standard_error)
+        for autocorrelation in (0.0, fit.autocorrelation)
     )
+    independent = count * (1.0 - fit.autocorrelation) / (1.0 + fit.autocorrelation)
     return Ripple(
         **ripple,
         about=about,
         significance=false_alarm(power, highest, position, count - size),
-        aliases=search.aliases(frequency, highest, step, count * (1.0 - fit.alike) / (1.0 + fit.alike)),
+        aliases=search.aliases(frequency, highest, step, independent),
     )
 
 
@@ -139,15 +141,20 @@ def _waves(position: FloatArray, frequencies: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)])
 
 
-def _power_of_news(
-    known: FloatArray, values: FloatArray, position: FloatArray, frequency: float, alike: float, standard_error: float
+def _prewhitened_power(
+    known: FloatArray,
+    values: FloatArray,
+    position: FloatArray,
+    frequency: float,
+    autocorrelation: float,
+    standard_error: float,
 ) -> float:
     """Share of the squares that a sine explains of what is new from value to value."""
     waves = _waves(position, np.array([frequency]))[:, :, 0].T
     squares = []
     for columns in (known, np.column_stack([known, waves])):
-        basis = np.linalg.qr(news(columns, alike))[0]
-        left = news(values, alike)
+        basis = np.linalg.qr(prewhitened(columns, autocorrelation))[0]
+        left = prewhitened(values, autocorrelation)
         left = left - basis @ (basis.T @ left)
         squares.append(float(left @ left))
     # The sine is worth no more than it is beside the errors that the values have anyway.
@@ -202,7 +209,7 @@ class _Search:
         for peak in peaks:
             other, power = self.narrowed(float(tried[peak]), step)
             worse = observations * math.log(max(1.0 - power, 1e-12) / max(1.0 - best, 1e-12))
-            if worse < _ALIKE and abs(other - frequency) > _PER_PEAK * step:
+            if worse < _EQUALLY_LIKELY and abs(other - frequency) > _PER_PEAK * step:
                 found.append((worse, 1.0 / other))
         # Those that explain just as much, but for rounding, in the order of their length.
         found.sort(key=lambda one: (round(one[0], _DIGITS), -one[1]))

@@ -20,6 +20,7 @@ from stickslip_ros.model.friction import stribeck_shape
 from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
 
+# Parameters of friction in the order of the table in `model.friction`, then the forces beside friction.
 NAMES = ("coulomb", "viscous", "stribeck", "stribeck_velocity", "load", "inertia")
 _COULOMB, _VISCOUS, _STRIBECK, _STRIBECK_VELOCITY, _LOAD, _INERTIA = range(6)
 _STRETCHES = 3000  # at most
@@ -28,7 +29,7 @@ _COUNTS = 4.0  # resolutions that a stretch must cover at least, for its speed t
 _LONGEST = 1.0  # [s] of a stretch
 _GAP = 0.3  # [s] without a sample ends a stretch
 _STARTS = (0.1, 0.3, 1.0, 3.0)  # of the median speed: where the Stribeck velocity is looked for
-_IDENTIFIED = 0.15
+_IDENTIFIED = 0.15  # relative standard error: a curve from noisy efforts is of use with three times that of slips
 _SPEED_RANGES, _LEAST_IN_RANGE = 10, 3
 _RUNS = 12  # parts of the record, whose scatter gives the errors
 

@@ -94,8 +94,8 @@ class NormalEquations:
         projected[:, slopes.moving] += slopes.terms[:shared].T
         projected *= weights_of(point.observed)[:, None]
         way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
-        pulls = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
-        np.add.at(pulls, problem.parts_of_slips, projected * way[:, None])
+        bias_sensitivity = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
+        np.add.at(bias_sensitivity, problem.parts_of_slips, projected * way[:, None])
         scores = np.add.reduceat(projected * point.observed[:, None], problem.observation_edges[:-1], axis=0)
         projected = balance - np.einsum("na,nac->nc", own_balance, follow)
         scores += projected * (weights_of(point.balance) * point.balance)[:, None]
@@ -104,7 +104,7 @@ class NormalEquations:
         scores += projected * (weights_of(point.links) * point.links)[:, None]
         rest = (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
         scores -= rest[:, None] * follow[:, POSITION]
-        return -scores, pulls
+        return -scores, bias_sensitivity
 
     def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""

@@ -13,15 +13,15 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HELD, LEVEL, RISE_TIME
+from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HOLDING_FORCE, LEVEL, RISE_TIME, SHAPE
 from stickslip_ros.monitoring.friction.slip_equations import NormalEquations, Point, Slopes
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SHAPE, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STEP = 1e-4  # of a logarithm, for differences
 _LONGEST_STEP = 0.7  # of a logarithm
 _ATTEMPTS = 8
-_HOPELESS = 0.05  # of what is missing: with gains less than that nothing comes of it
+_LEAST_GAIN = 0.05  # gain of an iteration, in distances to the wanted cost: with less the fit does not get there
 _ENOUGH_OF_OWN = 0.02  # relative gain of an iteration on the slips' own unknowns alone
 _LEAST = 1e-12  # of the trace of normal equations, added to their diagonal
 _FIXED = 1e-5  # a prior this narrow holds a parameter
@@ -72,8 +72,8 @@ class SlipFit:
     kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
     information : of the data on parameters and kinetic together, shape (p + k, p + k).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
-    pulls : gradient that a discrepancy of a slip's distance in each part of the slips would make, (parts, p + k).
-        These three are empty unless they were asked for.
+    bias_sensitivity : gradient by a systematic discrepancy of one slip distance in each part of the slips, shape
+        (parts, p + k). Information, scores and this are empty unless `scored`.
     residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
     link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
     cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
@@ -84,7 +84,7 @@ class SlipFit:
     kinetic: FloatArray
     information: FloatArray
     scores: FloatArray
-    pulls: FloatArray
+    bias_sensitivity: FloatArray
     residuals: FloatArray
     misfits: FloatArray
     link_misfits: FloatArray
@@ -100,7 +100,7 @@ class _Fit:
         self.problem, self.prior = problem, prior
         self.free = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
         self.columns = len(prior.mean) + problem.balance.shape[1]
-        # Where nothing is known of the slip before, its remains are anything from none to all.
+        # Where the slip before is unknown, the Stribeck fraction left by it is anything from 0 to 1.
         share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
         unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
         linked = problem.linked.copy()
@@ -135,7 +135,7 @@ class _Fit:
     def best_kinetic(self, unknowns: FloatArray, found: FloatArray) -> FloatArray:
         """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
         problem = self.problem
-        target = found[:, HELD] - np.exp(unknowns[:, LEVEL])
+        target = found[:, HOLDING_FORCE] - np.exp(unknowns[:, LEVEL])
         weights = problem.usable.astype(float)
         kinetic = np.zeros(problem.balance.shape[1])
         for _ in range(10):
@@ -152,7 +152,7 @@ class _Fit:
     def slopes(self, point: Point, active: Collection[int]) -> Slopes:
         """Slopes of the residuals by the active parameters, and by each slip's unknowns; by others they are zero."""
         problem, count = self.problem, self.problem.count
-        moving = np.array([k for k in active if not SHAPE <= k < PARAMETERS], dtype=np.int64)
+        moving = np.array([k for k in active if not len(SHAPE) <= k < PARAMETERS], dtype=np.int64)
         steps = np.empty((len(moving) + 2, count))
         steps[:-2], steps[-2], steps[-1] = _STEP, 1e-4 * problem.durations, 1e-3
         parameters = np.repeat(point.parameters[None], len(steps), axis=0)
@@ -199,7 +199,7 @@ def fit_slips(
     parameters : logarithms, shape (p,). unknowns : of the slips, shape (slips, 3).
     iterations : at most. enough : gain of an iteration below which it stops.
     wanted : cost without which the fit is of no use: it stops where that is far off and comes no nearer.
-    scored : whether information, scores and pulls are wanted, which take as long as an iteration.
+    scored : whether information, scores and bias sensitivity are wanted, which take as long as an iteration.
 
     Raises
     ------
@@ -244,20 +244,20 @@ def fit_slips(
             break
         damping = max(damping / 8.0, 1e-9)
         gain = before.cost - point.cost
-        if gain < max(enough * max(1.0, 1e-3 * point.cost), _HOPELESS * (point.cost - wanted)):
+        if gain < max(enough * max(1.0, 1e-3 * point.cost), _LEAST_GAIN * (point.cost - wanted)):
             break
-    information = scores = pulls = np.empty((0, fit.columns))
+    information = scores = bias_sensitivity = np.empty((0, fit.columns))
     if scored:
         slopes = fit.slopes(point, fit.free)
         information, _, by_parameters, _ = fit.equations(point, slopes).eliminate(0.0)
-        scores, pulls = NormalEquations.shares(problem, point, slopes, by_parameters)
+        scores, bias_sensitivity = NormalEquations.shares(problem, point, slopes, by_parameters)
     return SlipFit(
         parameters=point.parameters,
         unknowns=point.unknowns,
         kinetic=point.kinetic,
         information=information,
         scores=scores,
-        pulls=pulls,
+        bias_sensitivity=bias_sensitivity,
         residuals=point.observed,
         misfits=_misfits(problem, point),
         link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
@@ -268,8 +268,8 @@ def fit_slips(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlipEvidence:
-    """What one problem's slips say about given parameters, their own unknowns fitted and eliminated.
+class FixedParameterFit:
+    """Fit of the slips' own unknowns at fixed parameters, with the unknowns eliminated.
 
     Attributes
     ----------
@@ -285,7 +285,7 @@ class SlipEvidence:
     found: FloatArray
 
 
-def evidence(
+def fit_at_fixed_parameters(
     problem: SlipProblem,
     tolerances: Tolerances,
     *,
@@ -293,8 +293,8 @@ def evidence(
     kinetic: FloatArray,
     unknowns: FloatArray,
     iterations: int = 8,
-) -> SlipEvidence:
-    """Fit the slips' own unknowns to the parameters as they are, and see which way the slips would move these.
+) -> FixedParameterFit:
+    """Fit the slips' own unknowns at fixed parameters; the result has the gradient by the parameters.
 
     Raises
     ------
@@ -323,7 +323,7 @@ def evidence(
             break
     equations = fit.equations(point, fit.slopes(point, fit.free))
     information, gradient, _, _ = equations.eliminate(0.0)
-    return SlipEvidence(
+    return FixedParameterFit(
         information=information,
         gradient=gradient,
         unknowns=point.unknowns,
@@ -335,7 +335,7 @@ def evidence(
 
 def _misfits(problem: SlipProblem, point: Point) -> FloatArray:
     """Kinetic friction at each breakaway beside what the fit has [N·m]."""
-    held = point.found[:, HELD] - np.exp(point.unknowns[:, LEVEL])
+    held = point.found[:, HOLDING_FORCE] - np.exp(point.unknowns[:, LEVEL])
     return np.asarray(held - problem.balance @ point.kinetic)
 
 

@@ -18,22 +18,20 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import (
+    FITTED,
     INERTIA,
     LAG,
     LEVEL,
-    RISE_TIME,
-    STRIBECK,
     STRIBECK_VELOCITY,
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, ContactKnowledge
-from stickslip_ros.monitoring.friction.lateness import Lateness
+from stickslip_ros.monitoring.friction.delay_estimate import DelayEstimate
 from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-PARAMETERS = RISE_TIME + 1  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
-SHAPE = STRIBECK  # as many parameters, those before it, shape a single slip
+PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
 
 # Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
@@ -42,7 +40,7 @@ _SPEEDING_UP = 0.25  # of a slip, in which the joint comes up to the slip's mean
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # in a slip
 LATE = 1.5  # sample intervals, that a controller may be late
 _LATEST = 2.0  # times that, at most
-_GROWTH = 0.5  # of the Stribeck friction, by which it may grow with the load, or from place to place
+_FACTOR_STD = 0.5  # prior standard deviation of the share of Stribeck friction that the covariate scales
 _TREND = 0.1  # of the Stribeck friction, by which it may change from the first slip to the last
 _DAMPING_RATIO = 0.5  # of a contact that yields, mean and standard deviation
 CURVATURE = 0.5  # of viscous friction, standard deviation; 1 if it goes with the square of the speed, 0 with the speed
@@ -66,9 +64,10 @@ class SlipProblem(ObservedSlips):
     law : of the Stribeck friction, by its number in ``model._friction_law``.
     delay_shows : whether the controller's delay is unknown too; by default where the gains are not the same throughout,
         for a delay τ is as good as damping of -k_p τ and inertia of -k_v τ.
-    taken_off : of the slips' forces, shape (slips,) [N·m]. growth : what friction may grow with from slip to slip, from
-        -1 to 0, in place of the time; parameters and kinetic friction are then those at 0. rougher : a known factor on
-        the Stribeck friction of each slip instead.
+    subtracted_force : known disturbance that was subtracted from each slip's force, shape (slips,) [N·m].
+    covariate : regressor in [-1, 0] that scales friction (position or load), shape (slips,). Parameters and kinetic
+        friction are reported at covariate = 0. known_factor : factor of the Stribeck friction of each slip, where that
+        is known, shape (slips,).
     trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
         those at the last one. Where only speeds are known there is none.
     contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
@@ -93,16 +92,16 @@ class SlipProblem(ObservedSlips):
         law: int = HESS_SOOM,
         delay_shows: bool | None = None,
         trend: bool = False,
-        taken_off: FloatArray | None = None,
-        growth: FloatArray | None = None,
-        rougher: FloatArray | None = None,
+        subtracted_force: FloatArray | None = None,
+        covariate: FloatArray | None = None,
+        known_factor: FloatArray | None = None,
         contact: ContactKnowledge | None = None,
         curved_at: float | None = None,
     ) -> None:
         super().__init__(windows)
-        # Where friction is known to be less: by what the levels of Eq. (6) are to be multiplied.
-        self._rougher = rougher
-        self.taken_off = np.zeros(self.count) if taken_off is None else taken_off
+        # Factor on the levels of Eq. (6).
+        self._known_factor = known_factor
+        self.subtracted_force = np.zeros(self.count) if subtracted_force is None else subtracted_force
         self.law = law
         self.before = (before[0] - self.origin, before[1]) if before else None
         self._usual_duration = float(np.median(self.durations))
@@ -148,9 +147,9 @@ class SlipProblem(ObservedSlips):
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
         self.trend = trend and not self.normalised
-        self.growth = None if self.normalised else self.since if self.trend else growth
-        if self.growth is not None:
-            self.more_errors = np.append(self.more_errors, _TREND if self.trend else _GROWTH)
+        self.covariate = None if self.normalised else self.since if self.trend else covariate
+        if self.covariate is not None:
+            self.more_errors = np.append(self.more_errors, _TREND if self.trend else _FACTOR_STD)
             self.more_means = np.append(self.more_means, 0.0)
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
@@ -159,8 +158,8 @@ class SlipProblem(ObservedSlips):
             self.balance = np.stack([np.ones(self.count), self.directions], axis=1)
         else:
             self.balance = np.ones((self.count, 1))
-        if self.growth is not None:
-            self.balance = np.column_stack([self.balance, self.growth])
+        if self.covariate is not None:
+            self.balance = np.column_stack([self.balance, self.covariate])
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
@@ -221,11 +220,11 @@ class SlipProblem(ObservedSlips):
         starts[:, :, LEVEL] = levels = np.exp(unknowns[:, :, LEVEL])
         lighter = None
         more = None
-        if self.growth is not None:
+        if self.covariate is not None:
             # Levels are those that Eq. (6) would have without it.
-            more = parameters[:, -1:] * self.growth
-        elif self._rougher is not None:
-            more = (self._rougher - 1.0)[None]
+            more = parameters[:, -1:] * self.covariate
+        elif self._known_factor is not None:
+            more = (self._known_factor - 1.0)[None]
         if more is not None:
             starts[:, :, LEVEL] *= 1.0 + more
             if self.trend:
@@ -272,9 +271,9 @@ class SlipProblem(ObservedSlips):
             softness = softness / (1.0 + softness * gains[:, :, 0])
             positions[:, self._last_observed] += softness * stopped
         if lighter is not None:
-            found[:, :, kernel.HELD] *= lighter
+            found[:, :, kernel.HOLDING_FORCE] *= lighter
         if more is not None:
-            found[:, :, kernel.HELD] -= more * levels
+            found[:, :, kernel.HOLDING_FORCE] -= more * levels
         return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
@@ -304,12 +303,12 @@ class SlipProblem(ObservedSlips):
     def plain(self, law: int) -> SlipProblem:
         """The problem of the same slips under a law, without what a fit has added; what was found of stamps is kept."""
         other = SlipProblem(self.windows, self.before, law=law)
-        other.take_up(stray=self.stray, tolerance=0.0)
+        other.set_noise(jitter=self.jitter, tolerance=0.0)
         return other
 
     def with_law(self, law: int) -> SlipProblem:
         """The problem of the same slips under another friction law; what was found of the stamps is kept."""
-        other = self._with(law=law, trend=self.trend, taken_off=self.taken_off, growth=self.growth)
+        other = self._with(law=law, trend=self.trend, subtracted_force=self.subtracted_force, covariate=self.covariate)
         other.balance = self.balance
         return other
 
@@ -353,24 +352,24 @@ class SlipProblem(ObservedSlips):
         """Gain of the last slip [N·m·s/rad]."""
         return float(self._gains[-1, 1])
 
-    def elsewhere(
-        self, windows: list[SlipWindow], taken_off: FloatArray, growth: FloatArray | None = None
+    def without_position_force(
+        self, windows: list[SlipWindow], subtracted_force: FloatArray, covariate: FloatArray | None = None
     ) -> SlipProblem:
-        """The problem of the same slips with what their places make of the forces taken off [N·m], shape (slips,).
+        """The problem of the same slips without their position-dependent forces.
 
         Parameters
         ----------
-        windows : of these slips, without it. growth : a column for what friction grows with beside.
+        windows : of these slips, with the forces subtracted. subtracted_force, covariate : as of the class.
         """
-        return self._with(windows, taken_off=taken_off, growth=growth)
+        return self._with(windows, subtracted_force=subtracted_force, covariate=covariate)
 
     def _with(self, windows: list[SlipWindow] | None = None, **changes: Any) -> SlipProblem:
-        """The problem of the same slips, in other windows if given, without a trend or growth, with these changes.
+        """The problem of the same slips, in other windows if given, without a trend or covariate, with these changes.
 
         What was found of the stamps is kept.
         """
         other = SlipProblem(windows or self.windows, self.before, **{**self._kind, **changes})
-        other.take_up(stray=self.stray, tolerance=0.0)
+        other.set_noise(jitter=self.jitter, tolerance=0.0)
         return other
 
     def _of(self, windows: list[SlipWindow]) -> SlipProblem:
@@ -388,16 +387,16 @@ class SlipProblem(ObservedSlips):
         }
 
     @property
-    def lasting(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Indices of the parameters, and of the kinetic friction, that are not those of a trend."""
+    def without_drift(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Indices of the parameters, and of the kinetic friction, without those of drift or covariate."""
         parameters, kinetic = PARAMETERS + len(self.more_errors), self.balance.shape[1]
-        return np.arange(parameters - (self.growth is not None)), np.arange(kinetic - (self.growth is not None))
+        return np.arange(parameters - (self.covariate is not None)), np.arange(kinetic - (self.covariate is not None))
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
         return self._of([self.windows[number] for number in which])
 
-    def lateness(self, parameters: FloatArray, covariance: FloatArray) -> Lateness:
+    def delay_estimate(self, parameters: FloatArray, covariance: FloatArray) -> DelayEstimate:
         """What the delay takes away at the latest gains, with errors, of a problem whose delay shows.
 
         Parameters
@@ -405,7 +404,7 @@ class SlipProblem(ObservedSlips):
         parameters : logarithms and what comes after them, shape (p,). covariance : shape (p + k, p + k).
         """
         viscous, slopes = math.exp(parameters[VISCOUS]), self._slopes_of_what_is_left(parameters, len(covariance))
-        return Lateness(
+        return DelayEstimate(
             viscous=viscous,
             spread=math.sqrt(max(float(covariance[VISCOUS, VISCOUS]), 0.0)),
             left=self._viscous_left(parameters),
@@ -432,11 +431,11 @@ class SlipProblem(ObservedSlips):
     def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
 
-        What is taken off goes with the stiffness: k_p τ. Shapes (p,) and (p + k, p + k), as they were.
+        The delay reduces the damping by k_p τ. Shapes (p,) and (p + k, p + k), as they were.
         """
         if not self.delay_shows:
             return parameters, covariance
-        late = self.lateness(parameters, covariance)
+        late = self.delay_estimate(parameters, covariance)
         slopes = np.eye(len(covariance))
         slopes[VISCOUS] = self._slopes_of_what_is_left(parameters, len(covariance))
         # Friction is not negative; the logarithm needs some.

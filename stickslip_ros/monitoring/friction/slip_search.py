@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """The friction behind many slips, from no guess at all.
 
-The shape of a few slips that are alike, then of slips from everywhere; each is the start of a fit of everything.
+First the shape of a few similar slips, then of slips from everywhere; each shape is the start of a fit of all slips.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from stickslip_ros.monitoring.friction._window_kernel import (
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
+    FIXED_STD,
     GOOD,
-    HELD,
     ROUGHLY,
     USUAL_RISE_TIME,
     WIDE,
@@ -40,7 +40,7 @@ from stickslip_ros.monitoring.friction.slip_solution import (
 from stickslip_ros.monitoring.friction.slip_start import ShapeGuess, shape_guesses
 from stickslip_ros.monitoring.samples import FloatArray
 
-_ALIKE = 4
+_SIMILAR = 4
 _OBSERVATIONS_OF_A_SHAPE = 60  # of each slip, while nothing is known but roughly
 _STARTS = 6
 _GENERALISED = 4  # shapes tried on slips from everywhere
@@ -68,22 +68,22 @@ def search(
     known = with_usual_rise_time(known or {})
     best = fit_again(problem, start, known) if start is not None else None
     if best is None:
-        # What the fit set aside is taken back: some slips are usable again.
-        problem.begin_anew()
+        # The slips that the fit set aside are usable again.
+        problem.reset()
         best = _search_anew(problem, known)
     if best is not None:
-        best.hand_to(problem)
+        best.copy_noise_to(problem)
     return best
 
 
 def _search_anew(problem: SlipProblem, known: Mapping[int, tuple[float, float]]) -> Solution | None:
-    alike = _most_alike(problem)
+    similar = _most_similar(problem)
     rough = problem.thinned(_OBSERVATIONS_OF_A_SHAPE)
-    some = rough.only(alike)
+    some = rough.only(similar)
     shapes = []
-    for guess in _distinct([guess for slip in (0, min(1, len(alike) - 1)) for guess in shape_guesses(some, slip)]):
+    for guess in _distinct([guess for slip in (0, min(1, len(similar) - 1)) for guess in shape_guesses(some, slip)]):
         try:
-            shapes.append(_fit_shape(rough.only(alike), guess))
+            shapes.append(_fit_shape(rough.only(similar), guess))
         except LinAlgError:
             continue
     shapes = _generalised(rough, shapes)
@@ -117,9 +117,9 @@ def _best_loose_fit(problem: SlipProblem, tight: Solution, shapes: list[SlipFit]
     return min(loose, key=badness, default=tight)
 
 
-def _most_alike(problem: SlipProblem) -> list[int]:
-    """A few slips in a row, as alike as there are."""
-    number = min(_ALIKE, problem.count)
+def _most_similar(problem: SlipProblem) -> list[int]:
+    """Indices of a few consecutive slips, the most similar ones."""
+    number = min(_SIMILAR, problem.count)
     best, least = 0, math.inf
     for first in range(problem.count - number + 1):
         part = slice(first, first + number)
@@ -149,7 +149,7 @@ def _distinct(guesses: list[ShapeGuess]) -> list[ShapeGuess]:
 
 
 def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
-    """Fit slips that are alike, each with its own level."""
+    """Fit similar slips, each with its own level."""
     duration = float(np.median(problem.durations))
     parameters = np.concatenate([np.zeros(PARAMETERS), problem.more_means])
     parameters[INERTIA] = math.log(guess.inertia)
@@ -164,7 +164,8 @@ def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
 
 def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> SlipFit:
     """Fit the shape alone: every slip has its own level and kinetic friction."""
-    deviation = np.concatenate([np.full(4, WIDE), np.full(2, HELD), problem.more_errors])
+    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.more_errors])
+    deviation[[STRIBECK, RISE_TIME]] = FIXED_STD
     lower, upper = bounds(problem, math.exp(parameters[INERTIA]))
     lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
     prior = Prior.of(parameters, deviation, lower, upper)
@@ -174,7 +175,7 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
         problem.weigh(problem.speeds_at_nodes, tolerance * distance)
         fit = fit_slips(problem, prior, Tolerances(), parameters=parameters, unknowns=unknowns, enough=ROUGHLY)
         parameters, unknowns = fit.parameters, fit.unknowns
-        problem.know_speeds(fit.velocities)
+        problem.set_speeds(fit.velocities)
     return fit
 
 

@@ -50,7 +50,7 @@ _ITERATIONS = 20
 _ROUND = 40  # of a stage of a fit that may come to be good
 _LAST_ITERATIONS = 100  # where all ties are tight, valleys are long, flat and bent
 ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
-HELD = 1e-6  # standard deviation of a logarithm that is not to change
+FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change
 _RISE_TIME_SPREAD = 2.0
 _LONGEST_DELAY = 20.0  # sample intervals
 _MOST_DAMPING = 2.0  # damping ratio of a contact
@@ -72,7 +72,7 @@ class Solution:
     balance_error : scatter of the kinetic friction from slip to slip that was found [N·m].
     link_error : of the logarithm of the level at breakaway about Eq. (6).
     tolerance : standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all.
-    stray : by how much stamps stray [s].
+    jitter : standard deviation of time stamps [s].
     """
 
     fit: SlipFit
@@ -81,16 +81,16 @@ class Solution:
     balance_error: float
     link_error: float
     tolerance: float = 0.0
-    stray: float = 0.0
+    jitter: float = 0.0
 
     @property
     def mean_square(self) -> float:
         """Of the residuals; about 1 if the errors are what they are taken for."""
         return _mean_square(self.fit)
 
-    def hand_to(self, problem: SlipProblem) -> None:
-        """Let a problem of the same slips go on from here: what was found of stamps and slips, and the speeds."""
-        problem.take_up(stray=self.stray, tolerance=self.tolerance, usable=self.usable, speeds=self.fit.velocities)
+    def copy_noise_to(self, problem: SlipProblem) -> None:
+        """Set the noise model of a problem of the same slips: jitter, tolerance, usable slips, and speeds."""
+        problem.set_noise(jitter=self.jitter, tolerance=self.tolerance, usable=self.usable, speeds=self.fit.velocities)
 
 
 def _mean_square(fit: SlipFit) -> float:
@@ -119,7 +119,7 @@ def fit_near(
     solution = fit_from(problem, start, known)
     if solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
-    solution.hand_to(problem)
+    solution.copy_noise_to(problem)
     return solution
 
 
@@ -134,13 +134,13 @@ def fit_from(
     return fit_all(problem, start, level, known, _TIGHTENING[_FIRST_OF_AGAIN:], patience)
 
 
-def glance(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
-    """A fit of a few slips from a start, with little patience; None if nothing near it can be simulated."""
+def truncated_fit(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+    """Fit of a few slips in few iterations; None if nothing near the start can be simulated."""
     try:
         solution = fit_from(problem, start, known, patience=_ROUND)
     except LinAlgError:
         return None
-    solution.hand_to(problem)
+    solution.copy_noise_to(problem)
     return solution
 
 
@@ -193,7 +193,7 @@ def fit_all(
         parameters = fit.parameters
         _set_outliers_aside(problem, fit)
     for final in range(1, _FINAL + 1):
-        problem.measure_stray(fit.residuals, fit.velocities)
+        problem.estimate_jitter(fit.residuals, fit.velocities)
         problem.weigh(fit.velocities)
         balance = balance_error(problem, fit)
         link = link_error(problem, fit, balance)
@@ -210,7 +210,7 @@ def fit_all(
         )
         _set_outliers_aside(problem, fit)
     return Solution(
-        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=link, stray=problem.stray
+        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=link, jitter=problem.jitter
     )
 
 
@@ -223,10 +223,10 @@ def _patience(fit: SlipFit) -> int:
 
 def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
     """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
-    problem.begin_anew()
+    problem.reset()
     parameters = np.concatenate([shape[:PARAMETERS], problem.more_means])
     problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
-    held = Prior.of(parameters, np.full(len(parameters), HELD), parameters - 1.0, parameters + 1.0)
+    held = Prior.of(parameters, np.full(len(parameters), FIXED_STD), parameters - 1.0, parameters + 1.0)
     unknowns = problem.detected(level)
     fit = fit_slips(
         problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12, enough=ROUGHLY
@@ -304,7 +304,7 @@ def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
     used = fit.misfits[problem.usable]
     freedom = len(used) - problem.balance.shape[1] - 1
     least = math.hypot(
-        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.stray * problem.loading_rate(fit.parameters)
+        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.jitter * problem.loading_rate(fit.parameters)
     )
     if freedom < 1:
         return 100.0 * least
@@ -338,15 +338,15 @@ def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
     best, least = (scale, dwell), math.inf
     for rise_time in dwell * np.geomspace(0.02, 50.0, 24):
         shares = np.empty(problem.count)
-        remains = 1.0
+        stribeck_fraction = 1.0
         for slip in range(problem.count):
             began = fit.found[slip - 1, kernel.ARREST] if problem.linked[slip] else problem.rests_begin[slip]
-            remains = remains if problem.linked[slip] else 1.0
+            stribeck_fraction = stribeck_fraction if problem.linked[slip] else 1.0
             rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
-            shares[slip] = max(risen_level(remains, 1.0, rest, rise_time), _LEAST_SHARE)
-            remains = shares[slip] * float(fit.found[slip, kernel.REMAINS])
+            shares[slip] = max(risen_level(stribeck_fraction, 1.0, rest, rise_time), _LEAST_SHARE)
+            stribeck_fraction = shares[slip] * float(fit.found[slip, kernel.STRIBECK_FRACTION])
         stribeck = float(np.median((levels / shares)[usable]))
-        kinetic = fit.found[:, kernel.HELD] - stribeck * shares
+        kinetic = fit.found[:, kernel.HOLDING_FORCE] - stribeck * shares
         offsets = np.linalg.lstsq(problem.balance[usable], kinetic[usable], rcond=None)[0]
         misfit = np.minimum(np.abs(kinetic - problem.balance @ offsets)[usable] / scale, 0.5).mean()
         misfit += np.minimum(np.abs(np.log(levels / (stribeck * shares)))[usable], 0.5).mean()

@@ -31,7 +31,7 @@ _LEAST_STANDING = 0.02  # of the slip: a joint that stands for less creeps from 
 _LEAST_OBSERVATIONS = 5
 _ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothing of their own
 _EFFORT_SMOOTHING = 1.0 / 12.0  # of the slip
-_EVEN = 0.02  # of a sample interval: stamps stray less
+_EVEN = 0.02  # mean deviation of sample intervals, relative: stamps with less jitter count as even
 _LINE_REACH = 4  # samples on either side
 _SIGNIFICANT = 4.0  # standard errors, from which on the effort holds more than the gains explain
 _SAME_STIFFNESS = 0.1  # relative difference of two stiffnesses that are taken for one
@@ -306,7 +306,7 @@ def _parabola(reach: int) -> FloatArray:
 
 
 def _reference(part: Batch) -> FloatArray:
-    """The reference at the samples [rad], freed of what stray stamps make of it.
+    """The reference at the samples [rad], without the noise that jitter of the stamps adds.
 
     A reference is smooth and its samples are not; where the stamps are uneven a parabola replaces it, if what
     that leaves is no more than the stamps explain, else local lines.

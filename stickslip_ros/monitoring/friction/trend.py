@@ -34,16 +34,16 @@ def with_trend(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Fi
     return fitted_with_more(first, problem.with_trend(), _PARAMETERS, known)
 
 
-def lasting_knowledge(problem: SlipProblem, information: FloatArray, prior: Prior) -> tuple[FloatArray, Prior]:
+def knowledge_without_drift(problem: SlipProblem, information: FloatArray, prior: Prior) -> tuple[FloatArray, Prior]:
     """Information on parameters and kinetic friction, (p + k, p + k), and prior, without those of a trend.
 
     These are at the last slip what they are; the trend itself is as uncertain as it was and says no more.
     """
-    if problem.growth is None:
+    if problem.covariate is None:
         return information, prior
-    lasting, of_balance = problem.lasting
+    without_drift, of_balance = problem.without_drift
     size = len(prior.mean)
-    kept = np.concatenate([lasting, size + of_balance])
+    kept = np.concatenate([without_drift, size + of_balance])
     left = np.setdiff1d(np.arange(len(information)), kept)
     own = information[np.ix_(left, left)].copy()
     own[0, 0] += prior.information[size - 1, size - 1]
@@ -51,10 +51,10 @@ def lasting_knowledge(problem: SlipProblem, information: FloatArray, prior: Prio
     return (
         information[np.ix_(kept, kept)] - between @ np.linalg.pinv(own, hermitian=True) @ between.T,
         Prior(
-            mean=prior.mean[lasting],
-            information=prior.information[np.ix_(lasting, lasting)],
-            lower=prior.lower[lasting],
-            upper=prior.upper[lasting],
+            mean=prior.mean[without_drift],
+            information=prior.information[np.ix_(without_drift, without_drift)],
+            lower=prior.lower[without_drift],
+            upper=prior.upper[without_drift],
         ),
     )
 

@@ -23,7 +23,7 @@ from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_again
 from stickslip_ros.monitoring.samples import FloatArray
 
 _PARAMETERS = 2  # compliance and damping
-_SWINGS = 2.0
+_SETTLING_PERIODS = 2.0
 
 
 def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
@@ -40,10 +40,10 @@ def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
     if contact is None:
         return first
     yielding = first.problem.with_contact(contact)
-    found = fitted_with_more(first, yielding, _PARAMETERS, known, promises=True)
+    found = fitted_with_more(first, yielding, _PARAMETERS, known, prior_evidence=True)
     if found is first or comes_to_rest(found.problem, found.solution):
         return found
-    return replace(first, swings=True)
+    return replace(first, unsettled=True)
 
 
 def fit_with_contact(
@@ -62,4 +62,4 @@ def comes_to_rest(problem: SlipProblem, solution: Solution) -> bool:
     """Whether joints on such a contact have come to rest before they slip again: they swing on it for a while."""
     parameters = solution.fit.parameters
     swing = 2.0 * math.pi * math.sqrt(math.exp(float(parameters[INERTIA])) * problem.compliance(parameters))
-    return float(np.median(problem.dwells[solution.usable])) > _SWINGS * swing
+    return float(np.median(problem.dwells[solution.usable])) > _SETTLING_PERIODS * swing

@@ -11,8 +11,8 @@ from typing import Protocol
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.closed_loop_health import ClosedLoopHealth, health_of, swing_of, what_got_worse
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.vitals import Vitals, swing_of, vitals_of, what_got_worse
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 
 WATCH = 1.0  # [s] of motion that is looked at; gains that were in force so long ago are good
@@ -59,7 +59,7 @@ class MotionWatch:
 
     def __init__(self, watched: WatchedJoint, clock: Callable[[], float]) -> None:
         self._watched, self._monitor, self._clock = watched, watched.monitor, clock
-        self._before: Vitals | None = None
+        self._before: ClosedLoopHealth | None = None
         self._seen: tuple[float, float, float] | None = None  # what was asked of last, and the answer
         self._said = ""
         self._band = self._swings = math.nan
@@ -120,9 +120,9 @@ class MotionWatch:
         resolution = self._monitor.resolution
         return what_got_worse(self._before, recent, softer=softer, resolution=resolution, effort_limit=effort_limit)
 
-    def _vitals(self, duration: float) -> Vitals | None:
+    def _vitals(self, duration: float) -> ClosedLoopHealth | None:
         recent = self._monitor.recent(duration)
         swinging = self._monitor.recent(max(duration, self._swings))
         if recent is None or swinging is None:
             return None
-        return replace(vitals_of(recent, self._band), swing=swing_of(swinging, self._monitor.resolution))
+        return replace(health_of(recent, self._band), swing=swing_of(swinging, self._monitor.resolution))

@@ -121,7 +121,7 @@ class Following:
         self._followed[name] = None
         now = monotonic() if now is None else now
         try:
-            batch = joint.pairing.take(now)
+            batch = joint.pairing.next_batch(now)
             if batch is not None:
                 self._found += [(name, cycle) for cycle in joint.monitor.process(batch)]
                 self._surprised.discard(name)

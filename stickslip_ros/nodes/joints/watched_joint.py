@@ -51,7 +51,7 @@ class WatchedJoint:
     def begin_anew(self) -> None:
         """Forget the motion, and what waits for its reference."""
         self.pairing = ReferencePairing()
-        self.monitor.begin_anew()
+        self.monitor.restart()
 
     def bounds(self, which: str) -> tuple[float, float]:
         """What may be written, of "stiffness_range" or "damping_range", in the controller's units."""

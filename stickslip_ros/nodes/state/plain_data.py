@@ -19,7 +19,7 @@ Kind = TypeVar("Kind")
 def to_plain(value: Any) -> Any:
     """A value made of dataclasses, arrays of numbers, enumerations, tuples, numbers and texts, as plain data."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {_key(field): to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, np.generic):
@@ -76,13 +76,18 @@ def _is_array(hint: Any) -> bool:
     return (get_origin(alias) or alias) is np.ndarray
 
 
+def _key(field: dataclasses.Field[Any]) -> str:
+    """Key of a field in files: its name, or the one that files have had before the field was renamed."""
+    return str(field.metadata.get("key", field.name))
+
+
 def _dataclass(kind: Any, data: Any, where: str) -> Any:
-    names = {field.name for field in dataclasses.fields(kind)}
+    names = {_key(field): field.name for field in dataclasses.fields(kind)}
     # What has a default came later than some files that were written without it.
-    later = {field.name for field in dataclasses.fields(kind) if field.default is not dataclasses.MISSING}
-    if not isinstance(data, Mapping) or not names - later <= set(data) <= names:
+    later = {_key(field) for field in dataclasses.fields(kind) if field.default is not dataclasses.MISSING}
+    if not isinstance(data, Mapping) or not set(names) - later <= set(data) <= set(names):
         raise ValueError(f"{where} must have exactly {', '.join(sorted(names))}")
-    return kind(**{name: _read(_hints(kind)[name], value, f"{where}.{name}") for name, value in data.items()})
+    return kind(**{names[key]: _read(_hints(kind)[names[key]], data[key], f"{where}.{key}") for key in data})
 
 
 def _tuple(hint: Any, data: Any, where: str) -> Any:

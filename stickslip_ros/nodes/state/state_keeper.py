@@ -65,7 +65,7 @@ class StateKeeper:
         memory = self._known.get(joint.name)
         if memory is None:
             return
-        if joint.monitor.remember(memory):
+        if joint.monitor.restore(memory):
             self._log.info(f"{joint.name}: going on from the friction learnt before, from {self._path}")
         elif memory.friction.learnt is not None:
             self._log.info(

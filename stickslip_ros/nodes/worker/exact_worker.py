@@ -10,7 +10,7 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.exact_question import UNKNOWN, ExactQuestion
+from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion
 from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
 
@@ -34,7 +34,7 @@ class ExactWorker:
         self._background: Background[_Asked, ExactVerdict] = Background(work, "exact verdict", _answer)
 
     def verdict(self, name: str, question: ExactQuestion, now: float) -> ExactVerdict:
-        """The verdict on a joint as it is now, or :data:`UNKNOWN` until it is there.
+        """The verdict on a joint as it is now, or :data:`NOT_COMPUTED` until it is there.
 
         Parameters
         ----------
@@ -43,7 +43,7 @@ class ExactWorker:
         known = self._background.latest(name)
         if known is None or not known[0].question.of_the_same_controller(question):
             self._background.ask(name, _Asked(question, now))
-            return UNKNOWN
+            return NOT_COMPUTED
         asked, verdict = known
         same_speed = asked.question.at_the_same_speed(question)
         if not asked.question.answers(question) and (
@@ -51,7 +51,7 @@ class ExactWorker:
         ):
             self._background.ask(name, _Asked(question, now))
         # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
-        return verdict if same_speed else UNKNOWN
+        return verdict if same_speed else NOT_COMPUTED
 
     def verdict_on(
         self, name: str, assessment: Assessment, gains: Gains | None, conditions: OperatingConditions, now: float
@@ -63,7 +63,7 @@ class ExactWorker:
         name : under which the joint asks. now : a steady time [s].
         """
         question = ExactQuestion.on(assessment, gains, conditions)
-        return UNKNOWN if question is None else self.verdict(name, question, now)
+        return NOT_COMPUTED if question is None else self.verdict(name, question, now)
 
     def verdict_here(
         self, name: str, assessment: Assessment, conditions: OperatingConditions, now: float

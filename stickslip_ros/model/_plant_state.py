@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Where things stand in the vectors of the compiled integration of one joint; friction, slips and rests of it."""
+"""Plant state: indices of the vectors of the compiled integration of one joint; its friction, slips and rests."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from stickslip_ros.model import _friction_law
 from stickslip_ros.model._friction_law import RIGID
 
 # Indices of the state vector. DEFLECTION is of the contact, STEP the integration's last one where it chooses them.
-# A slip begins at SLIP_FROM; while it is UNTOLD it may come to nothing, and the rest of REST_TIME, REST_LEVEL go on.
+# A slip begins at SLIP_FROM; while it is PENDING it may come to nothing, and the rest of REST_TIME, REST_LEVEL goes on.
 (
     TIME, POSITION, VELOCITY, INTEGRAL, DIRECTION, EVENT_TIME, LEVEL, HISTORY_HEAD, HISTORY_COUNT, HISTORY_CURSOR,
-    DEFLECTION, STEP, SLIP_FROM, UNTOLD, REST_TIME, REST_LEVEL,
+    DEFLECTION, STEP, SLIP_FROM, PENDING, REST_TIME, REST_LEVEL,
 ) = range(16)  # fmt: skip
 STATE_SIZE = 16
-# Indices of the parameter vector.
+# Indices of the parameter vector: the parameters in the order of the table in `friction`, then all else.
 (
-    INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, LAW,
-    STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
-    CONTACT, CONTACT_STIFFNESS, CONTACT_DAMPING,
+    INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, PRESLIDING_STIFFNESS, PRESLIDING_DAMPING,
+    LAW, CONTACT, STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
 ) = range(15)  # fmt: skip
 PARAMETERS_SIZE = 15
 # What a controller holds from one period to the next.
@@ -84,8 +83,8 @@ def control(position, velocity, integral, reference, reference_velocity, paramet
 
 
 @helper()
-def remember(time, velocity, acceleration, state, history):
-    """Put a velocity into the ring."""
+def push_velocity(time, velocity, acceleration, state, history):
+    """Push a velocity into the ring."""
     head = int(state[HISTORY_HEAD])
     slot = head % history.shape[0]
     history[slot, 0] = time
@@ -113,32 +112,32 @@ def breaks_away(time, direction, state, parameters):
     state[LEVEL] = risen_level(state[LEVEL], parameters[STRIBECK], time - state[EVENT_TIME], parameters[RISE_TIME])
     state[DIRECTION] = direction
     state[EVENT_TIME] = time
-    state[SLIP_FROM], state[UNTOLD] = state[POSITION], 1.0
+    state[SLIP_FROM], state[PENDING] = state[POSITION], 1.0
     state[HISTORY_COUNT] = 0
     state[HISTORY_CURSOR] = state[HISTORY_HEAD]
 
 
 @helper()
-def tell_slip(state, parameters, events, count):
+def record_breakaway(state, parameters, events, count):
     """Record a breakaway once the slip has gone far enough to have one; returns the number of events.
 
     A contact that springs back after an arrest may give way again by next to nothing. It is renewed, and static
     friction begins to rise anew, by a slip that is longer than the deflection which Stribeck friction alone can cause.
     """
-    if state[UNTOLD] == 0.0:
+    if state[PENDING] == 0.0:
         return count
     if parameters[CONTACT] != RIGID:
         gone = abs(state[POSITION] - state[SLIP_FROM])
-        if parameters[CONTACT_STIFFNESS] * gone < state[LEVEL]:
+        if parameters[PRESLIDING_STIFFNESS] * gone < state[LEVEL]:
             return count
-    state[UNTOLD] = 0.0
+    state[PENDING] = 0.0
     return _record(events, count, state[EVENT_TIME], BREAKAWAY, state[SLIP_FROM], state)
 
 
 @helper()
 def arrests(psi, state, events, count):
     """The slip's end, with what Ψ is then; returns the number of events."""
-    if state[UNTOLD] != 0.0:
+    if state[PENDING] != 0.0:
         state[EVENT_TIME], state[LEVEL] = state[REST_TIME], state[REST_LEVEL]
     else:
         state[LEVEL] *= psi

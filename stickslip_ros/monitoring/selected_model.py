@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Which joint and gains a margin is computed with: those learnt from the motion, or those configured."""
+"""Selected model: joint and gains of the margin, estimated from the motion or configured."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _VELOCITY_LOOP = (
     "velocities alone are commanded: Eq. (43) is of a position loop, whose stiffness a velocity loop has not; "
     "there a larger proportional gain, or a higher speed, makes stick slip less likely"
 )
-_DOUBT = 0.1  # probability of being wrong, at least, of what rests on a model that does not fit
+_ERROR_FLOOR = 0.1  # least error probability of results from a model that does not fit
 _LEAST_VISCOUS = 0.01  # of what was estimated, that a late effort leaves
 # Always the same ones, other than those of the friction, so that what is computed from them is smooth.
 _NORMAL = np.random.default_rng(44).standard_normal((2, DRAWS))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Belief:
-    """Joint and gains that the margin uses, and how sure they are.
+class SelectedModel:
+    """Joint and gains of the margin, with their uncertainty.
 
     Attributes
     ----------
@@ -51,13 +51,19 @@ class Belief:
     no_advice: str = ""
 
 
-def much_the_same(one: Belief, other: Belief) -> bool:
-    """Whether two beliefs differ by no more than a per cent, so that what was computed from one holds for the other.
+def approximately_equal(one: SelectedModel, other: SelectedModel) -> bool:
+    """Whether two models differ by less than 1 %, so that results computed from one hold for the other.
 
-    Learning moves every value with every slip, mostly by nothing to speak of.
+    Estimates change slightly at every slip; below 1 % the cached results are kept.
     """
     kinds = [
-        (belief.gains_known, belief.per_inertia, belief.uncertainty is None, *_laws(belief)) for belief in (one, other)
+        (
+            selected.gains_known,
+            selected.per_inertia,
+            selected.uncertainty is None,
+            *_laws(selected),
+        )
+        for selected in (one, other)
     ]
     if kinds[0] != kinds[1]:
         return False
@@ -65,35 +71,35 @@ def much_the_same(one: Belief, other: Belief) -> bool:
         return one == other
     if one.gains_known and one.gains != other.gains:
         return False
-    values = np.array([_values(belief) for belief in (one, other)])
-    spread = np.array([_values(belief, draws=True).std(axis=1) for belief in (one, other)])
+    values = np.array([_values(selected) for selected in (one, other)])
+    spread = np.array([_values(selected, draws=True).std(axis=1) for selected in (one, other)])
     return bool(np.all(np.abs(values[0] - values[1]) < _SAME) and np.all(np.abs(spread[0] - spread[1]) < _SAME))
 
 
-def _laws(belief: Belief) -> list[str]:
+def _laws(selected: SelectedModel) -> list[str]:
     """The law of the joint, and others that it may have."""
-    others = belief.uncertainty.others if belief.uncertainty else ()
-    return [belief.joint.friction.law, *(other.joint.friction.law for other in others)]
+    others = selected.uncertainty.others if selected.uncertainty else ()
+    return [selected.joint.friction.law, *(other.joint.friction.law for other in others)]
 
 
-def _values(belief: Belief, *, draws: bool = False) -> FloatArray:
+def _values(selected: SelectedModel, *, draws: bool = False) -> FloatArray:
     """Logarithms of what the margin depends on."""
-    joint = belief.uncertainty.joint if draws and belief.uncertainty else belief.joint
-    friction, stiffness = joint.friction, np.asarray(belief.gains.stiffness, dtype=float)
-    if draws and belief.uncertainty:
-        stiffness = stiffness * belief.uncertainty.stiffness
+    joint = selected.uncertainty.joint if draws and selected.uncertainty else selected.joint
+    friction, stiffness = joint.friction, np.asarray(selected.gains.stiffness, dtype=float)
+    if draws and selected.uncertainty:
+        stiffness = stiffness * selected.uncertainty.stiffness
     # Gains of the controller's own are compared as they are; what only shows is one with the joint's damping.
-    damping = np.asarray(friction.viscous) + (0.0 if belief.gains_known else belief.gains.damping)
-    late = 1.0 + belief.gains.stiffness * np.asarray(joint.actuation_delay) / (belief.gains.damping + damping)
+    damping = np.asarray(friction.viscous) + (0.0 if selected.gains_known else selected.gains.damping)
+    late = 1.0 + selected.gains.stiffness * np.asarray(joint.actuation_delay) / (selected.gains.damping + damping)
     values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, damping, late)
     shape = np.broadcast_shapes(stiffness.shape, np.shape(friction.stribeck))
     return np.log([np.broadcast_to(value, shape) for value in (joint.inertia, stiffness, *values)])
 
 
-def believed(
+def select_model(
     estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool = False
-) -> tuple[Belief | None, str]:
-    """What to believe, or None and what is missing.
+) -> tuple[SelectedModel | None, str]:
+    """The selected model, or None and what is missing.
 
     What was learnt counts before what is configured, which was its prior; but not if the model explains too little, or
     the configured joint is of another friction law, of which nothing is learnt.
@@ -108,9 +114,9 @@ def believed(
     if configured is not None and not configured.friction.of_the_paper:
         return _configured(configured, gains, f"friction of the law {configured.friction.law_in_words} is not learnt")
     if estimate is not None and estimate.usable:
-        belief = _learnt(estimate, gains)
-        if belief is not None:
-            return replace(belief, no_advice=_why_no_advice(estimate)), ""
+        selected = _learnt(estimate, gains)
+        if selected is not None:
+            return replace(selected, no_advice=_why_no_advice(estimate)), ""
         if configured is None:
             return None, "the controller's gains are not known, and the effort does not show them"
     mismatch = estimate.mismatch if estimate is not None else ""
@@ -121,22 +127,22 @@ def believed(
     return _configured(configured, gains, mismatch)
 
 
-def _configured(joint: Joint, gains: Gains | None, why: str) -> tuple[Belief | None, str]:
+def _configured(joint: Joint, gains: Gains | None, why: str) -> tuple[SelectedModel | None, str]:
     if gains is None:
         return None, "the controller's gains are not known"
     rests_on = "; ".join(part for part in ("the configuration", why) if part)
-    return Belief(joint=joint, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
+    return SelectedModel(joint=joint, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
 
 
 def _why_no_advice(estimate: FrictionEstimate) -> str:
-    """Why gains that follow from an estimate would be a guess, and what would tell more; "" if they would be none."""
+    """Why gains from an estimate would be a guess, and which data would help; "" if they would be none."""
     if not estimate.is_a_guess:
         return ""
     more = "record the effort, or the reference beside the controller's gains" if estimate.normalised else ""
     return f"nothing of the friction is known better than a guess; {more or 'let the joint slip at another speed, too'}"
 
 
-def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
+def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> SelectedModel | None:
     drive = estimate.drive
     if gains is None and drive is not None:
         return _as_the_effort_shows(estimate.with_stiffness(drive.stiffness, drive.damping), drive)
@@ -146,7 +152,7 @@ def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> Belief | None:
     if known is None:
         return None
     joint = estimate.joint()
-    return Belief(
+    return SelectedModel(
         joint=joint if estimate.late is None else estimate.late.applied_to(joint),
         gains=known,
         uncertainty=_uncertainty(estimate, known),
@@ -176,21 +182,21 @@ def _over_laws(
         joint, ratios = drawn(one)
         if one.curvature is not None:
             joint = one.curvature.drawn(joint)
-        doubt = _DOUBT if one.mismatch or one.may_be_late else 0.0
-        laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, doubt=doubt))
+        error_floor = _ERROR_FLOOR if one.mismatch or one.may_be_late else 0.0
+        laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, error_floor=error_floor))
     return replace(laws[0], others=tuple(laws[1:]))
 
 
-def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> Belief:
-    """Joint and gains in the effort's units, where nobody told the gains."""
+def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> SelectedModel:
+    """Joint and gains in the effort's units, where the gains are unknown."""
     # The effort's delay moves damping from the one to the other; only the sum counts, and it must not be negative.
     late = min(drive.damping, 0.0)
-    stray = drive.damping_std * _NORMAL[0]
+    deviation = drive.damping_std * _NORMAL[0]
     spread = drive.stiffness_std / drive.stiffness * _NORMAL[1]
-    return Belief(
+    return SelectedModel(
         joint=_with_viscous(estimate.joint(), late),
         gains=Gains(stiffness=drive.stiffness, damping=max(drive.damping, 0.0)),
-        uncertainty=_over_laws(estimate, lambda one: (_with_viscous(one.draws()[0], late + stray), np.exp(spread))),
+        uncertainty=_over_laws(estimate, lambda one: (_with_viscous(one.draws()[0], late + deviation), np.exp(spread))),
         gains_known=False,
         rests_on=f"{estimate.summary()}; stiffness {drive.stiffness:.4g} N·m/rad and damping {drive.damping:.3g} "
         "N·m·s/rad of the controller as the effort shows them, its own gains being unknown",
@@ -204,10 +210,13 @@ def _with_viscous(joint: Joint, more: Real) -> Joint:
     return replace(joint, friction=replace(joint.friction, viscous=changed if changed.ndim else float(changed)))
 
 
-def uncertainty_of(margin: StabilityMargin, belief: Belief, velocity: float) -> tuple[float, float]:
+def uncertainty_of(margin: StabilityMargin, selected: SelectedModel, velocity: float) -> tuple[float, float]:
     """Standard error of the energy margin [M x˙_s²] and the probability of stick slip by Eq. (43); NaN if unknown."""
-    if belief.uncertainty is None or not margin.applicable:
+    if selected.uncertainty is None or not margin.applicable:
         return math.nan, math.nan
-    gains = Gains(stiffness=float(belief.gains.stiffness) * belief.uncertainty.stiffness, damping=belief.gains.damping)
-    draws = stability_margin(belief.uncertainty.joint, gains, velocity)
+    gains = Gains(
+        stiffness=float(selected.gains.stiffness) * selected.uncertainty.stiffness,
+        damping=selected.gains.damping,
+    )
+    draws = stability_margin(selected.uncertainty.joint, gains, velocity)
     return float(np.std(np.asarray(draws.energy_margin))), float(np.mean(~np.asarray(draws.smooth)))

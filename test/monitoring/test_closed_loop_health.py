@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stickslip_ros.monitoring.closed_loop_health import ClosedLoopHealth, health_of, swing_of, what_got_worse
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.vitals import Vitals, swing_of, vitals_of, what_got_worse
 
 BAND = 10.0
 
@@ -26,7 +26,7 @@ def batch(shake: float = 0.0, frequency: float = 60.0, error: float = 0.01, rate
 
 def test_what_is_measured() -> None:
     """Issue 5, item 4: the largest tracking error and effort; what oscillates above the band, and that alone."""
-    calm, shaken = vitals_of(batch(), BAND), vitals_of(batch(1e-3), BAND)
+    calm, shaken = health_of(batch(), BAND), health_of(batch(1e-3), BAND)
     assert calm.tracking_error == pytest.approx(0.01, rel=0.01)
     assert calm.effort == pytest.approx(1.0, rel=0.01)
     assert calm.oscillation < 1e-5
@@ -34,10 +34,10 @@ def test_what_is_measured() -> None:
     assert shaken.effort_oscillation == pytest.approx(0.1 / math.sqrt(2), rel=0.02)
     # Uneven stamps and a missing reference are taken as they are; too slow a sampling shows nothing.
     kept = np.sort(np.random.default_rng(1).choice(1000, 900, replace=False))
-    assert vitals_of(batch(1e-3).where(kept), BAND).oscillation == pytest.approx(1e-3 / math.sqrt(2), rel=0.1)
-    assert math.isnan(vitals_of(batch(rate=20.0), BAND).oscillation)
+    assert health_of(batch(1e-3).where(kept), BAND).oscillation == pytest.approx(1e-3 / math.sqrt(2), rel=0.1)
+    assert math.isnan(health_of(batch(rate=20.0), BAND).oscillation)
     time = np.arange(0.0, 1.0, 0.01)
-    assert math.isnan(vitals_of(Batch(time=time, position=time), BAND).tracking_error)
+    assert math.isnan(health_of(Batch(time=time, position=time), BAND).tracking_error)
 
 
 @pytest.mark.parametrize(
@@ -51,9 +51,9 @@ def test_what_is_measured() -> None:
 )
 def test_what_gets_worse_is_named(now: Batch, word: str) -> None:
     """Issue 5, item 4: tracking error, oscillation above the mechanical band, saturation."""
-    before = vitals_of(batch(), BAND)
+    before = health_of(batch(), BAND)
     assert what_got_worse(before, before) == ""
-    assert word in what_got_worse(before, vitals_of(now, BAND), effort_limit=5.0)
+    assert word in what_got_worse(before, health_of(now, BAND), effort_limit=5.0)
 
 
 def test_gaps_are_no_oscillation() -> None:
@@ -62,21 +62,23 @@ def test_gaps_are_no_oscillation() -> None:
     slip = 0.0037 * (1.0 - np.cos(np.pi * np.clip((time - 0.3) / 0.42, 0.0, 1.0)))
     heard = ~((time > 0.3) & (time < 0.5))
     shaken = slip + 2e-4 * np.sin(2.0 * np.pi * 40.0 * time)
-    before = vitals_of(Batch(time=time, position=slip), BAND)
-    now, worse = (vitals_of(Batch(time=time[heard], position=one[heard]), BAND) for one in (slip, shaken))
+    before = health_of(Batch(time=time, position=slip), BAND)
+    now, worse = (health_of(Batch(time=time[heard], position=one[heard]), BAND) for one in (slip, shaken))
     assert what_got_worse(before, now, resolution=1e-6) == ""
     assert "oscillation" in what_got_worse(before, worse, resolution=1e-6)
     # Of scraps alone nothing is known.
     scraps = np.flatnonzero(np.arange(len(time)) % 100 < 5)
-    assert math.isnan(vitals_of(Batch(time=time[scraps], position=shaken[scraps]), BAND).oscillation)
+    assert math.isnan(health_of(Batch(time=time[scraps], position=shaken[scraps]), BAND).oscillation)
 
 
 def test_what_is_no_worse() -> None:
     """Issue 5, item 4: a softer joint may lag more, an encoder's steps do not count, nor does the unknown."""
-    before = vitals_of(batch(), BAND)
-    assert what_got_worse(before, vitals_of(batch(error=0.02), BAND), softer=2.0) == ""
-    assert what_got_worse(before, vitals_of(batch(shake=1e-4), BAND), resolution=1e-4) == ""
-    unknown = Vitals(tracking_error=math.nan, oscillation=math.nan, effort_oscillation=math.nan, effort=math.nan)
+    before = health_of(batch(), BAND)
+    assert what_got_worse(before, health_of(batch(error=0.02), BAND), softer=2.0) == ""
+    assert what_got_worse(before, health_of(batch(shake=1e-4), BAND), resolution=1e-4) == ""
+    unknown = ClosedLoopHealth(
+        tracking_error=math.nan, oscillation=math.nan, effort_oscillation=math.nan, effort=math.nan
+    )
     assert what_got_worse(before, unknown) == ""
     assert what_got_worse(unknown, before) == ""
 
@@ -94,6 +96,6 @@ def test_swinging_is_seen_without_a_reference() -> None:
     assert found["swing"] == pytest.approx(2 * 1e-3 * math.exp(2.0), rel=0.4)
     assert (found["stick slip"], found["turn"], found["counts"]) == (0.0, 0.0, 0.0)
     assert math.isnan(swing_of(batch(), 1e-4))
-    calm, shaken = (replace(vitals_of(batch(), BAND), swing=found[name]) for name in ("stick slip", "swing"))
+    calm, shaken = (replace(health_of(batch(), BAND), swing=found[name]) for name in ("stick slip", "swing"))
     assert "swings to and fro" in what_got_worse(calm, shaken, resolution=1e-4)
     assert what_got_worse(shaken, shaken, resolution=1e-4) == ""

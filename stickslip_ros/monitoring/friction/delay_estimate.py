@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""How late a controller acts, as slips show it, and the joint that has that delay."""
+"""Delay of the controller's force, estimated from slips, and the joint with that delay."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _LEAST = 1e-9  # of the viscous friction, that is left at least
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lateness:
-    """What slips say of a delay τ of the controller's force, which takes k_p τ off the damping.
+class DelayEstimate:
+    """Estimate of a delay τ of the controller's force, which reduces the damping by k_p τ.
 
-    With gains that are the same throughout, only what is left of the damping shows, and viscous friction is a guess;
-    the delay is what goes with it.
+    With constant gains only the remaining damping is identifiable; then viscous friction is a guess, and the delay is
+    the one that goes with the guess.
 
     Attributes
     ----------
-    viscous : F_v, none of it taken off [N·m·s/rad]. spread : standard error of its logarithm.
+    viscous : F_v, without the effect of the delay [N·m·s/rad]. spread : standard error of its logarithm.
     left : F_v − k_p τ [N·m·s/rad], negative where the delay takes more than there is. std : its standard error.
     stiffness : k_p at which that is left [N·m/rad]. longest : the longest delay that is thought possible [s].
     """
@@ -39,7 +39,7 @@ class Lateness:
 
     @property
     def missing_damping(self) -> float:
-        """What is taken off beyond all viscous friction [N·m·s/rad]; 0 where some is left."""
+        """Damping that the delay takes beyond all viscous friction [N·m·s/rad]; 0 where some is left."""
         return max(-self.left, 0.0)
 
     @property

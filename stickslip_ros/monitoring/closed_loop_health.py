@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Whether a joint gets worse while its gains are changed: tracking error, swinging, oscillation, saturation."""
+"""Closed-loop health while gains are changed: tracking error, swinging, oscillation, saturation."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _LEAST_PERIODS = 6.0  # of an oscillation between two gaps: slow motion seen for
 
 
 @dataclass(frozen=True, kw_only=True)
-class Vitals:
-    """What is watched, over one stretch of time; NaN for what is not known.
+class ClosedLoopHealth:
+    """Health of a closed loop over one stretch of time; NaN for what is not known.
 
     Attributes
     ----------
@@ -41,15 +41,15 @@ class Vitals:
     swing: float = math.nan
 
 
-def vitals_of(batch: Batch, band: float) -> Vitals:
-    """Vitals of a stretch of samples.
+def health_of(batch: Batch, band: float) -> ClosedLoopHealth:
+    """Health over a stretch of samples.
 
     Parameters
     ----------
     band : frequency [Hz] up to which the joint moves by itself; what is above comes from the controller.
     """
     errors = np.abs(batch.reference_position - batch.position)
-    return Vitals(
+    return ClosedLoopHealth(
         tracking_error=_largest(errors),
         oscillation=_above(band, batch.time, batch.position),
         effort_oscillation=_above(band, batch.time, batch.effort),
@@ -58,7 +58,12 @@ def vitals_of(batch: Batch, band: float) -> Vitals:
 
 
 def what_got_worse(
-    before: Vitals, now: Vitals, *, softer: float = 1.0, resolution: float = 0.0, effort_limit: float = math.inf
+    before: ClosedLoopHealth,
+    now: ClosedLoopHealth,
+    *,
+    softer: float = 1.0,
+    resolution: float = 0.0,
+    effort_limit: float = math.inf,
 ) -> str:
     """What got worse, for a person; "" if nothing did. What is not known is no finding.
 

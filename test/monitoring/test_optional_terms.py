@@ -22,14 +22,14 @@ from random_machines import CONDITIONS, random_recording
 from two_speeds import monitor_of, recording
 
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.belief import believed
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
+from stickslip_ros.monitoring.friction.optional_terms import TermScore
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.friction.supplements import Evidence
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 GAINS = Gains(stiffness=630.0)
@@ -111,9 +111,9 @@ def test_a_slip_with_curved_friction_is_that_of_brute_force(
 
 def test_without_evidence_a_supplement_is_as_likely_as_before() -> None:
     """Half, and less where it is known to be next to nothing; sure where it is many errors away from that."""
-    assert Evidence(prior=0.5, value=0.0, std=0.5, moves=np.ones(1), gain=0.0).probability == pytest.approx(0.5)
-    assert Evidence(prior=0.5, value=0.0, std=0.01, moves=np.ones(1), gain=0.0).probability < 0.02
-    assert Evidence(prior=0.5, value=0.3, std=0.02, moves=np.ones(1), gain=200.0).probability == pytest.approx(1.0)
+    assert TermScore(prior=0.5, value=0.0, std=0.5, moves=np.ones(1), gain=0.0).probability == pytest.approx(0.5)
+    assert TermScore(prior=0.5, value=0.0, std=0.01, moves=np.ones(1), gain=0.0).probability < 0.02
+    assert TermScore(prior=0.5, value=0.3, std=0.02, moves=np.ones(1), gain=200.0).probability == pytest.approx(1.0)
 
 
 @pytest.mark.slow
@@ -139,10 +139,10 @@ def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
     for name in ("inertia", "stribeck"):
         assert estimate[name].identified, name
     # A verdict is about slower motion, where curved friction gives less damping, or more.
-    belief, _ = believed(estimate, None, GAINS)
-    assert belief is not None
-    assert belief.uncertainty is not None
-    drawn = float(np.median(belief.uncertainty.joint.friction.viscous)) / estimate["viscous"].value
+    selected, _ = select_model(estimate, None, GAINS)
+    assert selected is not None
+    assert selected.uncertainty is not None
+    drawn = float(np.median(selected.uncertainty.joint.friction.viscous)) / estimate["viscous"].value
     assert drawn == pytest.approx(1.0 - 0.5 * estimate.curvature.value, abs=0.1)
     learnt = monitor.learner.memory_of().learnt
     assert learnt is not None

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""A look at another friction law: whether it may explain slips as well as a law that was fitted, and from where.
+"""Screening of another friction law: whether it may explain slips as well as a fitted law, and from which start.
 
 The fit of a law ends in the valley in which it begins, and the parameters that one law needs can be far from those of
 another: where the Stribeck friction falls to nothing at once, a law with a long tail takes more of it, less Coulomb
-friction and more viscous friction for the same curve. So a look begins with the curve, not with the parameters; and it
-fits both laws anew to the same few slips, with the ties between them drawn tight step by step.
+friction and more viscous friction for the same curve. So screening starts from the curve, not from the parameters; and
+both laws are fitted to the same few slips, with ever smaller tolerances of the ties between slips.
 """
 
 from __future__ import annotations
@@ -18,59 +18,58 @@ import numpy as np
 
 from stickslip_ros.model._friction_law import LAWS, stribeck_friction
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
-from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw, misfit_of, repeated
+from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw, misfit_of, residuals_per_observation
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
-from stickslip_ros.monitoring.friction.slip_solution import glance, usual_level
+from stickslip_ros.monitoring.friction.slip_solution import truncated_fit, usual_level
 from stickslip_ros.monitoring.samples import FloatArray
 
-_WORSE = 60.0  # twice the logarithm of a likelihood ratio, from which on more slips do not change the order of laws
-_BETTER = 10.0  # likewise, from which on a law is clearly better
+_WORSE = 60.0  # twice the logarithm of a likelihood ratio, above which more slips do not change the order of laws
+_BETTER = 10.0  # twice the logarithm of a likelihood ratio, above which a law is clearly better
 _SPEEDS = 64  # at which curves are compared
 _SCALES = np.geomspace(0.4, 2.5, 15)  # of the Stribeck velocity, that are tried
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
-    """What a look at a law found.
+class Screening:
+    """Result of the screening of a law.
 
     Attributes
     ----------
     start : logarithms from which to fit it to all slips, shape (6,).
-    worse : by how much it explains the slips looked at worse than the law fitted first: twice the logarithm of the
-        ratio of their likelihoods.
+    worse : twice the logarithm of the likelihood ratio of the fitted law and the screened one, on the same few slips.
     """
 
     start: FloatArray
     worse: float
 
     @property
-    def hopeless(self) -> bool:
-        """Whether no fit to more slips would make it as good."""
+    def rejected(self) -> bool:
+        """Whether the law stays worse however many slips are fitted."""
         return self.worse > _WORSE
 
     @property
     def better(self) -> bool:
-        """Whether it explains them clearly better: where no law fits, nothing less is worth a full fit."""
+        """Whether the law is clearly better: where no law fits, only such a one is worth a full fit."""
         return self.worse < -_BETTER
 
 
-def look_at(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Look | None:
-    """Look at a law beside the one fitted first; None if none of the slips can be simulated with it.
+def screen_law(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Screening | None:
+    """Screen a law against the one fitted first; None if no slip can be simulated by it.
 
     Parameters
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
     """
     some = first.problem.spread()
-    theirs = glance(some, first.solution.fit.parameters, known)
+    theirs = truncated_fit(some, first.solution.fit.parameters, known)
     if theirs is None:
         return None
     other = some.with_law(LAWS[law])
-    found = glance(other, same_curve(law, first), known)
+    found = truncated_fit(other, same_curve(law, first), known)
     if found is None:
         return None
-    worse = (misfit_of(other, found) - misfit_of(some, theirs)) / repeated(some, theirs)
-    return Look(start=found.fit.parameters[:PARAMETERS], worse=worse)
+    worse = (misfit_of(other, found) - misfit_of(some, theirs)) / residuals_per_observation(some, theirs)
+    return Screening(start=found.fit.parameters[:PARAMETERS], worse=worse)
 
 
 def same_curve(law: str, first: FittedLaw) -> FloatArray:

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The stickslip_ros developers
+"""Optional terms of the friction model: fitted where a score test exceeds a threshold, else part of the errors.
+
+Prior odds of a term are 1:1, with a normal prior of its parameter. The score test is one Gauss-Newton step from the fit
+without the term. A term whose test exceeds `_CLEARLY` is added to the fit. Otherwise the posterior probability of the
+term times its effect is added to the covariance of the other parameters (model averaging).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
+from stickslip_ros.monitoring.friction.fit_errors import covariance_of
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more, residuals_per_observation
+from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
+from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
+from stickslip_ros.monitoring.friction.slip_problem import CURVATURE, LATE, PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource
+from stickslip_ros.monitoring.samples import FloatArray
+
+# Twice the logarithm of a likelihood ratio. BIC asks for less than half as much; but noise exceeds that now and then in
+# many slips and repeated studies, and wider errors do less harm than a false term.
+_CLEARLY = 10.0
+_MUCH = 0.98  # share of the upper bound above which a parameter is at its bound: the fit stops short of it
+_LITTLE = (
+    0.005  # tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes
+)
+_FARTHEST = 2.0  # prior standard deviations: the linear step of the score test holds no further
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptionalTerm:
+    """Optional model term: one more parameter of the fit.
+
+    Attributes
+    ----------
+    applies : whether a fit may lack the term. added : the problem with the term.
+    column : index of the term's parameter.
+    reported_change : change of the reported parameters per unit of the term's, from a problem without it and its
+        parameters, shape (p,).
+    std : prior standard deviation of the term's parameter, whose prior mean is zero. lower : its lower bound.
+    explains_misfit : whether the term is also tried where no law fits, if a truncated fit of a few slips is better with
+        the term.
+    """
+
+    applies: Callable[[FittedLaw], bool]
+    added: Callable[[SlipProblem], SlipProblem]
+    column: Callable[[SlipProblem], int]
+    reported_change: Callable[[SlipProblem, FloatArray], FloatArray]
+    std: float
+    lower: float
+    explains_misfit: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermScore:
+    """Score test of a term: one Gauss-Newton step of the term's parameter from a fit without the term.
+
+    Attributes
+    ----------
+    value, std : posterior mean and standard deviation of the parameter. prior : its prior standard deviation.
+    moves : change of the reported parameters and kinetic friction per unit of the parameter, shape (p + k,).
+    gain : twice the logarithm of the likelihood ratio with and without the term.
+    """
+
+    value: float
+    std: float
+    prior: float
+    moves: FloatArray
+    gain: float
+
+    @property
+    def probability(self) -> float:
+        """Posterior probability of the term, at prior odds of one."""
+        odds = 0.5 * (self.value / self.std) ** 2 + math.log(self.std / self.prior)
+        return 1.0 / (1.0 + math.exp(min(-odds, 700.0)))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance that the term may add to parameters and kinetic friction, shape (p + k, p + k)."""
+        return np.asarray(self.probability * (self.value**2 + self.std**2) * np.outer(self.moves, self.moves))
+
+
+def with_optional_terms(
+    first: FittedLaw, known: Mapping[int, tuple[float, float]], beside: FittedLaw | None = None
+) -> FittedLaw:
+    """The fit with every term that clearly explains the slips better, the most significant first; else the fit itself.
+
+    The terms left out add to the covariance (`by_optional_terms`). Where the law does not fit, residuals say nothing of
+    the terms, and nothing is added.
+
+    Parameters
+    ----------
+    known : mean and standard deviation of parameters' logarithms, by index.
+    beside : another law's fit of the same slips. If it has no curved viscous friction, this fit gets none: a wrong law
+        with a curve explains much.
+    """
+    fitted = first
+    straight = beside is not None and beside.problem.curved_at is None
+    tried: set[OptionalTerm] = {CURVED_VISCOUS} if straight else set()
+    scores = _score_tests(fitted)
+    while (best := _most_significant(fitted, {one: scores[one] for one in scores if one not in tried})) is not None:
+        tried.add(best)
+        found = fitted_with_more(fitted, best.added(fitted.problem), 1, known, prior_evidence=scores[best] is not None)
+        if found is not fitted and not _at_its_bound(found, best):
+            fitted = found
+            scores = _score_tests(fitted)
+    covariance = sum((score.covariance for score in scores.values() if score is not None), start=np.zeros(()))
+    return replace(fitted, by_optional_terms=np.asarray(covariance))
+
+
+def _score_tests(fitted: FittedLaw) -> dict[OptionalTerm, TermScore | None]:
+    """Score tests of the terms that a fit may lack; None where a test is not possible."""
+    return {term: _score_test(fitted, term) for term in OPTIONAL_TERMS if term.applies(fitted)}
+
+
+def _most_significant(fitted: FittedLaw, left: Mapping[OptionalTerm, TermScore | None]) -> OptionalTerm | None:
+    """The term to be fitted next; None if none is worth a fit."""
+    gains = {term: score.gain for term, score in left.items() if score is not None and score.gain > _CLEARLY}
+    if gains:
+        return max(gains, key=lambda term: gains[term])
+    # A term could explain the misfit that a wrong effort makes; and where residuals are large no term is enough.
+    problem = fitted.problem
+    little = 0.0 < fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
+    if not little or problem.windows[0].source is not ForceSource.GAINS:
+        return None
+    return next((term for term, score in left.items() if score is None and term.explains_misfit), None)
+
+
+def _at_its_bound(fitted: FittedLaw, term: OptionalTerm) -> bool:
+    """Whether the term's parameter is at its bound: then something else is the cause."""
+    column, prior = term.column(fitted.problem), fitted.solution.prior
+    value = fitted.solution.fit.parameters[column]
+    return bool(abs(value) > _MUCH * prior.upper[column])
+
+
+def _score_test(fitted: FittedLaw, term: OptionalTerm) -> TermScore | None:
+    """Score test of a term that a fit has not; None where the law does not fit or the term cannot be simulated."""
+    problem, solution = fitted.problem, fitted.solution
+    if solution.tolerance > 0.0:
+        return None
+    fit, prior, more = solution.fit, solution.prior, term.added(problem)
+    solution.copy_noise_to(more)
+    column = term.column(more)
+    try:
+        fixed_fit = fit_at_fixed_parameters(
+            more, Tolerances(balance=solution.balance_error, level=solution.link_error),
+            parameters=np.insert(fit.parameters, column, 0.0), kinetic=fit.kinetic, unknowns=fit.unknowns, iterations=0,
+        )  # fmt: skip
+    except LinAlgError:
+        return None
+    others = np.delete(np.arange(len(fixed_fit.gradient)), column)
+    moves = -covariance_of(fixed_fit.information[np.ix_(others, others)], prior) @ fixed_fit.information[others, column]
+    # Correlated residuals count as one observation.
+    repeats = residuals_per_observation(problem, solution)
+    own = (
+        max(float(fixed_fit.information[column, column] + fixed_fit.information[column, others] @ moves), 0.0) / repeats
+    )
+    # A fit ends a little off its valley's floor, and a delay goes along that of viscous friction.
+    pull = fixed_fit.gradient[others]
+    pull[: len(fit.parameters)] += prior.information @ (prior.mean - fit.parameters)
+    slope = float(fixed_fit.gradient[column] + moves @ pull) / repeats
+    std = 1.0 / math.sqrt(own + term.std**-2)
+    value = max(slope * std**2, term.lower)
+    gain = (value / std) ** 2
+    # Slopes reach no further.
+    value = min(max(value, -_FARTHEST * term.std), _FARTHEST * term.std)
+    moves[: len(fit.parameters)] += term.reported_change(problem, fit.parameters)
+    return TermScore(value=value, std=std, prior=term.std, moves=moves, gain=gain)
+
+
+def _may_have_more(fitted: FittedLaw) -> bool:
+    """Whether a term may be missing: not where only speeds are known, or the subtracted force is only nearly right."""
+    return not (fitted.problem.normalised or fitted.position_disturbance is not None or fitted.unsettled)
+
+
+def _may_be_curved(fitted: FittedLaw) -> bool:
+    """Whether viscous friction may be no straight line: where it is hardly seen that is no question."""
+    return _may_have_more(fitted) and fitted.problem.curved_at is None and not may_hide_a_delay(fitted)
+
+
+def _may_be_late(fitted: FittedLaw) -> bool:
+    return _may_have_more(fitted) and fitted.problem.may_be_late and not fitted.problem.delay_shows
+
+
+def _left_by_a_delay(problem: SlipProblem, parameters: FloatArray) -> FloatArray:
+    """For each unit of a delay viscous friction is told by so much less: what the delay leaves of it counts."""
+    reported_change = np.zeros(len(parameters))
+    reported_change[VISCOUS] = -problem.taken_by_an_interval / math.exp(parameters[VISCOUS])
+    return reported_change
+
+
+# Grease thins, and oil is churned: F_v y˙ (1 - c + c y˙/v) in place of F_v y˙. F_v is told at the speed v, at which
+# friction takes as much as it does on average in a slip.
+CURVED_VISCOUS = OptionalTerm(
+    applies=_may_be_curved,
+    added=SlipProblem.with_curvature,
+    column=lambda problem: problem.curvature_column,
+    reported_change=lambda problem, parameters: np.zeros(len(parameters)),
+    std=CURVATURE,
+    lower=-math.inf,
+    explains_misfit=True,
+)
+# In a slip a controller's delay is as good as damping, but at breakaway the force is that of a time ago: at another
+# speed by another amount less.
+LATE_CONTROLLER = OptionalTerm(
+    applies=_may_be_late,
+    added=SlipProblem.with_delay,
+    column=lambda problem: PARAMETERS,
+    reported_change=_left_by_a_delay,
+    std=LATE,
+    lower=0.0,
+    explains_misfit=False,
+)
+OPTIONAL_TERMS = (CURVED_VISCOUS, LATE_CONTROLLER)
