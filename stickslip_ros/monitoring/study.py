@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.friction.estimation import (
     fitted_laws,
     friction_estimate,
     may_be_usable,
+    unexplained,
 )
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
@@ -28,6 +29,8 @@ from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
 from stickslip_ros.monitoring.samples import FloatArray
+
+_LATEST = 3  # slips that must not be set aside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,7 @@ class Learnt:
     position_disturbance : force to be subtracted from that of further slips, None if none is.
     contact : what was known of one that yields, whose compliance is among the parameters; None else.
     curved_at : speed at which curved viscous friction is told [rad/s], whose curvature is among them; None else.
+    explains : whether the fit, with what it has subtracted, explains the slips, and the latest ones among them.
     rejected : names of the laws that these slips have rejected for good.
     spread : standard errors of parameters and kinetic friction. error_inflation : factor of misfit on them.
     jitter : standard deviation of time stamps [s]. stribeck_fraction : share of F_s∞ left at the last arrest.
@@ -65,6 +69,7 @@ class Learnt:
     position_disturbance: PositionDisturbance | None = field(default=None, metadata={"key": "surroundings"})
     contact: ContactKnowledge | None = None
     curved_at: float | None = None
+    explains: bool = True
     rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
 
 
@@ -155,6 +160,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         position_disturbance=fits[0].position_disturbance,
         contact=problem.contact,
         curved_at=problem.curved_at,
+        explains=not unexplained(fits[0]) and bool(problem.usable[-_LATEST:].all()),
         rejected=fits[0].rejected,
     )
 

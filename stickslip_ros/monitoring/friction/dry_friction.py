@@ -136,9 +136,9 @@ def dry_friction(
     varying = np.zeros((count, 0))
     drifts, ripple, bends = False, None, 0
     if count >= LEAST_SLIPS:
+        varying = _varying_load(base, direction, since, kinetic, position, standard_error)
+        bends = varying.shape[1]
         if base.shape[1] > 1:
-            varying = _varying_load(base, since, kinetic, position, standard_error)
-            bends = varying.shape[1]
             varying = np.column_stack([varying, _size_of_load(base, varying, kinetic, standard_error)])
         spanned = since if _spans(time) else None
         drifts, ripple = _chosen(np.column_stack([base, varying]), spanned, kinetic, position, standard_error)
@@ -237,21 +237,27 @@ def _loads(direction: FloatArray, position: FloatArray, bends: int = _PARABOLA) 
 
 
 def _varying_load(
-    base: FloatArray, since: FloatArray, kinetic: FloatArray, position: FloatArray, standard_error: float
+    base: FloatArray,
+    direction: FloatArray,
+    since: FloatArray,
+    kinetic: FloatArray,
+    position: FloatArray,
+    standard_error: float,
 ) -> FloatArray:
     """Columns of a load over position where it varies, as an arm's weight does; none where a drift explains more.
 
-    There and back once, a load that varies and a drift are much alike.
+    There and back once, a load that varies and a drift are much alike. In one direction friction over position is
+    taken for a load.
     """
-    columns = _loads(base[:, 1], position)
+    columns, size = _loads(direction, position), base.shape[1]
     varies = regression(np.column_stack([base, columns]), kinetic, standard_error)
     drifts = regression(np.column_stack([base, since]), kinetic, standard_error)
     # Two columns are tried; BIC.
-    surely = min(varies.significance(2), varies.significance(3)) < 0.5 * SIGNIFICANT
+    surely = min(varies.significance(size), varies.significance(size + 1)) < 0.5 * SIGNIFICANT
     worse = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(drifts.scatter, 1e-300))
-    if not surely or worse + math.log(len(kinetic)) >= 0.0:
+    if not surely or worse + math.log(len(kinetic)) >= 2.0 * math.log(SIGNIFICANT):
         return columns[:, :0]
-    more = _loads(base[:, 1], position, _MOST_BENDS)
+    more = _loads(direction, position, _MOST_BENDS)
     bent = regression(np.column_stack([base, more]), kinetic, standard_error)
     better = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(bent.scatter, 1e-300))
     return more if better > (_MOST_BENDS - _PARABOLA) * math.log(len(kinetic)) else columns

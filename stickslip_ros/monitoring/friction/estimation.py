@@ -109,11 +109,19 @@ def fitted_laws(
             solution = search(problem, known, start)
     if solution is None:
         return []
-    first = with_delay(FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution), known)
-    first = with_optional_terms(with_trend(with_contact(first, known), known), known)
-    why = _unexplained(first)
-    if why and not first.problem.trend and not first.problem.normalised and not first.unsettled:
-        first = with_position_disturbance(first, known, why)
+    plain = FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution)
+    steady = with_contact(with_delay(plain, known), known)
+    first = with_optional_terms(with_trend(steady, known), known)
+    trend = first.problem.trend
+    why = unexplained(first) or ("kinetic friction varies" if trend else "")
+    if why and not first.problem.normalised and not first.unsettled:
+        # What varies with position may look like a trend, or like a late controller.
+        for base in (with_optional_terms(steady, known) if trend else first, plain):
+            over_position = with_position_disturbance(base, known, why)
+            if over_position.misfit < first.misfit:
+                first = over_position
+            if not unexplained(first) or first.problem is problem:
+                break
     fits = weighed_laws(first, known, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
@@ -175,7 +183,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     aside = int((~problem.usable).sum())
     # The subtracted force is only nearly the right one, so the fit without it is not certain either.
     disturbance = fits[0].position_disturbance
-    unexplained = disturbance.without if disturbance is not None else _unexplained(fits[0])
+    why = disturbance.without if disturbance is not None else unexplained(fits[0])
     against = contradiction(problem.windows)
     blank = FrictionEstimate(
         source=problem.windows[0].source,
@@ -190,7 +198,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         mean_square=solution.mean_square,
         left_over=solution.tolerance / float(np.median(problem.distances)),
         scatter=solution.balance_error,
-        mismatch="; ".join(part for part in (f"{DOES_NOT_FIT}: {unexplained}" if unexplained else "", against) if part),
+        mismatch="; ".join(part for part in (f"{DOES_NOT_FIT}: {why}" if why else "", against) if part),
         configured=configured,
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
@@ -202,7 +210,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
 
-def _unexplained(fitted: FittedLaw) -> str:
+def unexplained(fitted: FittedLaw) -> str:
     """What a fit does not explain, "" if it explains all."""
     problem, solution = fitted.problem, fitted.solution
     left_over = solution.tolerance / float(np.median(problem.distances))

@@ -60,6 +60,11 @@ class FittedLaw:
         """Whether it leaves nothing over."""
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
 
+    @property
+    def misfit(self) -> float:
+        """Twice the negative logarithm of the likelihood, but for a constant."""
+        return misfit_of(self.problem, self.solution)
+
 
 def fitted_with_more(
     first: FittedLaw,

@@ -206,6 +206,11 @@ class FrictionLearner:
         studied = len(self._due.windows) if self._due is not None else 0
         self.studied_in_vain = studied if learnt is None else 0
         self._due, self._under_way = None, False
+        if len(self._outliers) >= _OUTLIERS_IN_A_ROW and not (learnt is not None and learnt.explains):
+            # Nothing explains them beside the slips of before: neither where they were, nor a drift.
+            self._begin_after_change()
+            learnt = None
+        self._outliers = []
         if learnt is not None and not (self.estimate is not None and self.estimate.usable > learnt.estimate.usable):
             self._state, self.estimate = learnt, learnt.estimate
             if self._before_change is not None and not learnt.estimate.mismatch:
@@ -246,6 +251,7 @@ class FrictionLearner:
             self._studied = 0
             return
         follows = follows_on(state.last_window, window)
+        observed = window
         disturbance, friction_factor = state.position_disturbance, state.estimate.friction_factor
         # Of friction that varies from place to place each slip is made one at the worst.
         known_factor = None
@@ -287,7 +293,7 @@ class FrictionLearner:
         if not (np.isfinite(fixed_fit.information).all() and np.isfinite(fixed_fit.gradient).all()):
             return
         if self._is_outlier(problem, fixed_fit, state):
-            self._add_outlier(window)
+            self._add_outlier(observed)
             return
         self._outliers = []
         size = len(state.parameters)
@@ -332,15 +338,21 @@ class FrictionLearner:
         )
 
     def _add_outlier(self, window: SlipWindow) -> None:
-        """Keep a slip that the estimate does not explain; several in a row are a change of friction."""
+        """Keep a slip that the estimate does not explain; after several in a row a study decides what they are."""
         self._outliers.append(window)
         if len(self._outliers) < _OUTLIERS_IN_A_ROW:
             return
         assert self.estimate is not None
         if self._studied < _WELL_STUDIED or self.estimate.mismatch:
             # What was learnt from so few may simply be wrong.
-            self._outliers, self._studied = [], 0
+            self._outliers = []
+        elif len(self._kept) == len(self._outliers):
+            self._begin_after_change()
             return
+        self._studied = 0
+
+    def _begin_after_change(self) -> None:
+        """Learn from the outliers alone: the friction has changed abruptly."""
         self._changed_at = self._outliers[0].breakaway
         self.change = FrictionChange(time=self._changed_at, learning_anew=True, differences=())
         self._before_change, self.estimate, self._state = self.estimate, None, None

@@ -61,12 +61,12 @@ def _round(plain: FittedLaw, best: FittedLaw, known: Mapping[int, tuple[float, f
     except LinAlgError:
         return None
     count = math.log(changed.count)
-    if solution is None or _misfit(plain) - misfit_of(changed, solution) < _OF_DISTURBANCE * count:
+    if solution is None or plain.misfit - misfit_of(changed, solution) < _OF_DISTURBANCE * count:
         return None
     even = FittedLaw(law=plain.law, problem=changed, solution=solution, position_disturbance=disturbance)
     growing = _with_friction_factor(even, known)
-    found = growing if growing is not None and _misfit(even) - _misfit(growing) > _PARAMETERS * count else even
-    return found if best is plain or _misfit(found) < _misfit(best) else None
+    found = growing if growing is not None and even.misfit - growing.misfit > _PARAMETERS * count else even
+    return found if best is plain or found.misfit < best.misfit else None
 
 
 def _with_friction_factor(even: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
@@ -85,7 +85,3 @@ def _with_friction_factor(even: FittedLaw, known: Mapping[int, tuple[float, floa
         if solution.fit.parameters[-1] >= 0.0:
             return replace(even, problem=growing, solution=solution, decreasing=decreasing)
     return None
-
-
-def _misfit(fitted: FittedLaw) -> float:
-    return misfit_of(fitted.problem, fitted.solution)

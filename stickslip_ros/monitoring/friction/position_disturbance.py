@@ -60,12 +60,13 @@ class PositionDisturbance:
     def covariate(self, position: FloatArray, *, decreasing: bool = False) -> FloatArray:
         """Regressor that scales friction, from -1 where friction is least to 0 where it is largest, shape (n,).
 
-        The Coulomb friction that varies, or the size of the load where that varies alone; zeros where nothing does.
+        The Coulomb friction that varies, or the size of the load where that varies alone; zeros where nothing does, and
+        where motion in one direction does not show how large the load is.
         ``decreasing`` : friction is the largest where that is least.
         """
         places = np.append(position, self.dry.position)
         grows = self.coulomb(places)
-        if self.dry.ripple is None and self.dry.load_dependence is None:
+        if self.dry.ripple is None and self.dry.load_dependence is None and self.dry.load is not None:
             grows = np.abs(self.dry.load_at(places))
         if decreasing:
             grows = -grows
