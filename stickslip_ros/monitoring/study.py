@@ -26,11 +26,12 @@ from stickslip_ros.monitoring.friction.estimation import (
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
 from stickslip_ros.monitoring.samples import FloatArray
 
-_LATEST = 3  # slips that must not be set aside
+_LATEST, _OFF = 3, 0.15  # slips; a fit that explains them is less off, as a share of their Stribeck friction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +47,8 @@ class Learnt:
     position_disturbance : force to be subtracted from that of further slips, None if none is.
     contact : what was known of one that yields, whose compliance is among the parameters; None else.
     curved_at : speed at which curved viscous friction is told [rad/s], whose curvature is among them; None else.
-    explains : whether the fit, with what it has subtracted, explains the slips, and the latest ones among them.
+    explains : whether the fit, with what it has subtracted, explains the slips. explains_latest : whether it explains
+        the latest ones, however well it explains the others.
     rejected : names of the laws that these slips have rejected for good.
     spread : standard errors of parameters and kinetic friction. error_inflation : factor of misfit on them.
     jitter : standard deviation of time stamps [s]. stribeck_fraction : share of F_s∞ left at the last arrest.
@@ -70,6 +72,7 @@ class Learnt:
     contact: ContactKnowledge | None = None
     curved_at: float | None = None
     explains: bool = True
+    explains_latest: bool = True
     rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
 
 
@@ -160,9 +163,18 @@ def _study(question: StudyQuestion) -> Learnt | None:
         position_disturbance=fits[0].position_disturbance,
         contact=problem.contact,
         curved_at=problem.curved_at,
-        explains=not unexplained(fits[0]) and bool(problem.usable[-_LATEST:].all()),
+        explains=not unexplained(fits[0]),
+        explains_latest=_explains_latest(problem, fit),
         rejected=fits[0].rejected,
     )
+
+
+def _explains_latest(problem: SlipProblem, fit: SlipFit) -> bool:
+    """Whether all but one of the latest slips at most are neither set aside, nor off in force or in static friction."""
+    latest = slice(-_LATEST, None)
+    force = np.abs(fit.misfits[latest]) / math.exp(fit.parameters[STRIBECK])
+    level = np.where(problem.linked, np.abs(fit.link_misfits), 0.0)[latest]
+    return bool((problem.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= _LATEST - 1)
 
 
 def spread_of(covariance: FloatArray) -> FloatArray:

@@ -206,7 +206,7 @@ class FrictionLearner:
         studied = len(self._due.windows) if self._due is not None else 0
         self.studied_in_vain = studied if learnt is None else 0
         self._due, self._under_way = None, False
-        if len(self._outliers) >= _OUTLIERS_IN_A_ROW and not (learnt is not None and learnt.explains):
+        if len(self._outliers) >= _OUTLIERS_IN_A_ROW and not (learnt is not None and learnt.explains_latest):
             # Nothing explains them beside the slips of before: neither where they were, nor a drift.
             self._begin_after_change()
             learnt = None
@@ -342,8 +342,8 @@ class FrictionLearner:
         self._outliers.append(window)
         if len(self._outliers) < _OUTLIERS_IN_A_ROW:
             return
-        assert self.estimate is not None
-        if self._studied < _WELL_STUDIED or self.estimate.mismatch:
+        assert self._state is not None
+        if self._studied < _WELL_STUDIED or not self._state.explains:
             # What was learnt from so few may simply be wrong.
             self._outliers = []
         elif len(self._kept) == len(self._outliers):
