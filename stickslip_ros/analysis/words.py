@@ -128,7 +128,7 @@ def advice(joint: JointAnalysis) -> str:
         if not changes:
             return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
         text = f"change {' and '.join(changes)}"
-    text = f"perhaps {text}{faster}: {state.doubt}" if state.doubt else f"{text}{faster}"
+    text = f"perhaps {text}{faster}: {state.misfit_text}" if state.misfit_text else f"{text}{faster}"
     return f"{text[:1].upper()}{text[1:]}."
 
 

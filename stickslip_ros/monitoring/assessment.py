@@ -168,7 +168,7 @@ class Assessment:
         return self.advice.recommendation[self.variant] if self.advice is not None else None
 
     @property
-    def doubt(self) -> str:
+    def misfit_text(self) -> str:
         """Why gains that are recommended are no more than a try: friction that was learnt, and does not fit; or ""."""
         if self.recommended is None or not self.recommended.found or self.uncertainty is None:
             return ""
@@ -179,7 +179,7 @@ class Assessment:
         """The recommendation as a person reads it; "" without any."""
         if self.recommended is None:
             return ""
-        return f"perhaps {self.recommended.reason}; {self.doubt}" if self.doubt else self.recommended.reason
+        return f"perhaps {self.recommended.reason}; {self.misfit_text}" if self.misfit_text else self.recommended.reason
 
     @property
     def lowest_smooth_velocity(self) -> float:

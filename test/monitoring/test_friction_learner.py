@@ -160,6 +160,9 @@ def test_a_weight_over_position_is_no_abrupt_change(puma: Joint, share: float) -
     state = watched(loaded(replace(machine, gravity=share * machine.coulomb), 0.01), monitor)
     assert state.change is None
     assert state.estimate is not None
+    # Issue 36, item 3: friction that is not certain gives no orders.
+    assert state.advice_text.startswith("perhaps raise")
+    assert state.advice_text.endswith(state.estimate.mismatch)
     for name in ("inertia", "stribeck", "stribeck_velocity", "lag"):
         assert state.estimate[name].value == pytest.approx(getattr(machine, name), rel=0.12), name
 

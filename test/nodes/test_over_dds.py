@@ -83,7 +83,8 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
                 one.gains.publish(table(["nobody"], ["p", "d"], [1.0, 1.0]))
                 one.gains.publish(table(["good"], ["p", "d"], [math.nan, 1.0]))
                 one.wait(lambda: True, 1.0, "")
-            if index % 10 == 0:
+            # A burst that a busy monitor cannot take up in time is lost, to its very end.
+            if index % 2 == 0:
                 time.sleep(0.004)
         one.publish(["zero"], 0.0, position=[1.0])
         one.wait(
