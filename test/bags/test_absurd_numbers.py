@@ -17,6 +17,8 @@ from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 
+pytestmark = pytest.mark.slow
+
 ALTERNATING = np.array([1.0, -1.0])
 
 

@@ -42,6 +42,8 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 EVENT = "rcl_interfaces/msg/ParameterEvent"
 
 

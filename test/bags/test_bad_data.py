@@ -24,6 +24,8 @@ from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.cli.main import main
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 COUNT = 1500
 TIMES = 1.0 + 0.01 * np.arange(COUNT)
 POSITIONS = 0.05 * TIMES

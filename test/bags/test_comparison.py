@@ -30,6 +30,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 STICKS = replace(sticking(0.0058), position_noise=1e-6)
 CURED = replace(STICKS, gains=Gains(stiffness=7400.0, damping=40.0))
 STIFFER = replace(STICKS, gains=Gains(stiffness=1200.0))

@@ -31,6 +31,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 _START = 1.79e9
 _WEEK = 7.0 * DAY
 

@@ -26,6 +26,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Segment, Status
 
+pytestmark = pytest.mark.slow
+
 STICKS, RISK, SMOOTH = Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH
 REST, NOT_JUDGED, UNKNOWN = Status.AT_REST, Status.NOT_JUDGED, Status.UNKNOWN
 

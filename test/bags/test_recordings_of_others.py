@@ -20,6 +20,8 @@ from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.messages.whole_turns import WholeTurns
 
+pytestmark = pytest.mark.slow
+
 TURN = 2.0 * math.pi
 
 

@@ -40,6 +40,8 @@ from stickslip_ros.messages.blocks import Channel
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.settings.parameter_file import Parameters
 
+pytestmark = pytest.mark.slow
+
 GAINS = "std_msgs/msg/Float64MultiArray"
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 Message = tuple[str, str, float, bytes | Any]

@@ -10,6 +10,8 @@ import pytest
 
 from stickslip_ros.cli.main import main
 
+pytestmark = pytest.mark.slow
+
 PAPER = (
     "margin --inertia 6.3 --stiffness 2016 --damping 0 --velocity 0.00493 --stribeck 1.6 --stribeck-velocity 0.0058 "
     "--lag 0.05 --rise-time 0.264 --viscous 4.94 --json"

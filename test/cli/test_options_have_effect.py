@@ -23,6 +23,8 @@ from conftest import nightly
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.cli.main import build_parser, main
 
+pytestmark = pytest.mark.slow
+
 
 @dataclass(frozen=True)
 class Row:

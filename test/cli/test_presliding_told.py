@@ -13,6 +13,8 @@ import yaml
 from stickslip_ros.cli.main import main
 from stickslip_ros.settings.known_joints import load_joint
 
+pytestmark = pytest.mark.slow
+
 STIFFNESS = 3e4
 FILE = f"""
 name: elastic

@@ -16,6 +16,8 @@ from bags.support_bags import WITHOUT_LEARNING, simulated_bag
 from stickslip_ros.analysis import fleet
 from stickslip_ros.cli.main import main
 
+pytestmark = pytest.mark.slow
+
 LOST = """
 import os, signal
 from stickslip_ros.cli.progress import progress_bar

@@ -12,6 +12,8 @@ from brute_force import FROM_REST, OUTCOMES, PERIODS, STEADY, STICKS, motion, ou
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+pytestmark = pytest.mark.slow
+
 ISSUE = [
     point_of(
         inertia=6.8363, stiffness=23253.7, damping=0.0, velocity=0.00125748, stribeck=4.3953,

@@ -19,6 +19,8 @@ from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import exact_verdict
 from stickslip_ros.monitoring.advice.compensations import compensations
 
+pytestmark = pytest.mark.slow
+
 STIFFNESS, SPEED = 2016.0, 0.005
 STICKS, CALM = Gains(stiffness=STIFFNESS), Gains(stiffness=STIFFNESS, damping=150.0)
 

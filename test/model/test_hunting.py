@@ -16,6 +16,8 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness, starts_of
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
 
+pytestmark = pytest.mark.slow
+
 # Canudas de Wit, Olsson, Åström and Lischinsky, IEEE TAC 40(3), 1995, Table I.
 PUBLISHED = Friction(
     stribeck=0.5, stribeck_velocity=0.001, coulomb=1.0, viscous=0.4, law="exponential",

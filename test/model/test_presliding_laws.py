@@ -20,6 +20,8 @@ from stickslip_ros.model.joint_simulation import EventKind, JointSimulation, Tra
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import exact_verdict
 
+pytestmark = pytest.mark.slow
+
 SECONDS = 30.0
 # Canudas de Wit, Olsson, Åström and Lischinsky, IEEE TAC 40(3), 1995, Table I.
 PUBLISHED = Friction(

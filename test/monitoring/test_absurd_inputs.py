@@ -24,6 +24,8 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.settings.known_joints import load_joint
 
+pytestmark = pytest.mark.slow
+
 GAINS = Gains(stiffness=630.0)
 TOO_LARGE, TOO_SMALL = (
     "effort is infinite or larger than 1e+12",

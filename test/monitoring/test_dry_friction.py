@@ -20,6 +20,8 @@ from stickslip_ros.monitoring.friction.regression import student_tail
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
+pytestmark = pytest.mark.slow
+
 COULOMB, SPACING, SCATTER = 8.0, 0.02, 0.1
 SEEDS = st.integers(0, 2**32 - 1)
 

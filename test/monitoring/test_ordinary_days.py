@@ -32,6 +32,8 @@ from stickslip_ros.monitoring.detection.status import (
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
+pytestmark = pytest.mark.slow
+
 COUNT = 2.5e-5
 FINGER, SERVO = "tendon_finger_p6200", "bus_servo_pendulum_225108"
 

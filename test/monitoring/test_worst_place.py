@@ -27,6 +27,8 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 from stickslip_ros.output.as_json import growth_json
 
+pytestmark = pytest.mark.slow
+
 MACHINE = Machine(
     inertia=6.3, coulomb=8.43, viscous=4.94, stribeck=1.6, stribeck_velocity=0.0058, lag=0.05, rise_time=0.264
 )
