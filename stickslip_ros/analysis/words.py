@@ -113,7 +113,7 @@ def advice(joint: JointAnalysis) -> str:
         f", or move no slower than {slowest:.3g} rad/s" if math.isfinite(slowest) and slowest > joint.velocity else ""
     )
     if not advised.found:
-        return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}{faster}."
+        return _sentence(f"{advised.reason.rstrip('.')}{faster}")
     if state.gains is None or not state.gains_known:
         text = (
             f"multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
@@ -126,9 +126,13 @@ def advice(joint: JointAnalysis) -> str:
             if abs(then - now) > 1e-3 * max(abs(now), abs(then)):
                 changes.append(f"{name} from {now:.4g} to {then:.4g} {unit_of(Gains, name)}")
         if not changes:
-            return f"{advised.reason[:1].upper()}{advised.reason[1:].rstrip('.')}."
+            return _sentence(advised.reason.rstrip("."))
         text = f"change {' and '.join(changes)}"
     text = f"perhaps {text}{faster}: {state.misfit_text}" if state.misfit_text else f"{text}{faster}"
+    return _sentence(text)
+
+
+def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 

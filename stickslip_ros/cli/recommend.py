@@ -168,7 +168,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json_text(result))
     else:
-        _print(advice, found, joint, gains)
+        _print(advice, found, joint)
         if table is not None:
             print_table(table, advice.velocity)
         if trial is not None:
@@ -264,7 +264,7 @@ def what_if(text: str, gains: Gains) -> Gains:
     return replace(gains, **changes)
 
 
-def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint, gains: Gains) -> None:
+def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     name = "Eq. (43)" if advice.condition is Criterion.PAPER else "the exact condition"
     if not joint.friction.of_the_paper:

@@ -31,7 +31,8 @@ from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWind
 from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
 from stickslip_ros.monitoring.samples import FloatArray
 
-_LATEST, _OFF = 3, 0.15  # slips; a fit that explains them is less off, as a share of their Stribeck friction
+OUTLIERS_IN_A_ROW = 3  # slips that a study has to explain beside those of before
+_OFF = 0.15  # of the Stribeck friction: a slip that a fit explains is less off
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,10 +172,10 @@ def _study(question: StudyQuestion) -> Learnt | None:
 
 def _explains_latest(problem: SlipProblem, fit: SlipFit) -> bool:
     """Whether all but one of the latest slips at most are neither set aside, nor off in force or in static friction."""
-    latest = slice(-_LATEST, None)
+    latest = slice(-OUTLIERS_IN_A_ROW, None)
     force = np.abs(fit.misfits[latest]) / math.exp(fit.parameters[STRIBECK])
     level = np.where(problem.linked, np.abs(fit.link_misfits), 0.0)[latest]
-    return bool((problem.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= _LATEST - 1)
+    return bool((problem.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= OUTLIERS_IN_A_ROW - 1)
 
 
 def spread_of(covariance: FloatArray) -> FloatArray:

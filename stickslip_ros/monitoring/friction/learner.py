@@ -33,7 +33,7 @@ from stickslip_ros.monitoring.friction.slip_fit import FixedParameterFit, Tolera
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.study import Learnt, StudyQuestion, spread_of, study
+from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, spread_of, study
 
 _MOST_WAITING = 48  # slips
 _FIRST_STUDY = 4
@@ -49,7 +49,6 @@ _FORCE_OUTLIER = 6.0  # standard deviations of the kinetic friction
 _OFF = 0.01  # of the slip distance: less is no change
 _STEPS = 2.0  # of a controller's force, of the Stribeck friction: likewise
 _FORCE_OFF = 0.02  # of the Stribeck friction, likewise
-_OUTLIERS_IN_A_ROW = 3
 _WELL_STUDIED = 12  # slips of a study that is believed
 _UPDATE_WEIGHT = 0.3  # of a slip by itself, whose errors the next study will know better
 _UPDATE_LINK = 0.03  # how well the level left by one slip is known at the next, without the slips before
@@ -206,7 +205,7 @@ class FrictionLearner:
         studied = len(self._due.windows) if self._due is not None else 0
         self.studied_in_vain = studied if learnt is None else 0
         self._due, self._under_way = None, False
-        if len(self._outliers) >= _OUTLIERS_IN_A_ROW and not (learnt is not None and learnt.explains_latest):
+        if len(self._outliers) >= OUTLIERS_IN_A_ROW and not (learnt is not None and learnt.explains_latest):
             # Nothing explains them beside the slips of before: neither where they were, nor a drift.
             self._begin_after_change()
             learnt = None
@@ -340,7 +339,7 @@ class FrictionLearner:
     def _add_outlier(self, window: SlipWindow) -> None:
         """Keep a slip that the estimate does not explain; after several in a row a study decides what they are."""
         self._outliers.append(window)
-        if len(self._outliers) < _OUTLIERS_IN_A_ROW:
+        if len(self._outliers) < OUTLIERS_IN_A_ROW:
             return
         assert self._state is not None
         if self._studied < _WELL_STUDIED or not self._state.explains:
