@@ -268,6 +268,17 @@ def test_named_files_exist(path: Path) -> None:
         assert (ROOT / name).exists() or (ROOT / "stickslip_ros" / name).exists(), name
 
 
+NAMING_TESTS = [*DOCUMENTS, ROOT / "Makefile", *sorted((ROOT / "tools").glob("*.sh"))]
+
+
+@pytest.mark.parametrize("path", NAMING_TESTS, ids=named)
+def test_tests_that_are_named_exist(path: Path) -> None:
+    """A test that a script or a page names is there; `make matrix` once ran none, for one of them had a new name."""
+    for file, test in re.findall(r"\b(test/[\w/]+\.py)(?:::(\w+))?", path.read_text(encoding="utf-8")):
+        assert (ROOT / file).exists(), file
+        assert not test or f"def {test}(" in (ROOT / file).read_text(encoding="utf-8"), f"{file}::{test}"
+
+
 @pytest.mark.parametrize("floor", ["model", "monitoring"])
 def test_the_reference_has_every_public_module(floor: str) -> None:
     """Issue 8: the API reference is complete for model and monitoring."""
