@@ -24,7 +24,7 @@ from stickslip_ros.model.joint_simulation import EventKind
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.learner import FrictionLearner
-from stickslip_ros.monitoring.friction.slip_fit import Tolerances, evidence
+from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
@@ -136,7 +136,7 @@ def _bounds(recording: RandomRecording) -> dict[str, float]:
     unknowns[:, 1] -= problem.origin
     problem.weigh(problem.simulate(parameters, unknowns)[1])
     try:
-        known = evidence(
+        known = fit_at_fixed_parameters(
             problem, Tolerances(balance=1e-4 * truth["stribeck"], level=1e-4), parameters=parameters,
             kinetic=np.array([truth["coulomb"]]), unknowns=unknowns, iterations=0,
         )  # fmt: skip
