@@ -84,7 +84,7 @@ def test_every_variant_reaches_the_wanted_margin(
     [(Criterion.PAPER, 40), (Criterion.EXACT, 10), nightly(Criterion.PAPER, 120), nightly(Criterion.EXACT, 20)],
 )
 def test_random_joints_become_smooth_with_the_least_change(condition: Criterion, count: int) -> None:
-    """Issue 5, what shows it: all are smooth when simulated; no point of a grid is feasible with 5 % less change.
+    """Issue 5, what shows it: all are smooth when simulated; no point of a grid is feasible with 2 % less change.
 
     Where no gains are found, the grid has none either. `python -m benchmarks.advice 300` does as many exactly.
     """
@@ -99,7 +99,7 @@ def test_random_joints_become_smooth_with_the_least_change(condition: Criterion,
         found += 1
         assert best.exactly_smooth is True
         assert best.reserve >= case.limits.wanted_margin - 1e-4
-        assert brute_force(case, within=0.95 * best.change) == math.inf, best
+        assert brute_force(case, within=0.98 * best.change) == math.inf, best
         bounds = bounds_at(np.array([best.stiffness]), case.joint, case.limits, ObservedLoop())
         for bound in bounds.values():
             assert bound.least[0] - 1e-9 <= best.damping <= bound.largest[0] * (1 + 1e-9)

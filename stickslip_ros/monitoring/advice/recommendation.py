@@ -36,7 +36,7 @@ from stickslip_ros.monitoring.advice.limits import (
     criterion_for,
     crossover_frequency,
 )
-from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
@@ -237,7 +237,7 @@ class _Case:
 
     def _search(self) -> AdviceSearch:
         conditions: list[Condition] = [
-            Interpolated(self._requirement, self._joint, self._steady) if self._exact else self._requirement,
+            self._requirement,
             *([self._steady] if self._steady is not None else []),
         ]
         return AdviceSearch(self._joint, self._gains, self._limits, self._loop, conditions, learnt=self._learnt)
@@ -301,16 +301,14 @@ class _Case:
             gains = way(search.with_more_damping(more))
             if gains is None:
                 break
-            place = math.log(float(gains.stiffness))
+            place = search.place(gains)
             if self._is_enough(gains):
                 best = gains
                 if not more or min(abs(place - known) for known in more) < _NEAR:
                     break
             elif number == 0 and not self._exact and self._steady is None:
                 exact = replace(self._limits, condition=Criterion.EXACT, wanted_margin=0.0)
-                search = search.with_requirement(
-                    Interpolated(Requirement(self._joint, self._slowest, exact), self._joint)
-                )
+                search = search.with_requirement(Requirement(self._joint, self._slowest, exact))
                 continue
             # Draws and integration are asked where a search ends alone; the next one knows what they ask for there.
             asked = search.total_damping(float(gains.stiffness))
@@ -342,7 +340,7 @@ class _Case:
         """
         own = float(self._joint.own_damping(stiffness))
         here = np.array([stiffness])
-        needed = [float(one.damping(here, _DRAWS_TOLERANCE)[0]) * (1.0 + _DRAWS_TOLERANCE) for one in self._sure]
+        needed = [float(one.damping(here, _DRAWS_TOLERANCE)[0]) for one in self._sure]
         least = max([asked, *(damping + own for damping in needed)])
 
         def enough(total: float) -> bool:

@@ -21,14 +21,10 @@ from stickslip_ros.monitoring.uncertainty import Uncertainty, each_number
 
 _LEAST_RATIO = 1e-6  # without any damping no oscillation dies
 _ROUNDING = 1e-9
-_EXACT_TOLERANCE = 4e-4  # by so much more damping is asked for, the exact critical ratio being bisected
+TOLERANCE = 2e-4  # of a bisected critical ratio, relative
 _SPEEDS, _EXACT_SPEEDS = 16, 8
 _FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
 _STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
-_NODES_APART, _NODES_ERROR = 0.25, 5e-3  # of the logarithms of stiffness and of damping
-_SEARCH_TOLERANCE = 5e-3
-_FINER, _CLOSEST = 0.2, 0.1
-_ROUGH = 1.0  # difference of the logarithms of damping between nodes, from which on nothing is interpolated
 _LARGEST_LAG = 2.0 * math.pi  # of τ*
 
 
@@ -52,20 +48,20 @@ class Requirement:
         self._ratios = uncertainty.stiffness if uncertainty else np.ones(1)
         self._share = limits.confidence if uncertainty else 1.0
         self._wanted = 1.0 + limits.wanted_margin
-        self._factor = self._wanted * (1.0 + (_EXACT_TOLERANCE if self.exact else _ROUNDING))
         self.speeds = speeds_needed(joint, velocity, limits)
 
-    def damping(self, stiffness: FloatArray, tolerance: float = 0.5 * _EXACT_TOLERANCE) -> FloatArray:
+    def damping(self, stiffness: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,); infinite where no damping will do.
 
-        ``tolerance`` : relative, of what is bisected.
+        ``tolerance`` : relative, of a critical ratio that is bisected; twice as much more damping is required.
         """
+        more = 2.0 * tolerance if self.exact else _ROUNDING
         stiffnesses = stiffness[:, None, None] * self._ratios[None, :, None]
         draws = _with_axis(self._joint)
         with np.errstate(all="ignore"):
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses), self.speeds)
             critical = self._critical(groups, tolerance)
-            ratio = np.maximum(self._factor * critical, _LEAST_RATIO)
+            ratio = np.maximum(self._wanted * (1.0 + more) * critical, _LEAST_RATIO)
             needed = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         needed = np.where(np.isnan(needed), math.inf, needed)
         return np.asarray(np.quantile(needed, self._share, axis=1, method="higher"))
@@ -121,8 +117,8 @@ class SteadySliding:
         self._joint, self._speeds, self._confidence = joint, speeds, confidence
         self._uncertainties = [one.thinned() for one in uncertainties]
 
-    def damping(self, stiffness: FloatArray) -> FloatArray:
-        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
+    def damping(self, stiffness: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), of a formula: no tolerance matters."""
         needed = self._of(self._joint, np.ones(1), stiffness)
         several = [
             np.quantile(self._of(one.joint, one.stiffness, stiffness), self._confidence, axis=1, method="higher")
@@ -143,81 +139,6 @@ class SteadySliding:
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         """Whether gains of shape (n,) have it."""
         return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
-
-
-class Interpolated:
-    """An exact requirement for searches: asked at a few stiffnesses, interpolated by the logarithms, and remembered.
-
-    Parameters
-    ----------
-    requirement : exact, of ``joint``.
-    floor : what is required besides: where its damping is enough for the requirement too, no more is asked.
-    apart : logarithms of the stiffnesses asked. Where there is a jump between two, they are taken closer together.
-    """
-
-    exact = True
-
-    def __init__(
-        self, requirement: Requirement, joint: Joint, floor: SteadySliding | None = None, apart: float = _NODES_APART
-    ) -> None:
-        self._requirement, self._floor, self._joint = requirement, floor, joint
-        self._apart = apart
-        self._finer = Interpolated(requirement, joint, floor, apart * _FINER) if apart > _CLOSEST else None
-        self._known: dict[int, float] = {}
-        # Between two nodes, total damping that is too little, and that is enough.
-        self._too_little: dict[int, float] = {}
-        self._enough: dict[int, float] = {}
-
-    def damping(self, stiffness: FloatArray) -> FloatArray:
-        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), to about a per cent."""
-        places = np.log(stiffness) / self._apart
-        below = np.floor(places).astype(int)
-        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._known]
-        if missing:
-            nodes = np.exp(self._apart * np.array(missing, dtype=float))
-            total = self._exactly(nodes) + self._joint.own_damping(nodes)
-            self._known.update(zip(missing, total.tolist(), strict=True))
-        share, own = places - below, np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
-        with np.errstate(all="ignore"):
-            low, high = (np.log([self._known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
-            found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - own
-            rough = ~(np.abs(high - low) < _ROUGH)
-        # Where both need more than there is, or nothing, so does what lies between.
-        alike = low == high
-        found[alike] = np.exp(low[alike]) - own[alike]
-        rough &= ~alike
-        if rough.any():
-            highest = np.exp(np.maximum(low, high)[rough]) - own[rough]
-            found[rough] = highest if self._finer is None else self._finer.damping(stiffness[rough])
-        return np.asarray(found)
-
-    def _exactly(self, stiffness: FloatArray) -> FloatArray:
-        if self._floor is None:
-            return self._requirement.damping(stiffness, _SEARCH_TOLERANCE)
-        needed = self._floor.damping(stiffness)
-        more = ~self._requirement.reached(stiffness, needed)
-        if more.any():
-            needed[more] = self._requirement.damping(stiffness[more], _SEARCH_TOLERANCE)
-        return needed
-
-    def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
-        """Whether gains of shape (n,) have it, by what is known of the stiffnesses around; asked where nothing is."""
-        total = damping + self._joint.own_damping(stiffness)
-        below = np.floor(np.log(stiffness) / self._apart).astype(int)
-        found = np.zeros(stiffness.shape, dtype=np.bool_)
-        for index, node in enumerate(below.tolist()):
-            here = slice(index, index + 1)
-            if node in self._known and node + 1 in self._known:
-                found[here] = damping[here] >= self.damping(stiffness[here]) * (1.0 - _ROUNDING)
-            elif total[index] >= self._enough.get(node, math.inf):
-                found[index] = True
-            elif total[index] > self._too_little.get(node, -math.inf):
-                found[here] = self._requirement.reached(stiffness[here], damping[here])
-                if found[index]:
-                    self._enough[node] = float(total[index])
-                else:
-                    self._too_little[node] = float(total[index])
-        return found
 
 
 def _where_lag_is_short(
