@@ -47,6 +47,7 @@ from stickslip_ros.monitoring.friction.place_fit import with_position_disturbanc
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
+from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
@@ -56,7 +57,6 @@ LEAST_SLIPS = 3
 _LEAST_OF_A_DIRECTION = 3
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
 _LARGEST_UNEXPLAINED = 0.001  # tolerance, in slip distances: joints that the model explains need less
-_LARGEST_MEAN_SQUARE = 1.2  # of the residuals, of joints that the model explains
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
 _ASIDE = 0.34  # share of slips that nothing explains
 
@@ -219,7 +219,7 @@ def unexplained(fitted: FittedLaw) -> str:
     reasons = []
     if left_over > _LARGEST_UNEXPLAINED:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
-    elif solution.mean_square > _LARGEST_MEAN_SQUARE:
+    elif solution.mean_square > FITS:
         reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")

@@ -32,7 +32,7 @@ from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerance
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-FITS = 1.08  # mean square of residuals, up to which a fit leaves nothing over
+FITS = 1.2  # mean square of residuals of a model that explains slips: noise makes 1, jitter a little more
 GOOD = 1.3  # mean square of residuals, with which the search ends
 _NEARLY_GOOD = 2.0  # likewise, from which a fit may come to be good
 _OUTLIER, _OUTLIER_SHARE = 9.0, 25.0  # mean square of a slip's residuals; over the median of the slips
