@@ -26,7 +26,7 @@ PLACES = {
     r"file=sys\.stderr": {"cli/terminal.py", "cli/main.py", "nodes/running.py"},
     r"print\(json\.dumps": {"warm_up.py"},
     r"\bnp\.load\(": {"bags/table_files.py"},
-    r"\btempfile\b": {"bags/storage/workspace.py", "compilation.py", "cli/demo.py", "cli/processes.py"},
+    r"\btempfile\b": {"bags/storage/bag_file.py", "compilation.py", "cli/demo.py", "cli/processes.py"},
 }
 
 

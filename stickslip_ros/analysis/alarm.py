@@ -8,7 +8,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
+from stickslip_ros.analysis.trend import BEYOND_CHANCE, Measured
 from stickslip_ros.errors import InvalidParameterError
 
 # What an alarm may be about: what it is called, and whether it is a share, which is told in per cent.

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
-from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
+from stickslip_ros.bags.reading import BagReader, Piece
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
@@ -21,6 +21,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.wording import friction_change_text, in_metres_text
 from stickslip_ros.settings.parameter_file import Parameters
 

@@ -28,7 +28,7 @@ import numpy as np
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import JUDGED
-from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
+from stickslip_ros.analysis.trend import BEYOND_CHANCE, Measured
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Segment, Status

@@ -9,7 +9,7 @@ from typing import Any
 
 from stickslip_ros.analysis.comparison import Comparison, JointComparison, Quantity, Verdict
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.analysis.measured import Measured
+from stickslip_ros.analysis.trend import Measured
 from stickslip_ros.analysis.words import percent
 from stickslip_ros.output.published import number
 

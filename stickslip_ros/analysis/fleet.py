@@ -27,7 +27,7 @@ from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyz
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.lerobot import episodes, is_data_set
-from stickslip_ros.bags.storage.bag_paths import files_of, is_bag_file, is_bag_folder
+from stickslip_ros.bags.storage.formats import files_of, is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.interrupts import check, take_signals, without_interrupts

@@ -20,8 +20,7 @@ from stickslip_ros.analysis.fleet_table import (
     worst_status,
 )
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
-from stickslip_ros.analysis.measured import Measured
-from stickslip_ros.analysis.trend import YEAR_2001, Trend, trend
+from stickslip_ros.analysis.trend import YEAR_2001, Measured, Trend, trend
 from stickslip_ros.monitoring.detection.status import Status
 
 # What is shorter says too little of a joint to be a point of its history: a few cycles of a slow one.

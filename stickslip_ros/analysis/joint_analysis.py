@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.analysis.data_problems import NOT_JUDGED, data_problems
 from stickslip_ros.analysis.judgement import (
+    NOT_JUDGED,
     SEVERITY,
     moving_time,
     overall_status,
@@ -19,7 +19,7 @@ from stickslip_ros.analysis.judgement import (
     time_in,
     worst_status,
 )
-from stickslip_ros.analysis.sample_checks import SampleChecks
+from stickslip_ros.analysis.sample_checks import SampleChecks, data_problems
 from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains

@@ -11,7 +11,9 @@ from collections import Counter
 
 import numpy as np
 
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.output.wording import constant_effort_text
 
 _BLOCK = 4096  # samples that are looked at together, however they come
 _MOST_BLOCKS = 25  # for what holds of a whole recording
@@ -34,6 +36,7 @@ _FEWEST_STRETCHES = 10
 _LEAST_FACTOR, _LARGEST_FACTOR = 0.6, 1.7
 _LEAST_CORRELATION = 0.5
 _DEGREES = 180.0 / math.pi
+REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
 
 
 class SampleChecks:
@@ -173,3 +176,23 @@ def _wrong_samples(position: FloatArray) -> int:
     beside[:-1] |= wrong[1:]
     largest = float(off[~wrong & ~beside].max(initial=0.0))
     return int((wrong & ~beside & (off > _BEYOND * largest)).sum())
+
+
+def data_problems(assessment: Assessment, samples: int) -> list[str]:
+    """What is wrong with a joint's samples, a sentence each; nothing if all is in order.
+
+    Parameters
+    ----------
+    samples : how many came, those that were left out among them.
+    """
+    restarts = assessment.restarts
+    texts = [f"{count} of {samples} samples left out: {why}" for why, count in assessment.dropped.items()]
+    texts += [f"{count} of {samples} values left out: {why}" for why, count in assessment.blanked.items()]
+    if math.isfinite(assessment.constant_effort):
+        texts.append(constant_effort_text(assessment.constant_effort))
+    if assessment.reference_follows:
+        texts.append(REFERENCE_FOLLOWS)
+    if restarts:
+        times = "once" if restarts == 1 else f"{restarts} times"
+        texts.append(f"stamps jump back {times}: the motion is followed anew from there")
+    return texts

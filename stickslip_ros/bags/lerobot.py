@@ -22,7 +22,8 @@ import numpy as np
 
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table_columns import POSITION, Named, factor_of, spelled_unit
-from stickslip_ros.bags.table_files import FloatArray, ParquetFile
+from stickslip_ros.bags.table_files import ParquetFile
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular, read_regular
 
 _INFO = Path("meta") / "info.json"

@@ -28,9 +28,9 @@ from stickslip_ros.bags.table_text import (
     header_of,
     is_number,
 )
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular
 
-FloatArray = NDArray[np.float64]
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".npz")
 _LOOKED_AT = 1 << 16  # bytes from which the form of a text is told
 _ROWS_LOOKED_AT = 50

@@ -14,10 +14,9 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.messages import _gather_kernel as kernel
-from stickslip_ros.messages.blocks import Block, Bytes, Integers
+from stickslip_ros.messages.blocks import Block, Bytes, FloatArray, Integers
 from stickslip_ros.messages.content import MessageError, check_joint_row
 
 TYPE = "sensor_msgs/msg/JointState"
@@ -27,8 +26,6 @@ _STAMP = 8
 _PADDING = 32  # bytes after the message, less than this: serializers reckon with more alignment than there is
 _LAYOUTS_KEPT = 64
 _MOST_NAMES = 4096  # no robot has more joints, but damaged bytes may seem to
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from stickslip_ros.messages._whole_turns_kernel import ADDED, follow
-from stickslip_ros.messages.joint_states import FloatArray
+from stickslip_ros.messages.blocks import FloatArray
 from stickslip_ros.model.bounds import LARGEST
 
 WRAPS = "position wraps at a whole turn; it is read on as a continuous one"

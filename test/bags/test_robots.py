@@ -30,8 +30,7 @@ from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet import BagTask, answer
 from stickslip_ros.analysis.fleet_table import rows_of
 from stickslip_ros.bags.joint_samples import read_joint
-from stickslip_ros.bags.parameter_events import GainEvents
-from stickslip_ros.bags.reading import BagReader, is_of_robot
+from stickslip_ros.bags.reading import BagReader, GainEvents, is_of_robot
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_robots
