@@ -58,7 +58,10 @@ WORDS = {
     "REMAINS": "STRIBECK_FRACTION", "UNTOLD": "PENDING", "tell_slip": "record_breakaway", "HASTY": "COARSE",
     "GLANCE": "COARSE_PERSISTENCE", "patient": "full_accuracy", "strange": "outlier", "Lateness": "DelayEstimate",
 }  # fmt: skip
-DONE = ("model", "monitoring", "monitoring/detection", "monitoring/friction")
+DONE = (
+    "model", "messages", "monitoring", "monitoring/detection", "monitoring/friction", "monitoring/advice", "bags",
+    "bags/storage", "analysis", "analysis/report",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("room", DONE)

@@ -64,27 +64,27 @@ class SampleChecks:
             joined = np.concatenate(self._waiting, axis=1)
             whole = self._count // _BLOCK * _BLOCK
             for begin in range(0, whole, _BLOCK):
-                self._look(joined[:, begin : begin + _BLOCK])
+                self._check_block(joined[:, begin : begin + _BLOCK])
             self._waiting, self._count = [joined[:, whole:]], self._count - whole
 
     def problems(self) -> list[str]:
         """What is wrong, a sentence each; to be asked for once, at the end."""
         if self._count:
-            self._look(np.concatenate(self._waiting, axis=1))
+            self._check_block(np.concatenate(self._waiting, axis=1))
             self._waiting, self._count = [], 0
         return [text for text in (self._single(), self._republished(), self._contradiction()) if text]
 
-    def _look(self, block: FloatArray) -> None:
+    def _check_block(self, block: FloatArray) -> None:
         self._samples += block.shape[1]
         columns = np.concatenate([self._seen, block], axis=1)
         self._seen = columns[:, -2:]
         self._wrong += _wrong_samples(columns[1])
         if self._blocks < _MOST_BLOCKS:
             self._blocks += 1
-            self._look_for_repeats(block)
+            self._count_repeats(block)
             self._compare(block)
 
-    def _look_for_repeats(self, block: FloatArray) -> None:
+    def _count_repeats(self, block: FloatArray) -> None:
         values = block[1:]
         self._all_fields = self._all_fields or bool(np.isfinite(values[1:]).any())
         same = ((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:])).all(axis=0)

@@ -32,8 +32,8 @@ def not_judged(joints: Sequence[JointAnalysis]) -> dict[str, list[str]]:
     """Reasons why joints could not be judged, each with the names of those that nothing else is said of."""
     found: dict[str, list[str]] = {}
     for joint in joints:
-        told = matters(joint) or lacks_data(joint.status, joint.assessment)
-        if joint.status is Status.NOT_JUDGED and joint.reason and not told:
+        reported = matters(joint) or lacks_data(joint.status, joint.assessment)
+        if joint.status is Status.NOT_JUDGED and joint.reason and not reported:
             found.setdefault(joint.reason, []).append(joint.name)
     return found
 

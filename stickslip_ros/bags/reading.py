@@ -78,7 +78,7 @@ class GainEvents:
         self.refused: Counter[str] = Counter()
         self.nodes: set[str] = set()
 
-    def take(self, event: Any) -> dict[str, Gains]:
+    def process(self, event: Any) -> dict[str, Gains]:
         """The gains of the joints that an event changes and whose stiffness is known by now."""
         node = str(event.node)
         parameters = {str(one.name): one.value for one in (*event.new_parameters, *event.changed_parameters)}
@@ -220,7 +220,7 @@ class BagReader:
                 for robot, topics in self._robots.items():
                     if channel not in (*topics.gains, *topics.events):
                         continue
-                    new = self._events[robot].take(message) if gains is None else gains
+                    new = self._events[robot].process(message) if gains is None else gains
                     for joint, value in new.items():
                         found.setdefault(number, {})[_full_name(robot, joint)] = value
         return sorted(found.items())

@@ -303,10 +303,10 @@ class ParquetFile(_Plain):
         """See :class:`TableFile`."""
         arrow = self._arrow
         chosen = {name: _list_of(name, self._lengths) for name in names}
-        # What a few bytes stand for is told by the file itself.
+        # The file declares its uncompressed size [bytes].
         groups = [self._groups.row_group(number) for number in self._chosen]
-        told = sum(group.total_byte_size for group in groups)
-        if max(told, sum(group.num_rows for group in groups) * len(names) * _BYTES_OF_A_VALUE) > self._largest:
+        declared = sum(group.total_byte_size for group in groups)
+        if max(declared, sum(group.num_rows for group in groups) * len(names) * _BYTES_OF_A_VALUE) > self._largest:
             raise TooMuchUnpackedError("it", self._largest)
         columns = sorted({found[0] for found in chosen.values()})
         try:

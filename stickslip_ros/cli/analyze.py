@@ -25,7 +25,7 @@ from stickslip_ros.analysis.annotation import Annotation
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
 from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
-from stickslip_ros.analysis.joint_analysis import FollowedJoint
+from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.analysis.words import nothing_judged
@@ -193,7 +193,7 @@ def _one(
     try:
         with progress_bar(f"reading {path.name}") as progress, _annotation(chosen, options.out) as annotation:
 
-            def watch(joints: dict[str, FollowedJoint], found: dict[str, list[Cycle]], clock: float) -> None:
+            def watch(joints: dict[str, JointAnalyzer], found: dict[str, list[Cycle]], clock: float) -> None:
                 try:
                     if annotation is not None and not failed:
                         annotation(joints, found, clock)

@@ -71,7 +71,7 @@ class JointStateDecoder:
         found: list[JointRows] = []
         left = chosen
         for layout in list(self._layouts):
-            left = self._take(layout, block, chosen, left, found)
+            left = self._decode_layout(layout, block, chosen, left, found)
         while len(left):
             try:
                 layout = _layout_of(block.message(int(left[0])))
@@ -81,10 +81,10 @@ class JointStateDecoder:
                 continue
             self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
             self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
-            left = self._take(layout, block, chosen, left, found)
+            left = self._decode_layout(layout, block, chosen, left, found)
         return found
 
-    def _take(
+    def _decode_layout(
         self, layout: _Layout, block: Block, chosen: Integers, left: Integers, found: list[JointRows]
     ) -> Integers:
         if not len(left):

@@ -271,7 +271,7 @@ def test_gains_of_controllers_are_their_robots() -> None:
 
     def heard(robot: str, node: str, controller: str | None = None) -> tuple[float, list[str]]:
         events = GainEvents(controller, partial(is_of_robot, found[robot], controller))
-        gains = events.take(SimpleNamespace(node=node, new_parameters=[parameter], changed_parameters=[]))
+        gains = events.process(SimpleNamespace(node=node, new_parameters=[parameter], changed_parameters=[]))
         return (float(gains["joint1"].stiffness) if gains else 0.0), list(events.refused)
 
     assert heard("left", "/left/controller") == (5.0, [])

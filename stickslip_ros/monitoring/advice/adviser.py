@@ -66,7 +66,7 @@ class AdviceQuestion:
             and self.of_the_same_controller(other)
         )
 
-    def alike(self, other: AdviceQuestion, speeds: float = _SAME_SPEED) -> bool:
+    def similar(self, other: AdviceQuestion, speeds: float = _SAME_SPEED) -> bool:
         """Whether the answer to the one answers the other: at speeds that differ by no more than a share."""
         mine, its = self.loop, other.loop
         return (
@@ -144,7 +144,7 @@ class CachingAdviser:
 
     def __call__(self, question: AdviceQuestion) -> Advice:
         """The answer to a question."""
-        if self._last is None or not self._last[0].alike(question):
+        if self._last is None or not self._last[0].similar(question):
             self._last = (question, advise(question))
         return self._last[1]
 

@@ -114,6 +114,6 @@ def compensation_advice(question: CompensationQuestion, *, with_limits: bool = T
         if with_limits:
             harmless = largest_harmless_share(joint, gains, speed, conditions, kinds[kind], alone.effect)
         share = min(1.0, harmless) if with_limits else 1.0
-        told = effect(kinds[kind](share)) if share > 0 else alone.effect
-        found.append(CompensatedGains(kind=kind, share=share, harmless=harmless, effect=told))
+        result = effect(kinds[kind](share)) if share > 0 else alone.effect
+        found.append(CompensatedGains(kind=kind, share=share, harmless=harmless, effect=result))
     return tuple(found)

@@ -187,12 +187,12 @@ def recommend(
     slowest = abs(velocity) if limits.slowest_velocity is None else limits.slowest_velocity
     joint, uncertainty = loop.conditions.applied_to(joint), uncertainty and uncertainty.under(loop.conditions)
     # Too little damping is no obstacle to advice, however little it is.
-    asked = replace(gains, damping=max(float(gains.damping), -float(joint.own_damping(gains.stiffness))))
+    bounded = replace(gains, damping=max(float(gains.damping), -float(joint.own_damping(gains.stiffness))))
     if exact:
-        unanswered = exactly_smooth(joint, asked, slowest, loop.conditions) is None
-        obstacle = exact_verdict(joint, asked, slowest, loop.conditions).reason if unanswered else ""
+        unanswered = exactly_smooth(joint, bounded, slowest, loop.conditions) is None
+        obstacle = exact_verdict(joint, bounded, slowest, loop.conditions).reason if unanswered else ""
     else:
-        margin = stability_margin(joint, asked, slowest)
+        margin = stability_margin(joint, bounded, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""
     if obstacle:
         return without_gains(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
@@ -312,10 +312,10 @@ class _Case:
                     Interpolated(Requirement(self._joint, self._slowest, exact), self._joint)
                 )
                 continue
-            # Draws and integration are asked where a search ends alone; the next one knows what they ask for there.
-            asked = search.total_damping(float(gains.stiffness))
-            least = self._least_total_damping(float(gains.stiffness), asked)
-            more[place] = min(least / max(asked, 1e-300), _MOST_DAMPING)
+            # Draws and integration are evaluated at the end of a search; the next search uses the factor found there.
+            required = search.total_damping(float(gains.stiffness))
+            least = self._least_total_damping(float(gains.stiffness), required)
+            more[place] = min(least / max(required, 1e-300), _MOST_DAMPING)
         return best
 
     def _given(self, variant: Variant) -> Gains:
@@ -335,15 +335,15 @@ class _Case:
         """Whether draws and integration agree with gains."""
         return all(self._reaches(requirement, gains) for requirement in self._sure) and self._holds(gains)
 
-    def _least_total_damping(self, stiffness: float, asked: float) -> float:
-        """The least total damping at a stiffness with which draws and integration agree, from what is asked for on.
+    def _least_total_damping(self, stiffness: float, required: float) -> float:
+        """The least total damping at a stiffness with which draws and integration agree, from what is required for on.
 
         Infinite if not even ten times as much will do [N·m·s/rad].
         """
         own = float(self._joint.own_damping(stiffness))
         here = np.array([stiffness])
         needed = [float(one.damping(here, _DRAWS_TOLERANCE)[0]) * (1.0 + _DRAWS_TOLERANCE) for one in self._sure]
-        least = max([asked, *(damping + own for damping in needed)])
+        least = max([required, *(damping + own for damping in needed)])
 
         def enough(total: float) -> bool:
             return self._is_enough(Gains(stiffness=stiffness, damping=total - own))

@@ -183,9 +183,9 @@ class Interpolated:
             found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - own
             rough = ~(np.abs(high - low) < _ROUGH)
         # Where both need more than there is, or nothing, so does what lies between.
-        alike = low == high
-        found[alike] = np.exp(low[alike]) - own[alike]
-        rough &= ~alike
+        equal = low == high
+        found[equal] = np.exp(low[equal]) - own[equal]
+        rough &= ~equal
         if rough.any():
             highest = np.exp(np.maximum(low, high)[rough]) - own[rough]
             found[rough] = highest if self._finer is None else self._finer.damping(stiffness[rough])

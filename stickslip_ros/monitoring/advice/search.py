@@ -107,7 +107,7 @@ class AdviceSearch:
     def total_damping(self, stiffness: float) -> float:
         """The total damping at a stiffness that factors multiply [N·m·s/rad]."""
         here = np.array([stiffness])
-        return float((self._asked(here) + self._joint.own_damping(here))[0])
+        return float((self._required(here) + self._joint.own_damping(here))[0])
 
     @staticmethod
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
@@ -262,9 +262,9 @@ class AdviceSearch:
         if not self._more:
             return np.asarray(np.max([one.damping(stiffness) for one in self._requirements], axis=0))
         own = self._joint.own_damping(stiffness)
-        return np.asarray((self._asked(stiffness) + own) * self._factors(stiffness) - own)
+        return np.asarray((self._required(stiffness) + own) * self._factors(stiffness) - own)
 
-    def _asked(self, stiffness: FloatArray) -> FloatArray:
+    def _required(self, stiffness: FloatArray) -> FloatArray:
         """What requirements ask for, and some damping at least: of none there is no multiple."""
         needed = np.max([one.damping(stiffness) for one in self._requirements], axis=0)
         floor = np.asarray(damping_floor(self._joint, stiffness))
