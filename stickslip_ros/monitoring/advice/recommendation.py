@@ -36,18 +36,29 @@ from stickslip_ros.monitoring.advice.limits import (
     criterion_for,
     crossover_frequency,
 )
-from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.requirement import (
+    SEARCH_TOLERANCE,
+    InterpolatedRequirement,
+    Requirement,
+    SteadySliding,
+)
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
-_TRIES = 6  # searches, each with what draws and integration asked for where the last one ended
-_NEAR = 0.03  # difference of the logarithms of two stiffnesses that ask for the same factor of damping
-_LADDER, _STEPS, _BISECTIONS = 1.25, 11, 3  # by which damping is raised until the integration agrees, to 3 %
-_MOST_DAMPING = 100.0  # factor on the damping that stands for "not at this stiffness"
-_DRAWS_TOLERANCE = 5e-3  # relative, of the damping that draws need
-_AROUND = (0.97, 1.0, 1.1, 1.25)  # times the total damping
-_TOLERANCE = 1e-4
-_CLEARLY_LESS = 0.1  # difference of two changes (of logarithms, a tenth of a gain) from which on advice is given anew
+_SEARCHES = 6  # at most, each with the factors of damping found at the ends of those before
+_SAME_STIFFNESS = 0.03  # difference of logarithms: stiffnesses closer than this need the same factor of damping
+# Raising the damping until the integration agrees.
+_DAMPING_STEP, _DAMPING_STEPS = 1.25, 11  # factor of each step; steps: to ten times the damping
+_BISECTIONS = 3  # of the last step: to 3 % of the damping
+_MOST_DAMPING = 100.0  # factor on the damping that stands for no damping at all that would do at a stiffness
+_STEADY_FACTORS = (
+    0.97,
+    1.0,
+    1.1,
+    1.25,
+)  # on the total damping, all to be steady: no lucky gains
+_RESERVE_TOLERANCE = 1e-4  # relative, of the critical ratio in a reported reserve: below what is printed
+_CLEARLY_LESS = 0.1  # difference of two changes (of logarithms: a tenth of a gain), from which on advice is replaced
 
 
 class Kind(str, Enum):
@@ -208,7 +219,7 @@ def recommend(
 
 
 class _Case:
-    """One question: the pieces that its three variants share."""
+    """Advice on one joint: what its three variants share."""
 
     def __init__(
         self,
@@ -224,20 +235,20 @@ class _Case:
         self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
         self._loop, self._gains_known, self._learnt = loop, gains_known, uncertainty is not None
         self._exact = limits.condition is Criterion.EXACT
-        self._beyond = self._exact and beyond_the_paper(joint, gains, loop.conditions)
-        # Exact draws take too long for a search: it is made for the joint itself, and the draws are asked afterwards,
-        # by every law that the data do not exclude; Eq. (43) is of the paper's law alone.
+        self._beyond_paper = self._exact and beyond_the_paper(joint, gains, loop.conditions)
+        # Exact draws take too long for a search: the search is for the joint itself, and the draws are evaluated at its
+        # end, by every law that the data do not exclude. Eq. (43) is of the paper's law alone.
         self._requirement = Requirement(joint, slowest, limits, None if self._exact else uncertainty)
         laws = [] if uncertainty is None else [uncertainty, *uncertainty.others]
         exactly = replace(limits, condition=Criterion.EXACT)
-        self._sure = [Requirement(joint, slowest, exactly, law) for law in (laws if self._exact else laws[1:])]
+        self._draws = [Requirement(joint, slowest, exactly, law) for law in (laws if self._exact else laws[1:])]
         self._steady = (
             SteadySliding(joint, self._requirement.speeds, laws, limits.confidence) if limits.steady_sliding else None
         )
 
     def _search(self) -> AdviceSearch:
         conditions: list[Condition] = [
-            Interpolated(self._requirement, self._joint, self._steady) if self._exact else self._requirement,
+            InterpolatedRequirement(self._requirement, self._joint, self._steady) if self._exact else self._requirement,
             *([self._steady] if self._steady is not None else []),
         ]
         return AdviceSearch(self._joint, self._gains, self._limits, self._loop, conditions, learnt=self._learnt)
@@ -245,7 +256,7 @@ class _Case:
     def least_change(self) -> Variant | None:
         """The first variant alone, by Eq. (43) whatever the integration says of it; None if there are no such gains."""
         search = self._search()
-        gains = self._found(Kind.LEAST_CHANGE, search) if self._exact else search.least_change()
+        gains = self._verified_gains(Kind.LEAST_CHANGE, search) if self._exact else search.least_change()
         return None if gains is None else self._variant(Kind.LEAST_CHANGE, gains, "")
 
     def recommendation(self, before: Sequence[Variant]) -> Recommendation:
@@ -259,25 +270,25 @@ class _Case:
             gains_known=self._gains_known,
             present=present,
         )
-        if search.enough(self._gains) and self._is_enough(self._gains):
+        if search.reaches_margin(self._gains) and self._verified(self._gains):
             kept = [replace(present, kind=kind, reason="keep the gains: the wanted margin is reached") for kind in Kind]
             lowest = self._slowest_smooth(self._gains)
             return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
         variants = []
         for kind in Kind:
-            gains = self._found(kind, search)
-            given = next((self._given(one) for one in before if one.kind is kind and one.found), None)
-            if gains is not None and given is not None and self._stands(given, gains, search):
-                gains = given
+            gains = self._verified_gains(kind, search)
+            previous = next((self._previous_gains(one) for one in before if one.kind is kind and one.found), None)
+            if gains is not None and previous is not None and self._still_valid(previous, gains, search):
+                gains = previous
             if gains is None:
-                text = self._none_alone(kind, search)
+                text = self._reason_without_gains(kind, search)
                 variants.append(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=text))
             else:
                 variants.append(self._variant(kind, gains, ""))
         if variants[0].found:
             lowest = self._slowest_smooth(variants[0].gains)
             return replace(answer, variants=tuple(variants), slowest_smooth_velocity=lowest)
-        if self._beyond:
+        if self._beyond_paper:
             text = (
                 "no gains tried within the bounds are smooth with the integral action and sampled control as they are"
             )
@@ -285,105 +296,113 @@ class _Case:
             return replace(answer, variants=tuple(variants))
         obstruction = search.obstruction()
         lowest = self._slowest_smooth(obstruction.best) if obstruction.best is not None else math.nan
-        variants[0] = replace(variants[0], reason=self._no_way(obstruction, lowest))
+        variants[0] = replace(variants[0], reason=self._obstruction_text(obstruction, lowest))
         return replace(answer, variants=tuple(variants), obstruction=obstruction, slowest_smooth_velocity=lowest)
 
-    def _found(self, kind: Kind, search: AdviceSearch) -> Gains | None:
-        """What a search finds, once draws and integration agree with it."""
-        way = {
+    def _verified_gains(self, kind: Kind, search: AdviceSearch) -> Gains | None:
+        """Gains at the end of a search, once draws and integration agree with them; None without any."""
+        search_of_kind = {
             Kind.LEAST_CHANGE: AdviceSearch.least_change,
             Kind.DAMPING_ONLY: AdviceSearch.damping_only,
             Kind.STIFFNESS_ONLY: AdviceSearch.stiffness_only,
         }[kind]
-        more: dict[float, float] = {}
+        factors: dict[float, float] = {}
         best: Gains | None = None
-        for number in range(_TRIES):
-            gains = way(search.with_more_damping(more))
+        for number in range(_SEARCHES):
+            gains = search_of_kind(search.with_factors(factors))
             if gains is None:
                 break
             place = math.log(float(gains.stiffness))
-            if self._is_enough(gains):
+            if self._verified(gains):
                 best = gains
-                if not more or min(abs(place - known) for known in more) < _NEAR:
+                if not factors or min(abs(place - known) for known in factors) < _SAME_STIFFNESS:
                     break
             elif number == 0 and not self._exact and self._steady is None:
                 exact = replace(self._limits, condition=Criterion.EXACT, wanted_margin=0.0)
                 search = search.with_requirement(
-                    Interpolated(Requirement(self._joint, self._slowest, exact), self._joint)
+                    InterpolatedRequirement(Requirement(self._joint, self._slowest, exact), self._joint)
                 )
                 continue
             # Draws and integration are evaluated at the end of a search; the next search uses the factor found there.
             required = search.total_damping(float(gains.stiffness))
             least = self._least_total_damping(float(gains.stiffness), required)
-            more[place] = min(least / max(required, 1e-300), _MOST_DAMPING)
+            factors[place] = min(least / max(required, 1e-300), _MOST_DAMPING)
         return best
 
-    def _given(self, variant: Variant) -> Gains:
-        """The gains of advice given before; its factors where the gains themselves are not known."""
+    def _previous_gains(self, variant: Variant) -> Gains:
+        """Gains of advice given before; by its factors where the gains themselves are not known."""
         if self._gains_known:
             return variant.gains
         stiffness = variant.stiffness_factor * float(self._gains.stiffness)
         total = variant.damping_factor * float(self._joint.total_damping(self._gains))
         return Gains(stiffness=stiffness, damping=total - float(self._joint.own_damping(stiffness)))
 
-    def _stands(self, given: Gains, found: Gains, search: AdviceSearch) -> bool:
-        """Whether advice given before is still good, and hardly a larger change than what is found now."""
-        more, least = (AdviceSearch.change(self._joint, self._gains, gains) for gains in (given, found))
-        return more - least < _CLEARLY_LESS and search.allows(given) and search.enough(given) and self._is_enough(given)
+    def _still_valid(self, previous: Gains, found: Gains, search: AdviceSearch) -> bool:
+        """Whether advice given before still holds, and is hardly a larger change than the gains found now."""
+        more, least = (AdviceSearch.change(self._joint, self._gains, gains) for gains in (previous, found))
+        return (
+            more - least < _CLEARLY_LESS
+            and search.within_bounds(previous)
+            and search.reaches_margin(previous)
+            and self._verified(previous)
+        )
 
-    def _is_enough(self, gains: Gains) -> bool:
+    def _verified(self, gains: Gains) -> bool:
         """Whether draws and integration agree with gains."""
-        return all(self._reaches(requirement, gains) for requirement in self._sure) and self._holds(gains)
+        return all(self._reaches(requirement, gains) for requirement in self._draws) and self._integration_agrees(gains)
 
     def _least_total_damping(self, stiffness: float, required: float) -> float:
-        """The least total damping at a stiffness with which draws and integration agree, from what is required for on.
+        """Least total damping at a stiffness with which draws and integration agree [N·m·s/rad].
 
-        Infinite if not even ten times as much will do [N·m·s/rad].
+        It is at least ``required``, and infinite if not even ten times that will do.
         """
         own = float(self._joint.own_damping(stiffness))
         here = np.array([stiffness])
-        needed = [float(one.damping(here, _DRAWS_TOLERANCE)[0]) * (1.0 + _DRAWS_TOLERANCE) for one in self._sure]
+        needed = [float(one.damping(here, SEARCH_TOLERANCE)[0]) * (1.0 + SEARCH_TOLERANCE) for one in self._draws]
         least = max([required, *(damping + own for damping in needed)])
 
         def enough(total: float) -> bool:
-            return self._is_enough(Gains(stiffness=stiffness, damping=total - own))
+            return self._verified(Gains(stiffness=stiffness, damping=total - own))
 
         if not math.isfinite(least) or enough(least):
             return least
-        inside = next((least * _LADDER**step for step in range(1, _STEPS) if enough(least * _LADDER**step)), math.inf)
+        inside = next(
+            (least * _DAMPING_STEP**step for step in range(1, _DAMPING_STEPS) if enough(least * _DAMPING_STEP**step)),
+            math.inf,
+        )
         if math.isinf(inside):
             return inside
-        inside, _ = bisected(enough, inside, inside / _LADDER, _BISECTIONS)
+        inside, _ = bisected(enough, inside, inside / _DAMPING_STEP, _BISECTIONS)
         return inside
 
-    def _none_alone(self, kind: Kind, search: AdviceSearch) -> str:
-        """Why damping or stiffness alone does not do."""
-        if kind is Kind.LEAST_CHANGE or self._beyond:
+    def _reason_without_gains(self, kind: Kind, search: AdviceSearch) -> str:
+        """Reason why damping or stiffness alone does not do."""
+        if kind is Kind.LEAST_CHANGE or self._beyond_paper:
             return f"no {kind.value.split('_')[0]} alone was found"
         word = kind.value.split("_")[0]
-        names = search.in_the_way_of_damping() if kind is Kind.DAMPING_ONLY else search.in_the_way_of_stiffness()
+        names = search.bounds_blocking_damping() if kind is Kind.DAMPING_ONLY else search.bounds_blocking_stiffness()
         text = f"no {word} alone reaches the wanted margin"
         return f"{text}; in the way: {', '.join(names)}" if names else text
 
-    def _holds(self, gains: Gains) -> bool:
+    def _integration_agrees(self, gains: Gains) -> bool:
         """Whether the integration agrees: the joint is smooth, or steady, at every speed, with the margin if exact."""
-        if self._beyond:
-            return self._holds_beyond(gains)
+        if self._beyond_paper:
+            return self._integration_agrees_beyond_paper(gains)
         gains = replace(gains, integral=0.0)
         if self._exact and not self._reaches(self._requirement, gains):
             return False
         if self._steady is not None:
             # Steady with a little less damping, and with more: beside gains at which it happens to be.
             own = float(self._joint.own_damping(gains.stiffness))
-            around = (float(gains.damping) + own) * np.array(_AROUND)[:, None] - own
+            around = (float(gains.damping) + own) * np.array(_STEADY_FACTORS)[:, None] - own
             groups = dimensionless_groups(self._joint, replace(gains, damping=around), self._requirement.speeds)
             return bool(np.all(is_steady(groups)))
         groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
         # Where there is no answer there is nothing that would refute the margin.
         return not np.any(ever_sticks(groups))
 
-    def _holds_beyond(self, gains: Gains) -> bool:
-        """The same with integral action or sampled control, at the slowest speed."""
+    def _integration_agrees_beyond_paper(self, gains: Gains) -> bool:
+        """Whether the integration agrees with integral action or sampled control, at the slowest speed."""
         if self._steady is not None and not self._reaches(self._steady, gains):
             return False
         own = float(self._joint.own_damping(gains.stiffness))
@@ -403,8 +422,8 @@ class _Case:
 
     def _outcome(self, gains: Gains) -> Outcome | None:
         """What becomes of the joint with these gains, and the integral action of now if that counts."""
-        gains = replace(gains, integral=self._gains.integral if self._beyond else 0.0)
-        conditions = self._loop.conditions if self._beyond else None
+        gains = replace(gains, integral=self._gains.integral if self._beyond_paper else 0.0)
+        conditions = self._loop.conditions if self._beyond_paper else None
         if self._slowest == 0:
             return exact_verdict(self._joint, gains, 0.0, conditions, limits=False).outcome
         return exact_outcome(self._joint, gains, self._slowest, conditions or OperatingConditions()).outcome
@@ -418,7 +437,7 @@ class _Case:
             kind=kind,
             stiffness=float(gains.stiffness),
             damping=float(gains.damping),
-            reason=reason or self._in_words(gains),
+            reason=reason or self._change_text(gains),
             energy_margin=float(margin.energy_margin),
             reserve=self._reserve(gains),
             outcome=self._outcome(gains),
@@ -433,12 +452,12 @@ class _Case:
     def _reserve(self, gains: Gains) -> float:
         groups = dimensionless_groups(self._joint, gains, self._slowest)
         if self._exact:
-            critical = float(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
+            critical = float(exact_critical_damping_ratio(groups, tolerance=_RESERVE_TOLERANCE))
         else:
             critical = float(critical_damping_ratio(groups))
         return float(damping_reserve(float(groups.damping_ratio), critical))
 
-    def _in_words(self, gains: Gains) -> str:
+    def _change_text(self, gains: Gains) -> str:
         own = float(self._joint.own_damping(gains.stiffness))
         parts = []
         for name, old, new, unit, offset in (
@@ -460,11 +479,11 @@ class _Case:
 
     def _slowest_smooth(self, gains: Gains) -> float:
         gains = replace(gains, integral=0.0)
-        if self._beyond:
+        if self._beyond_paper:
             return math.nan
         return float((exact_lowest_smooth_velocity if self._exact else lowest_smooth_velocity)(self._joint, gains))
 
-    def _no_way(self, obstruction: Obstruction, lowest: float) -> str:
+    def _obstruction_text(self, obstruction: Obstruction, lowest: float) -> str:
         text = f"no gains reach the wanted margin at {self._slowest:.3g} rad/s: {obstruction.text}"
         if obstruction.best is None:
             return text
@@ -473,7 +492,7 @@ class _Case:
             text += f"; the best within reach is stiffness {float(best.stiffness):.4g} N·m/rad with damping "
             text += f"{float(best.damping):.4g} N·m·s/rad"
         else:
-            text += f"; the best within reach is {self._in_words(best) or 'what there is'}"
+            text += f"; the best within reach is {self._change_text(best) or 'what there is'}"
         text += f", {_percent(obstruction.reserve)}"
         if 0 < lowest < math.inf:
             text += f", smooth from {lowest:.3g} rad/s on"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""How much damping a joint needs at a given stiffness: by Eq. (43) or exactly, at the confidence asked for."""
+"""Least damping of a joint at a given stiffness: by Eq. (43) or exactly, at the wanted confidence."""
 
 from __future__ import annotations
 
@@ -19,17 +19,20 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.uncertainty import Uncertainty, each_number
 
-_LEAST_RATIO = 1e-6  # without any damping no oscillation dies
-_ROUNDING = 1e-9
-_EXACT_TOLERANCE = 4e-4  # by so much more damping is asked for, the exact critical ratio being bisected
+_LEAST_RATIO = 1e-6  # damping ratio: without any damping no oscillation decays
+_LARGEST_LAG = 2.0 * math.pi  # τ* [1]: one natural period; the exact ratio is verified up to that
+_ROUNDING = 1e-9  # relative, of the damping: the least damping itself satisfies
+_EXACT_TOLERANCE = 4e-4  # relative, of the damping: bisection of the exact critical ratio errs by half as much
+SEARCH_TOLERANCE = 5e-3  # relative, of the damping: coarser where a search goes on from there
+# Speeds between the slowest and the fastest, at which the joint shall be smooth; the exact condition costs more.
 _SPEEDS, _EXACT_SPEEDS = 16, 8
-_FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
-_STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
-_NODES_APART, _NODES_ERROR = 0.25, 5e-3  # of the logarithms of stiffness and of damping
-_SEARCH_TOLERANCE = 5e-3
-_FINER, _CLOSEST = 0.2, 0.1
-_ROUGH = 1.0  # difference of the logarithms of damping between nodes, from which on nothing is interpolated
-_LARGEST_LAG = 2.0 * math.pi  # of τ*
+_FASTEST = 30.0  # times the Stribeck velocity: no joint sticks above that is smooth at lower speeds
+_DECAY_FACTOR = 1.05  # times the damping at which a disturbance of steady sliding neither grows nor decays
+# Interpolation of the exact requirement, by logarithms of stiffness and damping [1].
+_NODE_SPACING = 0.25  # of stiffness: the damping between is then known to _INTERPOLATION_ERROR
+_INTERPOLATION_ERROR = 5e-3  # of damping, which is added
+_LARGEST_JUMP = 1.0  # of damping between two nodes, from which on nothing is interpolated but on finer nodes
+_REFINEMENT, _LEAST_SPACING = 0.2, 0.1  # spacing of finer nodes, relative to the coarser; below this none are finer
 
 
 class Requirement:
@@ -123,20 +126,20 @@ class SteadySliding:
 
     def damping(self, stiffness: FloatArray) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
-        needed = self._of(self._joint, np.ones(1), stiffness)
+        needed = self._of_draws(self._joint, np.ones(1), stiffness)
         several = [
-            np.quantile(self._of(one.joint, one.stiffness, stiffness), self._confidence, axis=1, method="higher")
+            np.quantile(self._of_draws(one.joint, one.stiffness, stiffness), self._confidence, axis=1, method="higher")
             for one in self._uncertainties
         ]
         return np.asarray(np.max([needed[:, 0], *several], axis=0))
 
-    def _of(self, joint: Joint, ratios: FloatArray, stiffness: FloatArray) -> FloatArray:
-        """Of each draw, with an axis of them behind."""
+    def _of_draws(self, joint: Joint, ratios: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """Least k_v of each draw at each stiffness, of shape (n, draws)."""
         stiffnesses = stiffness[:, None, None] * ratios[None, :, None]
         draws = _with_axis(joint)
         with np.errstate(all="ignore"):
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses), self._speeds)
-            ratio = _STEADY * np.asarray(sliding_damping_ratio(groups))
+            ratio = _DECAY_FACTOR * np.asarray(sliding_damping_ratio(groups))
             found = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         return np.asarray(np.where(np.isnan(found), math.inf, found))
 
@@ -145,43 +148,47 @@ class SteadySliding:
         return np.asarray(damping >= self.damping(stiffness) * (1.0 - _ROUNDING))
 
 
-class Interpolated:
-    """An exact requirement for searches: asked at a few stiffnesses, interpolated by the logarithms, and remembered.
+class InterpolatedRequirement:
+    """An exact requirement for searches: evaluated at a few stiffnesses, cached, interpolated by logarithms.
 
     Parameters
     ----------
     requirement : exact, of ``joint``.
-    floor : what is required besides: where its damping is enough for the requirement too, no more is asked.
-    apart : logarithms of the stiffnesses asked. Where there is a jump between two, they are taken closer together.
+    floor : a further requirement; where its damping satisfies the exact one too, that is not bisected.
+    spacing : of the nodes, by the logarithm of the stiffness. Where the damping jumps between two, finer nodes serve.
     """
 
     exact = True
 
     def __init__(
-        self, requirement: Requirement, joint: Joint, floor: SteadySliding | None = None, apart: float = _NODES_APART
+        self, requirement: Requirement, joint: Joint, floor: SteadySliding | None = None, spacing: float = _NODE_SPACING
     ) -> None:
         self._requirement, self._floor, self._joint = requirement, floor, joint
-        self._apart = apart
-        self._finer = Interpolated(requirement, joint, floor, apart * _FINER) if apart > _CLOSEST else None
-        self._known: dict[int, float] = {}
+        self._spacing = spacing
+        self._finer = (
+            InterpolatedRequirement(requirement, joint, floor, spacing * _REFINEMENT)
+            if spacing > _LEAST_SPACING
+            else None
+        )
+        self._node_damping: dict[int, float] = {}
         # Between two nodes, total damping that is too little, and that is enough.
         self._too_little: dict[int, float] = {}
         self._enough: dict[int, float] = {}
 
     def damping(self, stiffness: FloatArray) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), to about a per cent."""
-        places = np.log(stiffness) / self._apart
+        places = np.log(stiffness) / self._spacing
         below = np.floor(places).astype(int)
-        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._known]
+        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._node_damping]
         if missing:
-            nodes = np.exp(self._apart * np.array(missing, dtype=float))
-            total = self._exactly(nodes) + self._joint.own_damping(nodes)
-            self._known.update(zip(missing, total.tolist(), strict=True))
+            nodes = np.exp(self._spacing * np.array(missing, dtype=float))
+            total = self._at_nodes(nodes) + self._joint.own_damping(nodes)
+            self._node_damping.update(zip(missing, total.tolist(), strict=True))
         share, own = places - below, np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
         with np.errstate(all="ignore"):
-            low, high = (np.log([self._known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
-            found = np.exp((1.0 - share) * low + share * high + _NODES_ERROR) - own
-            rough = ~(np.abs(high - low) < _ROUGH)
+            low, high = (np.log([self._node_damping[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
+            found = np.exp((1.0 - share) * low + share * high + _INTERPOLATION_ERROR) - own
+            rough = ~(np.abs(high - low) < _LARGEST_JUMP)
         # Where both need more than there is, or nothing, so does what lies between.
         equal = low == high
         found[equal] = np.exp(low[equal]) - own[equal]
@@ -191,23 +198,23 @@ class Interpolated:
             found[rough] = highest if self._finer is None else self._finer.damping(stiffness[rough])
         return np.asarray(found)
 
-    def _exactly(self, stiffness: FloatArray) -> FloatArray:
+    def _at_nodes(self, stiffness: FloatArray) -> FloatArray:
         if self._floor is None:
-            return self._requirement.damping(stiffness, _SEARCH_TOLERANCE)
+            return self._requirement.damping(stiffness, SEARCH_TOLERANCE)
         needed = self._floor.damping(stiffness)
         more = ~self._requirement.reached(stiffness, needed)
         if more.any():
-            needed[more] = self._requirement.damping(stiffness[more], _SEARCH_TOLERANCE)
+            needed[more] = self._requirement.damping(stiffness[more], SEARCH_TOLERANCE)
         return needed
 
     def reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
-        """Whether gains of shape (n,) have it, by what is known of the stiffnesses around; asked where nothing is."""
+        """Whether gains of shape (n,) satisfy it: by nodes and earlier results, evaluated where these leave it open."""
         total = damping + self._joint.own_damping(stiffness)
-        below = np.floor(np.log(stiffness) / self._apart).astype(int)
+        below = np.floor(np.log(stiffness) / self._spacing).astype(int)
         found = np.zeros(stiffness.shape, dtype=np.bool_)
         for index, node in enumerate(below.tolist()):
             here = slice(index, index + 1)
-            if node in self._known and node + 1 in self._known:
+            if node in self._node_damping and node + 1 in self._node_damping:
                 found[here] = damping[here] >= self.damping(stiffness[here]) * (1.0 - _ROUNDING)
             elif total[index] >= self._enough.get(node, math.inf):
                 found[index] = True
@@ -223,7 +230,7 @@ class Interpolated:
 def _where_lag_is_short(
     groups: DimensionlessGroups, answer: Callable[[DimensionlessGroups], FloatArray], otherwise: float
 ) -> FloatArray:
-    """The answer where the lag is at most a natural period: nobody has compared it with brute force beyond that."""
+    """Values of ``answer`` where the lag is at most a natural period: beyond, they are not verified by brute force."""
     shape = np.broadcast_shapes(*(np.shape(value) for value in groups.numbers))
 
     def spread(value: Real) -> FloatArray:
@@ -250,7 +257,7 @@ def speeds_needed(joint: Joint, velocity: float, limits: AdviceLimits) -> FloatA
     slowest = limits.slowest_velocity
     if slowest is None:
         return np.array([abs(velocity)])
-    fastest = max(slowest, _FAST * float(joint.friction.stribeck_velocity))
+    fastest = max(slowest, _FASTEST * float(joint.friction.stribeck_velocity))
     count = _EXACT_SPEEDS if limits.condition is Criterion.EXACT else _SPEEDS
     return np.geomspace(slowest, fastest, count) if fastest > slowest else np.array([slowest])
 

@@ -19,23 +19,28 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, ObservedLoop, bounds_at
-from stickslip_ros.monitoring.advice.requirement import Interpolated, Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.requirement import InterpolatedRequirement, Requirement, SteadySliding
 from stickslip_ros.monitoring.samples import FloatArray
 
-_REACH = 1e4  # times the present stiffness, either way
-_BELIEVABLE = 100.0  # times the present gain: learnt friction is not known so far from where it was seen
-_NO_DAMPING = 0.01  # damping ratio that counts as none
-_POINTS, _SPACING = 101, 0.04  # of the logarithm of the stiffness, at most
-_AT_ONCE = 16
-_SOFT, _BEYOND = math.log(2.0), 3.0  # change of the stiffness beyond which it costs more, and how many times as much
-_SLACK = 1e-6  # so that rounding does not lose the best known
-_MOST_EXACT = 60  # stiffnesses at which the exact requirement is asked for to say what is in the way
-_COARSE = 2001
-_LOOKS, _NARROWER = 3, 0.3
-_ZOOM_POINTS, _ZOOMS, _VALLEYS = 9, 4, 3
-_BISECTIONS, _EXACT_BISECTIONS = 40, 12
-_INSIDE = 1e-12
-Condition = Requirement | Interpolated | SteadySliding
+# Ranges of the search, as factors on the present stiffness, either way.
+_REACH = 1e4  # configured friction: beyond any change that somebody would make
+_LEARNT_REACH = 100.0  # learnt friction, and its damping: the estimate says little of gains that differ more
+_NO_DAMPING = 0.01  # damping ratio that counts as none: such a joint rings for tens of periods
+# Cost of a change of the stiffness, by its logarithm [1].
+_LINEAR_CHANGE = math.log(2.0)  # from which on it costs more: see _stiffness_cost
+_COST_BEYOND = 3.0  # cost of a change beyond, relative to that below
+# Grids of the logarithm of the stiffness [1].
+_POINTS, _SPACING = 101, 0.04  # least number of points, largest distance: valleys of the cost are wider
+_DOMAIN_POINTS = 2001  # on which the bounds alone are evaluated, which costs little
+_EXACT_POINTS = 60  # at which an exact requirement is evaluated to name the bounds in the way: a second's work
+_REFINEMENTS, _REFINED_BELOW = 3, 0.3  # grids at most; a best change below this share of the range calls for the next
+_VALLEYS = 3  # local minima of the cost that are refined: the coarse grid does not tell which is the lowest
+_ZOOM_POINTS, _ZOOMS = 9, 4  # points and number of the grids about a minimum, each a quarter of the one before
+_CHUNK = 16  # stiffnesses that are evaluated at once: the best so far spares the work of later ones
+_BISECTIONS, _EXACT_BISECTIONS = 40, 12  # of the stiffness: to rounding; to the tolerance of the exact condition
+_ROUNDING = 1e-6  # relative, of the cost: the best known stays within a search that it bounds
+_INWARD = 1e-12  # from an end of the stiffness range inwards: logarithm and exponential round
+Condition = Requirement | InterpolatedRequirement | SteadySliding
 _LEARNT = "what was learnt of the friction"
 
 
@@ -66,8 +71,8 @@ class AdviceSearch:
     ----------
     joint, gains : scalars. learnt : whether the joint was learnt from the motion.
     requirements : each of them is to be satisfied.
-    more : factors on the total damping that the requirements ask for, by the logarithm of the stiffness at which each
-        was found; interpolated between.
+    factors : factors on the total damping of the requirements, by the logarithm of the stiffness; interpolated
+        between.
     """
 
     def __init__(
@@ -79,51 +84,51 @@ class AdviceSearch:
         requirements: Sequence[Condition],
         *,
         learnt: bool,
-        more: Mapping[float, float] | None = None,
+        factors: Mapping[float, float] | None = None,
     ) -> None:
         self._joint, self._gains, self._limits, self._loop = joint, gains, limits, loop
-        self._requirements, self._learnt, self._more = list(requirements), learnt, dict(more or {})
+        self._requirements, self._learnt, self._factors = list(requirements), learnt, dict(factors or {})
         self._present = math.log(float(gains.stiffness))
         self._floor = float(damping_floor(joint, gains.stiffness))
         self._before = max(float(joint.total_damping(gains)), self._floor)
-        self._reach = math.log(_BELIEVABLE if learnt else _REACH)
+        self._reach = math.log(_LEARNT_REACH if learnt else _REACH)
         self._exact = any(requirement.exact for requirement in requirements)
         self._domain = self._allowed_domain()
         self._bisections = _EXACT_BISECTIONS if self._exact else _BISECTIONS
 
     def with_requirement(self, requirement: Condition) -> AdviceSearch:
         """The same search with one requirement more, and no factors."""
-        return self._again([*self._requirements, requirement], {})
+        return self._with([*self._requirements, requirement], {})
 
-    def with_more_damping(self, more: Mapping[float, float]) -> AdviceSearch:
+    def with_factors(self, factors: Mapping[float, float]) -> AdviceSearch:
         """The same search with other factors."""
-        return self._again(self._requirements, more)
+        return self._with(self._requirements, factors)
 
-    def _again(self, requirements: Sequence[Condition], more: Mapping[float, float]) -> AdviceSearch:
+    def _with(self, requirements: Sequence[Condition], factors: Mapping[float, float]) -> AdviceSearch:
         return AdviceSearch(
-            self._joint, self._gains, self._limits, self._loop, requirements, learnt=self._learnt, more=more
+            self._joint, self._gains, self._limits, self._loop, requirements, learnt=self._learnt, factors=factors
         )
 
     def total_damping(self, stiffness: float) -> float:
         """The total damping at a stiffness that factors multiply [N·m·s/rad]."""
         here = np.array([stiffness])
-        return float((self._required(here) + self._joint.own_damping(here))[0])
+        return float((self._unscaled_damping(here) + self._joint.own_damping(here))[0])
 
     @staticmethod
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
-        """How large a change of gains is; see the head of advice.py."""
+        """How large a change of gains is; see :mod:`.recommendation`."""
         floor = float(damping_floor(joint, present.stiffness))
         before, after = (max(float(joint.total_damping(each)), floor) for each in (present, gains))
         stiffness = np.array([math.log(float(gains.stiffness) / float(present.stiffness))])
         return math.hypot(float(_stiffness_cost(stiffness)[0]), math.log(after / before))
 
-    def enough(self, gains: Gains) -> bool:
+    def reaches_margin(self, gains: Gains) -> bool:
         """Whether gains reach the wanted margin, whatever the bounds."""
-        return bool(self._reached(np.array([float(gains.stiffness)]), np.array([float(gains.damping)]))[0])
+        return bool(self._satisfied(np.array([float(gains.stiffness)]), np.array([float(gains.damping)]))[0])
 
-    def allows(self, gains: Gains) -> bool:
+    def within_bounds(self, gains: Gains) -> bool:
         """Whether gains are within the bounds."""
-        least, largest = self._within_bounds(np.array([float(gains.stiffness)]))
+        least, largest = self._damping_interval(np.array([float(gains.stiffness)]))
         return bool(least[0] <= float(gains.damping) <= largest[0])
 
     def damping_only(self) -> Gains | None:
@@ -154,13 +159,13 @@ class AdviceSearch:
         # No stiffness further away than the best change known can be better.
         reach = min([self._reach, *(cost for cost, _, _ in found)])
         width = 0.0
-        for _ in range(_LOOKS):
+        for _ in range(_REFINEMENTS):
             grid = self._grid(reach)
             if len(grid) < 2:
                 break
             width = float(np.max(np.diff(grid)))
             found = sorted(found + self._cheapest(grid, found[0][0] if found else math.inf))[:_VALLEYS]
-            if not found or found[0][0] > _NARROWER * reach:
+            if not found or found[0][0] > _REFINED_BELOW * reach:
                 break
             reach = found[0][0]
         for _, centre, _ in list(found):
@@ -175,7 +180,7 @@ class AdviceSearch:
         return [(float(costs[index]), float(grid[index]), float(damping[index])) for index in valleys]
 
     def _zoomed(self, centre: float, width: float, best: float) -> list[tuple[float, float, float]]:
-        """The same from an ever closer look."""
+        """Cheapest gains near ``centre``, on ever finer grids; as :meth:`_cheapest`."""
         found: list[tuple[float, float, float]] = []
         for _ in range(_ZOOMS):
             around = np.unique(np.clip(np.linspace(centre - width, centre + width, _ZOOM_POINTS), *self._domain))
@@ -189,15 +194,15 @@ class AdviceSearch:
         """What is in the way, and the best within reach."""
         # Over all stiffnesses, since any of the bounds may be left out; and at those where the others begin and end.
         grid = self._grid(self._reach)
-        points = _MOST_EXACT if self._exact else 2 * _POINTS
+        points = _EXACT_POINTS if self._exact else 2 * _POINTS
         if self._exact and len(grid) > points:
             grid = grid[np.linspace(0, len(grid) - 1, points).astype(int)]
         everywhere = np.linspace(self._present - self._reach, self._present + self._reach, points)
         grid = np.sort(np.concatenate([everywhere, grid]))
         stiffness = np.exp(grid)
-        bounds, needed = self._bounds(stiffness), self._needed(stiffness)
+        bounds, needed = self._bounds(stiffness), self._scaled_damping(stiffness)
         texts = {name: f"{name} ({bound.text})" for name, bound in bounds.items()}
-        names, together = _in_the_way(bounds, lambda least, largest: _some_damping(least, largest, needed))
+        names, together = _blocking_bounds(bounds, lambda least, largest: _any_feasible(least, largest, needed))
         if together:
             text = " and ".join(texts[name] for name in names) + " are in the way together"
         elif names:
@@ -209,24 +214,24 @@ class AdviceSearch:
         best, reserve = self._best(stiffness, bounds, needed)
         return Obstruction(bounds=names, together=together, text=text, best=best, reserve=reserve)
 
-    def in_the_way_of_damping(self) -> tuple[str, ...]:
+    def bounds_blocking_damping(self) -> tuple[str, ...]:
         """Names of the bounds without which damping alone would do."""
         stiffness = np.array([float(self._gains.stiffness)])
-        needed = self._needed(stiffness)
-        return _in_the_way(self._bounds(stiffness), lambda least, largest: _some_damping(least, largest, needed))[0]
+        bounds, needed = self._bounds(stiffness), self._scaled_damping(stiffness)
+        return _blocking_bounds(bounds, lambda least, largest: _any_feasible(least, largest, needed))[0]
 
-    def in_the_way_of_stiffness(self) -> tuple[str, ...]:
+    def bounds_blocking_stiffness(self) -> tuple[str, ...]:
         """Names of the bounds without which stiffness alone would do."""
         stiffness = np.exp(np.linspace(self._present - self._reach, self._present + self._reach, 2 * _POINTS))
         damping = np.full(stiffness.shape, float(self._gains.damping))
-        reached = self._reached(stiffness, damping)
-        return _in_the_way(
+        reached = self._satisfied(stiffness, damping)
+        return _blocking_bounds(
             self._bounds(stiffness),
             lambda least, largest: bool(np.any(reached & (least <= damping) & (damping <= largest))),
         )[0]
 
     def _best(self, stiffness: FloatArray, bounds: dict[str, Bound], needed: FloatArray) -> tuple[Gains | None, float]:
-        least, largest = _joined(list(bounds.values()), stiffness.shape)
+        least, largest = _intersection(list(bounds.values()), stiffness.shape)
         inside = (least <= largest) & np.isfinite(needed) & np.isfinite(largest)
         if not inside.any():
             return None, math.nan
@@ -248,65 +253,65 @@ class AdviceSearch:
 
     def _allowed_domain(self) -> tuple[float, float]:
         """The least and the largest logarithm of a stiffness at which bounds allow any damping."""
-        coarse = np.linspace(self._present - self._reach, self._present + self._reach, _COARSE)
+        coarse = np.linspace(self._present - self._reach, self._present + self._reach, _DOMAIN_POINTS)
         # The best often lies where the allowed stiffnesses begin or end.
         edges = [math.log(edge) for edge in self._limits.stiffness_range if 0 < edge < math.inf]
-        inward = [edge + side for edge in edges for side in (-_INSIDE, _INSIDE)]
+        inward = [edge + side for edge in edges for side in (-_INWARD, _INWARD)]
         within = [edge for edge in inward if abs(edge - self._present) <= self._reach]
         coarse = np.sort(np.concatenate([coarse, [self._present], within]))
-        least, largest = _joined(list(self._bounds(np.exp(coarse)).values()), coarse.shape)
+        least, largest = _intersection(list(self._bounds(np.exp(coarse)).values()), coarse.shape)
         allowed = coarse[least <= largest]
         return (float(allowed[0]), float(allowed[-1])) if len(allowed) else (math.inf, -math.inf)
 
-    def _needed(self, stiffness: FloatArray) -> FloatArray:
-        if not self._more:
+    def _scaled_damping(self, stiffness: FloatArray) -> FloatArray:
+        if not self._factors:
             return np.asarray(np.max([one.damping(stiffness) for one in self._requirements], axis=0))
         own = self._joint.own_damping(stiffness)
-        return np.asarray((self._required(stiffness) + own) * self._factors(stiffness) - own)
+        return np.asarray((self._unscaled_damping(stiffness) + own) * self._factor_at(stiffness) - own)
 
-    def _required(self, stiffness: FloatArray) -> FloatArray:
-        """What requirements ask for, and some damping at least: of none there is no multiple."""
+    def _unscaled_damping(self, stiffness: FloatArray) -> FloatArray:
+        """Least damping of the requirements, and at least the damping floor: a factor needs something to multiply."""
         needed = np.max([one.damping(stiffness) for one in self._requirements], axis=0)
         floor = np.asarray(damping_floor(self._joint, stiffness))
         return np.asarray(np.maximum(needed, floor - self._joint.own_damping(stiffness)))
 
-    def _factors(self, stiffness: FloatArray) -> FloatArray:
-        places = sorted(self._more)
-        return np.asarray(np.interp(np.log(stiffness), places, [self._more[place] for place in places]))
+    def _factor_at(self, stiffness: FloatArray) -> FloatArray:
+        places = sorted(self._factors)
+        return np.asarray(np.interp(np.log(stiffness), places, [self._factors[place] for place in places]))
 
     def _bounds(self, stiffness: FloatArray) -> dict[str, Bound]:
         bounds = bounds_at(stiffness, self._joint, self._limits, self._loop)
         if self._learnt:
             own = np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
             bounds[_LEARNT] = Bound(
-                text=f"it does not answer for gains × {_BELIEVABLE:g}",
+                text=f"it does not answer for gains × {_LEARNT_REACH:g}",
                 least=np.full(stiffness.shape, -math.inf),
-                largest=_BELIEVABLE * self._before - own,
+                largest=_LEARNT_REACH * self._before - own,
             )
         return bounds
 
-    def _reached(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
+    def _satisfied(self, stiffness: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         less, reached = damping, np.ones(stiffness.shape, dtype=np.bool_)
-        if self._more:
+        if self._factors:
             own = self._joint.own_damping(stiffness)
-            total = (damping + own) / self._factors(stiffness)
+            total = (damping + own) / self._factor_at(stiffness)
             less, reached = total - own, np.asarray(total >= damping_floor(self._joint, stiffness))
-        # What is quick to tell comes first, and the rest is asked where it matters.
+        # Exact requirements are evaluated last, where the others are satisfied.
         for one in sorted(self._requirements, key=lambda one: one.exact):
             reached[reached] = one.reached(stiffness[reached], less[reached]) if reached.any() else False
         return reached
 
-    def _within_bounds(self, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return _joined(list(self._bounds(stiffness).values()), stiffness.shape)
+    def _damping_interval(self, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return _intersection(list(self._bounds(stiffness).values()), stiffness.shape)
 
     def _evaluate(self, logarithm: FloatArray, best: float = math.inf) -> tuple[FloatArray, FloatArray]:
-        """What the nearest gains of each stiffness cost, and their damping.
+        """Costs of the nearest gains of each stiffness, and their damping.
 
         The cost is infinite where there are none, or none cheaper than ``best``.
         """
         costs, dampings = np.full(logarithm.shape, math.inf), np.full(logarithm.shape, math.nan)
         order = np.argsort(np.abs(logarithm - self._present))
-        for part in np.array_split(order, max(1, len(order) // _AT_ONCE)):
+        for part in np.array_split(order, max(1, len(order) // _CHUNK)):
             part_costs, dampings[part] = self._evaluate_at_once(logarithm[part], best)
             costs[part] = part_costs
             best = min(best, float(np.min(part_costs, initial=math.inf)))
@@ -314,34 +319,34 @@ class AdviceSearch:
 
     def _evaluate_at_once(self, logarithm: FloatArray, best: float) -> tuple[FloatArray, FloatArray]:
         costs, damping = np.full(logarithm.shape, math.inf), np.full(logarithm.shape, math.nan)
-        best *= 1.0 + _SLACK
+        best *= 1.0 + _ROUNDING
         stiffness, stiffer = np.exp(logarithm), _stiffness_cost(logarithm - self._present)
-        least, largest = self._within_bounds(stiffness)
+        least, largest = self._damping_interval(stiffness)
         own = np.broadcast_to(self._joint.own_damping(stiffness), stiffness.shape)
         # No damping further away than this is cheaper; most stiffnesses need more, which is soon seen.
         with np.errstate(all="ignore"):
             room = np.sqrt(best**2 - stiffer**2)
             useful = np.minimum(largest, np.where(np.isfinite(room), self._before * np.exp(room) - own, math.inf))
-        hopeful = (least <= useful) & (stiffer <= best)
-        bounded = hopeful & np.isfinite(useful)
+        candidates = (least <= useful) & (stiffer <= best)
+        bounded = candidates & np.isfinite(useful)
         if bounded.any():
-            hopeful[bounded] = self._reached(stiffness[bounded], useful[bounded])
-        if not hopeful.any():
+            candidates[bounded] = self._satisfied(stiffness[bounded], useful[bounded])
+        if not candidates.any():
             return costs, damping
-        lowest = np.maximum(least[hopeful], self._needed(stiffness[hopeful]))
-        possible = lowest <= largest[hopeful]
-        chosen = np.clip(float(self._gains.damping), lowest, np.maximum(lowest, largest[hopeful]))
+        lowest = np.maximum(least[candidates], self._scaled_damping(stiffness[candidates]))
+        possible = lowest <= largest[candidates]
+        chosen = np.clip(float(self._gains.damping), lowest, np.maximum(lowest, largest[candidates]))
         with np.errstate(all="ignore"):
-            change = np.log(np.maximum(chosen + own[hopeful], self._floor) / self._before)
-        damping[hopeful] = chosen
-        costs[hopeful] = np.where(possible, np.hypot(stiffer[hopeful], change), math.inf)
+            change = np.log(np.maximum(chosen + own[candidates], self._floor) / self._before)
+        damping[candidates] = chosen
+        costs[candidates] = np.where(possible, np.hypot(stiffer[candidates], change), math.inf)
         return costs, damping
 
     def _allows_present_damping(self, logarithm: FloatArray) -> NDArray[np.bool_]:
         stiffness, present = np.exp(logarithm), np.full(logarithm.shape, float(self._gains.damping))
-        least, largest = self._within_bounds(stiffness)
+        least, largest = self._damping_interval(stiffness)
         allowed = (least <= present) & (present <= largest)
-        allowed[allowed] = self._reached(stiffness[allowed], present[allowed]) if allowed.any() else False
+        allowed[allowed] = self._satisfied(stiffness[allowed], present[allowed]) if allowed.any() else False
         return np.asarray(allowed)
 
     def _as_gains(self, logarithm: float, damping: float) -> Gains:
@@ -350,40 +355,42 @@ class AdviceSearch:
 
 
 def _stiffness_cost(logarithm: FloatArray) -> FloatArray:
-    """What a change of the stiffness costs, by its logarithm: more from a factor of two on.
+    """Cost of a change of the stiffness, by its logarithm: three times as much beyond a factor of two.
 
     A drive's noise, resonances and torque bound its stiffness, not its damping alone; nobody trusts a model so far.
     """
     size = np.abs(logarithm)
-    return size + (_BEYOND - 1.0) * np.maximum(size - _SOFT, 0.0)
+    return size + (_COST_BEYOND - 1.0) * np.maximum(size - _LINEAR_CHANGE, 0.0)
 
 
 def damping_floor(joint: Joint, stiffness: Real) -> Real:
-    """Total damping at a stiffness [N·m/rad] below which there is none to speak of [N·m·s/rad]."""
+    """Total damping at a stiffness [N·m/rad] that counts as none [N·m·s/rad]."""
     return np.asarray(2.0 * _NO_DAMPING * np.sqrt(np.asarray(stiffness) * float(joint.inertia)))
 
 
-def _joined(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+def _intersection(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     least, largest = np.full(shape, -math.inf), np.full(shape, math.inf)
     for bound in bounds:
         least, largest = np.maximum(least, bound.least), np.minimum(largest, bound.largest)
     return least, largest
 
 
-def _some_damping(least: FloatArray, largest: FloatArray, needed: FloatArray) -> bool:
+def _any_feasible(least: FloatArray, largest: FloatArray, needed: FloatArray) -> bool:
     """Whether bounds leave enough damping at any stiffness."""
     least = np.maximum(least, needed)
     return bool(np.any((least <= largest) & np.isfinite(least)))
 
 
-def _in_the_way(
+def _blocking_bounds(
     bounds: dict[str, Bound], feasible: Callable[[FloatArray, FloatArray], bool]
 ) -> tuple[tuple[str, ...], bool]:
-    """Bounds any one of which is in the way, or the fewest that are together, and whether they are together."""
+    """Names of bounds without any one of which there are gains, else of the fewest without all of which there are; and
+    whether it takes all.
+    """
     shape = next(iter(bounds.values())).least.shape
 
     def feasible_without(left_out: tuple[str, ...]) -> bool:
-        return feasible(*_joined([bound for name, bound in bounds.items() if name not in left_out], shape))
+        return feasible(*_intersection([bound for name, bound in bounds.items() if name not in left_out], shape))
 
     names = tuple(name for name in bounds if feasible_without((name,)))
     if names:
