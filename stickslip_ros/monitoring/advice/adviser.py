@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, ObservedLoop
-from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend, without_gains
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Recommendation, without_gains
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
@@ -24,7 +25,7 @@ _SAME_ERROR = 0.2  # of position and velocity errors, maxima that scatter from s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdviceQuestion:
-    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommendation.recommend`.
+    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend.recommend`.
 
     Attributes
     ----------

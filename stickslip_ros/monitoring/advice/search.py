@@ -116,7 +116,7 @@ class AdviceSearch:
 
     @staticmethod
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
-        """How large a change of gains is; see :mod:`.recommendation`."""
+        """Size of a change of gains; defined in :mod:`stickslip_ros.monitoring.advice.recommend`."""
         floor = float(damping_floor(joint, present.stiffness))
         before, after = (max(float(joint.total_damping(each)), floor) for each in (present, gains))
         stiffness = np.array([math.log(float(gains.stiffness) / float(present.stiffness))])
