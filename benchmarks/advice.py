@@ -17,7 +17,8 @@ from benchmarks.timing import once
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.outcome import steady_damping_ratio
 from stickslip_ros.monitoring.advice.limits import Criterion
-from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "model"))

@@ -21,7 +21,8 @@ import numpy as np
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
-from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))

@@ -26,7 +26,7 @@ PLACES = {
     r"file=sys\.stderr": {"cli/terminal.py", "cli/main.py", "nodes/running.py"},
     r"print\(json\.dumps": {"warm_up.py"},
     r"\bnp\.load\(": {"bags/table_files.py"},
-    r"\btempfile\b": {"bags/storage/workspace.py", "compilation.py", "cli/demo.py", "cli/processes.py"},
+    r"\btempfile\b": {"bags/storage/bag_file.py", "compilation.py", "cli/demo.py", "cli/processes.py"},
 }
 
 
@@ -58,7 +58,10 @@ WORDS = {
     "REMAINS": "STRIBECK_FRACTION", "UNTOLD": "PENDING", "tell_slip": "record_breakaway", "HASTY": "COARSE",
     "GLANCE": "COARSE_PERSISTENCE", "patient": "full_accuracy", "strange": "outlier", "Lateness": "DelayEstimate",
 }  # fmt: skip
-DONE = ("model", "monitoring", "monitoring/detection", "monitoring/friction")
+DONE = (
+    "model", "messages", "monitoring", "monitoring/detection", "monitoring/friction", "monitoring/advice", "bags",
+    "bags/storage", "analysis", "analysis/report",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("room", DONE)

@@ -21,7 +21,7 @@ from slider import slider
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, joint_json
-from stickslip_ros.analysis.joint_analysis import FollowedJoint
+from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.model.friction import Gains
@@ -51,12 +51,12 @@ def recording(index: int) -> Answer:
 
 def analysed(batch: Batch, gains: Gains | None) -> Answer:
     """What `stickslip analyze` writes of one joint of which at most the gains are known."""
-    joint = FollowedJoint("joint1", Parameters(), with_traces=False, at_once=1)
+    joint = JointAnalyzer("joint1", Parameters(), with_traces=False, at_once=1)
     if gains is not None:
         joint.change_gains(gains)
     references = np.column_stack([batch.time, batch.reference_position, batch.reference_velocity])
-    joint.take(np.column_stack([batch.time, batch.position, batch.velocity, batch.effort]), references)
-    joint.end()
+    joint.process(np.column_stack([batch.time, batch.position, batch.velocity, batch.effort]), references)
+    joint.finish()
     return joint_json(joint.analysis())
 
 

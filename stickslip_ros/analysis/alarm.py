@@ -8,7 +8,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
+from stickslip_ros.analysis.trend import BEYOND_CHANCE, Measured
 from stickslip_ros.errors import InvalidParameterError
 
 # What an alarm may be about: what it is called, and whether it is a share, which is told in per cent.
@@ -49,18 +49,18 @@ class Alarm:
         error = math.hypot(*(one.error if one.error > 0.0 else 0.0 for one in (first, latest)))
         differs = latest.value - first.value
         if not math.isnan(self.change):
-            asked = self.change * abs(first.value)
-            if abs(differs) < abs(asked) or differs * self.change <= 0.0 or abs(differs) <= BEYOND_CHANCE * error:
+            threshold = self.change * abs(first.value)
+            if abs(differs) < abs(threshold) or differs * self.change <= 0.0 or abs(differs) <= BEYOND_CHANCE * error:
                 return ""
             share = f" ({100.0 * differs / abs(first.value):+.0f} %)" if first.value else ""
-            return f"{name} {_told(first.value, is_share)} → {_told(latest.value, is_share)}{share}"
+            return f"{name} {_value_text(first.value, is_share)} → {_value_text(latest.value, is_share)}{share}"
         own = BEYOND_CHANCE * latest.error if latest.error > 0.0 else 0.0
         if latest.value - own > self.above or latest.value + own < self.below:
-            return f"{name} {_told(latest.value, is_share)}"
+            return f"{name} {_value_text(latest.value, is_share)}"
         return ""
 
 
-def _told(value: float, is_share: bool) -> str:
+def _value_text(value: float, is_share: bool) -> str:
     return f"{100.0 * value:.0f} %" if is_share else f"{value:.3g}"
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
-from stickslip_ros.bags.reading import BagReader, FloatArray, Piece
+from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
+from stickslip_ros.bags.reading import BagReader, Piece
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
@@ -21,6 +21,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.wording import friction_change_text, in_metres_text
 from stickslip_ros.settings.parameter_file import Parameters
 
@@ -86,7 +87,7 @@ class BagAnalysis:
 
 Progress = Callable[[int, int], None]
 # Called after every piece with the monitors by joint, the cycles found in it, and log time less stamp.
-Watcher = Callable[["dict[str, FollowedJoint]", "dict[str, list[Cycle]]", float], None]
+Watcher = Callable[["dict[str, JointAnalyzer]", "dict[str, list[Cycle]]", float], None]
 
 
 def analyze(
@@ -123,7 +124,7 @@ def analyze(
             done = min(done + count, size)
             progress(done, size)
 
-        joints, recorded = _follow(reader, options, read, watcher)
+        joints, recorded = _process_pieces(reader, options, read, watcher)
         progress(size, size)
         controller = options.topics.controller
         if controller is not None and controller not in reader.controllers:
@@ -158,7 +159,7 @@ def analyze(
     )
 
 
-def _without_leaders(robots: Mapping[str, Topics], reader: BagReader, joints: Mapping[str, FollowedJoint]) -> list[str]:
+def _without_leaders(robots: Mapping[str, Topics], reader: BagReader, joints: Mapping[str, JointAnalyzer]) -> list[str]:
     """What is to be said of joints that follow a leader which has no joint of their name, or other times."""
     there: dict[str, list[str]] = {name: [] for name in robots}
     for robot, joint in reader.joints.values():
@@ -185,10 +186,10 @@ def _without_leaders(robots: Mapping[str, Topics], reader: BagReader, joints: Ma
     return texts
 
 
-def _follow(
+def _process_pieces(
     reader: BagReader, options: AnalysisOptions, read: Callable[[int], None], watcher: Watcher
-) -> tuple[dict[str, FollowedJoint], float]:
-    joints: dict[str, FollowedJoint] = {}
+) -> tuple[dict[str, JointAnalyzer], float]:
+    joints: dict[str, JointAnalyzer] = {}
     first = math.nan
     clock = recorded = math.nan
     gains_of: dict[str, Gains] = {}
@@ -213,7 +214,7 @@ def _follow(
                     continue
                 if len(joints) >= _MOST_JOINTS:
                     continue
-                joint = joints[name] = FollowedJoint(
+                joint = joints[name] = JointAnalyzer(
                     name,
                     options.parameters.also_of(own, name),
                     with_traces=options.with_traces,
@@ -221,11 +222,11 @@ def _follow(
                 )
                 if name in gains_of:
                     joint.change_gains(gains_of[name])
-            found[name] = found.get(name, []) + joint.take(samples.get(name), piece.references.get(name))
+            found[name] = found.get(name, []) + joint.process(samples.get(name), piece.references.get(name))
         watcher(joints, found, clock)
         if beyond:
             break
-    watcher(joints, {name: joint.end() for name, joint in joints.items()}, clock)
+    watcher(joints, {name: joint.finish() for name, joint in joints.items()}, clock)
     return joints, recorded
 
 
@@ -271,7 +272,7 @@ def _within(
 def _check_joints(
     path: Path,
     wanted: tuple[str, ...],
-    joints: dict[str, FollowedJoint],
+    joints: dict[str, JointAnalyzer],
     names: Mapping[str, tuple[str, str]],
     warnings: list[str],
 ) -> None:

@@ -15,7 +15,7 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
-from stickslip_ros.output import published as told
+from stickslip_ros.output import published
 from stickslip_ros.output.as_json import (
     curvature_json,
     dry_friction_json,
@@ -72,34 +72,34 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     margin = None
     if state.joint is not None and state.margin_gains is not None and state.margin is not None:
         margin = margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
-        margin |= told.UNCERTAINTY.for_json(state) | told.EXACT_UNCERTAINTY.for_json(joint.exact)
-        margin |= told.BELIEF.for_json(state)
+        margin |= published.UNCERTAINTY.for_json(state) | published.EXACT_UNCERTAINTY.for_json(joint.exact)
+        margin |= published.BELIEF.for_json(state)
     gains = state.gains
     return {
         "samples": joint.samples,
         "start": number(joint.start),
         "duration": number(joint.duration),
-        **told.SAMPLING.for_json(state),
-        **told.POSITION.for_json(state),
-        **told.STATUS.for_json(joint.status),
+        **published.SAMPLING.for_json(state),
+        **published.POSITION.for_json(state),
+        **published.STATUS.for_json(joint.status),
         "worst_status": joint.worst.value,
         "stick_slip_share": number(joint.stick_slip_share),
         "moving_time": number(joint.moving_time),
         "reason": joint.reason,
         "time_in": {status.value: number(joint.time_in(status)) for status in Status},
-        **told.VELOCITY.for_json(joint.velocity),
+        **published.VELOCITY.for_json(joint.velocity),
         "segments": [
             {"start": one.start, "end": one.end, "status": one.status.value, "velocity": number(one.velocity)}
             for one in joint.segments
         ],
         "cycles": [cycle_json(cycle) for cycle in joint.cycles],
-        "reversals": None if state.reversals is None else told.REVERSALS.for_json(state.reversals),
-        "presliding": None if state.presliding is None else told.PRESLIDING.for_json(state.presliding),
+        "reversals": None if state.reversals is None else published.REVERSALS.for_json(state.reversals),
+        "presliding": None if state.presliding is None else published.PRESLIDING.for_json(state.presliding),
         "transient": None if joint.transient is None else asdict(joint.transient),
         "friction": _friction(state.estimate, state.position),
-        "gains": None if gains is None else told.GAINS.for_json(gains) | told.INTEGRAL_GAIN.for_json(gains),
+        "gains": None if gains is None else published.GAINS.for_json(gains) | published.INTEGRAL_GAIN.for_json(gains),
         "margin": margin,
-        "exact_here": None if joint.exact_here is None else told.EXACT.for_json(joint.exact_here),
+        "exact_here": None if joint.exact_here is None else published.EXACT.for_json(joint.exact_here),
         "margin_reason": state.margin_reason,
         "recommendation": None
         if state.advice is None
@@ -109,7 +109,11 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
 
 def cycle_json(cycle: Cycle) -> dict[str, Any]:
     """One cycle."""
-    return told.CYCLE_BEGINS.for_json(cycle) | told.CYCLE_SIZE.for_json(cycle) | told.CYCLE_PLACE.for_json(cycle)
+    return (
+        published.CYCLE_BEGINS.for_json(cycle)
+        | published.CYCLE_SIZE.for_json(cycle)
+        | published.CYCLE_PLACE.for_json(cycle)
+    )
 
 
 def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.analysis.joint_analysis import FollowedJoint
+from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -47,7 +47,7 @@ class Annotation:
     ) -> None:
         self._writer.__exit__(kind, error, trace)
 
-    def __call__(self, joints: dict[str, FollowedJoint], found: dict[str, list[Cycle]], clock: float) -> None:
+    def __call__(self, joints: dict[str, JointAnalyzer], found: dict[str, list[Cycle]], clock: float) -> None:
         """Write the cycles found and the state of every joint after a piece."""
         offset = clock if math.isfinite(clock) else 0.0
         cycles = sorted(
@@ -72,7 +72,7 @@ class Annotation:
             MARGINS, self._writer.table(",".join(states), ",".join(MARGIN_FIELDS), np.array(rows)), time + offset
         )
 
-    def _exact(self, name: str, state: Assessment, joint: FollowedJoint) -> ExactVerdict:
+    def _exact(self, name: str, state: Assessment, joint: JointAnalyzer) -> ExactVerdict:
         """The verdict by integration, worked out again where the question is another."""
         question = ExactQuestion.on(state, state.margin_gains, joint.settings.options.conditions)
         if question is None:

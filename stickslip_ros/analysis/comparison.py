@@ -28,7 +28,7 @@ import numpy as np
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import JUDGED
-from stickslip_ros.analysis.measured import BEYOND_CHANCE, Measured
+from stickslip_ros.analysis.trend import BEYOND_CHANCE, Measured
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Segment, Status
@@ -225,13 +225,13 @@ def _slip(joint: JointAnalysis) -> Measured:
 
 
 def _error_of_mean(values: FloatArray) -> float:
-    """Standard error of the mean of values one after the other; where neighbours are alike they count for less."""
+    """Standard error of the mean of consecutive values: of fewer independent ones, where neighbours are correlated."""
     apart = values - values.mean()
     variance = float(apart @ apart)
     if variance == 0.0:
         return 0.0
-    alike = min(max(float(apart[1:] @ apart[:-1]) / variance, 0.0), 0.95)
-    independent = max(len(values) * (1.0 - alike) / (1.0 + alike), 1.0)
+    autocorrelation = min(max(float(apart[1:] @ apart[:-1]) / variance, 0.0), 0.95)
+    independent = max(len(values) * (1.0 - autocorrelation) / (1.0 + autocorrelation), 1.0)
     return math.sqrt(variance / (len(values) - 1) / independent)
 
 
@@ -259,8 +259,8 @@ def _gains(before: JointAnalysis, after: JointAnalysis) -> tuple[Quantity, ...]:
         values = []
         for joint in (before, after):
             state = joint.assessment
-            told = state.gains is not None and state.gains_known
-            values.append(Measured(value=float(getattr(state.gains, name)), exact=True) if told else Measured())
+            gains_known = state.gains is not None and state.gains_known
+            values.append(Measured(value=float(getattr(state.gains, name)), exact=True) if gains_known else Measured())
         known = [one.value for one in values if one.exact]
         if not known or (name == "integral" and not any(known)):
             continue

@@ -9,7 +9,7 @@ from typing import Any
 
 from stickslip_ros.analysis.comparison import Comparison, JointComparison, Quantity, Verdict
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.analysis.measured import Measured
+from stickslip_ros.analysis.trend import Measured
 from stickslip_ros.analysis.words import percent
 from stickslip_ros.output.published import number
 
@@ -33,16 +33,16 @@ def verdict_text(joint: JointComparison) -> str:
 
 def sentence(joint: JointComparison) -> str:
     """Whether it helped, and what was changed, in one sentence."""
-    said = verdict_text(joint)
+    verdict = verdict_text(joint)
     if joint.verdict is Verdict.CANNOT_SAY:
-        return f"{said}; {joint.reason}."
+        return f"{verdict}; {joint.reason}."
     if joint.verdict is Verdict.NEVER_STUCK:
-        return f"{said}; {_changed(joint)}."
+        return f"{verdict}; {_changed(joint)}."
     share = f"stick slip for {percent(joint.share.before.value)} of its moving time before, {_after(joint)}"
     slips = ""
     if joint.slip.significant:
         slips = f", slips of {joint.slip.before.value:.3g} rad before, {joint.slip.after.value:.3g} rad after"
-    return f"{said}: {share}{slips}; {_changed(joint)}."
+    return f"{verdict}: {share}{slips}; {_changed(joint)}."
 
 
 def _after(joint: JointComparison) -> str:
@@ -54,21 +54,21 @@ def _changed(joint: JointComparison) -> str:
     """What is another after than before: gains, friction."""
     gains = [one for one in joint.gains if one.significant]
     if gains:
-        told = ", ".join(f"{one.name} {_number(one.before)} to {_number(one.after)} {one.unit}" for one in gains)
+        changes = ", ".join(f"{one.name} {_number(one.before)} to {_number(one.after)} {one.unit}" for one in gains)
     else:
-        told = "the gains are the same" if joint.gains and not joint.gains[0].missing else "the gains are not known"
+        changes = "the gains are the same" if joint.gains and not joint.gains[0].missing else "the gains are not known"
     compared = [one for one in joint.friction if not one.missing]
     significant = [one for one in compared if one.significant]
     if significant:
         listed = [f"{one.label} {_number(one.before)} to {_number(one.after)} {one.unit}" for one in significant]
-        return f"{told}; friction changed: {', '.join(listed)}"
+        return f"{changes}; friction changed: {', '.join(listed)}"
     if compared:
-        return f"{told}; friction is the same within its errors"
+        return f"{changes}; friction is the same within its errors"
     silent = [side for side, one in (("before", joint.before), ("after", joint.after)) if not one.cycles]
     why = f"{' and '.join(silent)}: no slips to learn it from" if silent else "it was not learnt"
     why = joint.friction[0].missing if joint.friction and not silent else why
     why = why if joint.before.settings.options.learn else "learning was switched off"
-    return f"{told}; friction cannot be compared ({why})"
+    return f"{changes}; friction cannot be compared ({why})"
 
 
 def _number(one: Measured) -> str:

@@ -27,7 +27,7 @@ from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyz
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.lerobot import episodes, is_data_set
-from stickslip_ros.bags.storage.bag_paths import files_of, is_bag_file, is_bag_folder
+from stickslip_ros.bags.storage.formats import files_of, is_bag_file, is_bag_folder
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.interrupts import check, take_signals, without_interrupts
@@ -205,26 +205,26 @@ def analyze_fleet(
 
     reached = 0.0
 
-    def tell(share: float) -> None:
+    def report(share: float) -> None:
         """Of the bags that are being read; a bag that has to be read again takes nothing back."""
         nonlocal reached
         reached = max(reached, len(found) + share)
         progress(reached, len(tasks))
 
-    tell(0.0)
+    report(0.0)
     missing = [number for number in range(len(tasks)) if number not in found]
     if scheduler is not None:
         coming = _by_dask(tasks, missing, scheduler)
     elif jobs > 1:
-        coming = _by_processes(tasks, missing, jobs, tell)
+        coming = _by_processes(tasks, missing, jobs, report)
     else:
-        coming = ((number, answer(tasks[number], tell)) for number in missing)
+        coming = ((number, answer(tasks[number], report)) for number in missing)
     for number, one in coming:
         # As from a file, whatever way it came.
         found[number] = json.loads(json.dumps(one.answer))
         kept.keep(tasks[number], found[number])
         finished(one)
-        tell(0.0)
+        report(0.0)
     return [found[number] for number in range(len(tasks))]
 
 
@@ -242,15 +242,15 @@ def _begin(parent: int, shares: Any) -> None:
 def _answer_of(number: int, task: BagTask) -> TimedAnswer:
     """An answer, in a process of its own."""
 
-    def tell(share: float) -> None:
+    def report(share: float) -> None:
         check()
         _shares[number] = share
 
-    return answer(task, tell)
+    return answer(task, report)
 
 
 def _by_processes(
-    tasks: Sequence[BagTask], numbers: Sequence[int], jobs: int, tell: Callable[[float], None]
+    tasks: Sequence[BagTask], numbers: Sequence[int], jobs: int, report: Callable[[float], None]
 ) -> Iterator[tuple[int, TimedAnswer]]:
     """Answers as they come from processes; one that dies takes no other bag with it."""
     waiting = list(numbers)
@@ -274,7 +274,7 @@ def _by_processes(
                     for future in wait(running, _LOOKED_EVERY, FIRST_COMPLETED).done:
                         yield running[future], future.result()
                         done.add(running.pop(future))
-                    tell(sum(shares[number] for number in running.values()))
+                    report(sum(shares[number] for number in running.values()))
             except BrokenProcessPool:
                 for number in running.values():
                     attempts[number] += 1

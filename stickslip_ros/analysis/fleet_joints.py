@@ -20,8 +20,7 @@ from stickslip_ros.analysis.fleet_table import (
     worst_status,
 )
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
-from stickslip_ros.analysis.measured import Measured
-from stickslip_ros.analysis.trend import YEAR_2001, Trend, trend
+from stickslip_ros.analysis.trend import YEAR_2001, Measured, Trend, trend
 from stickslip_ros.monitoring.detection.status import Status
 
 # What is shorter says too little of a joint to be a point of its history: a few cycles of a slow one.
@@ -98,7 +97,7 @@ def _badness(joint: FleetJoint) -> tuple[object, ...]:
 
 def _joint(key: tuple[str, str], rows: Sequence[Row], alarms: Sequence[Alarm]) -> FleetJoint:
     dated = all(row["recorded"] is not None and row["recorded"] > YEAR_2001 for row in rows)
-    told = [row for row in rows if Status(row["status"]) in JUDGED] or rows
+    judged = [row for row in rows if Status(row["status"]) in JUDGED] or rows
     histories = {name: _history(rows, name, dated=dated) for name in ("stick_slip", "reserve")}
     histories |= {name: _history(rows, name, dated=dated) for name in ("coulomb", "stribeck", "viscous")}
     ringing = []
@@ -111,8 +110,8 @@ def _joint(key: tuple[str, str], rows: Sequence[Row], alarms: Sequence[Alarm]) -
         name=key[1],
         rows=tuple(rows),
         dated=dated,
-        status=Status(told[-1]["status"]),
-        reason=told[-1]["reason"] or "",
+        status=Status(judged[-1]["status"]),
+        reason=judged[-1]["reason"] or "",
         worst=Status(worst_status(rows)),
         stuck_in=stuck_in(rows),
         stick_slip_share=stick_slip_share(rows),

@@ -15,7 +15,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import whole_file
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
-from stickslip_ros.output import published as told
+from stickslip_ros.output import published
 from stickslip_ros.output.csv_table import write_csv
 
 _NEVER = 0.0
@@ -108,7 +108,7 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     cycles = joint.get("cycles")
     slips = sorted(abs(cycle["slip_distance"]) for cycle in cycles or ())
     row: Row = {"joint": name, "samples": joint.get("samples"), "duration": joint.get("duration")}
-    for section in (told.SAMPLING, told.POSITION, told.STATUS, told.VELOCITY):
+    for section in (published.SAMPLING, published.POSITION, published.STATUS, published.VELOCITY):
         row |= section.for_fleet(joint or None)
     row |= {
         "reason": joint.get("reason"),
@@ -118,25 +118,25 @@ def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
         "sticking_time": joint["time_in"]["stick_slip"] or _NEVER if joint else None,
         "cycles": None if cycles is None else len(cycles),
         "usual_slip": slips[len(slips) // 2] if slips else None,
-        **told.RESERVE.for_fleet(None if margin is None else margin["exact"]),
+        **published.RESERVE.for_fleet(None if margin is None else margin["exact"]),
     }
     for section in (
-        told.MARGIN,
-        told.MARGIN_TERMS,
-        told.LOWEST_SMOOTH_VELOCITY,
-        told.UNCERTAINTY,
-        told.EXACT_UNCERTAINTY,
+        published.MARGIN,
+        published.MARGIN_TERMS,
+        published.LOWEST_SMOOTH_VELOCITY,
+        published.UNCERTAINTY,
+        published.EXACT_UNCERTAINTY,
     ):
         row |= section.for_fleet(margin)
-    row |= told.EXACT.for_fleet(None if margin is None else margin["exact"])
-    for section in (told.GAINS, told.INTEGRAL_GAIN):
+    row |= published.EXACT.for_fleet(None if margin is None else margin["exact"])
+    for section in (published.GAINS, published.INTEGRAL_GAIN):
         row |= section.for_fleet(joint.get("gains"))
     for key in (*NAMES, COULOMB_AND_LOAD):
         found = (friction or {}).get(key, {})
         row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
-    row |= told.BELIEF.for_fleet(margin) | told.REVERSALS.for_fleet(joint.get("reversals"))
-    row |= told.PRESLIDING.for_fleet(joint.get("presliding"))
-    for section in told.OF_ADVICE:
+    row |= published.BELIEF.for_fleet(margin) | published.REVERSALS.for_fleet(joint.get("reversals"))
+    row |= published.PRESLIDING.for_fleet(joint.get("presliding"))
+    for section in published.OF_ADVICE:
         row |= section.for_fleet(advice)
     return row
 
@@ -166,7 +166,7 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
         raise StickSlipError(f"Parquet needs the package {error.name}: pip install pyarrow") from error
     text, whole = pyarrow.string(), pyarrow.int64()
     # What has no unit is an answer, if it is no text.
-    flags = {row.fleet for section in told.SECTIONS for row in section.rows if row.fleet and not row.unit}
+    flags = {row.fleet for section in published.SECTIONS for row in section.rows if row.fleet and not row.unit}
     kinds = dict.fromkeys(flags | {f"{name}_identified" for name in (*NAMES, COULOMB_AND_LOAD)}, pyarrow.bool_())
     kinds |= dict.fromkeys(
         ("bag", "robot", "joint", "status", "reason", "worst_status", "exact_outcome", "error"), text

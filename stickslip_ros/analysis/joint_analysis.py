@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.analysis.data_problems import NOT_JUDGED, data_problems
 from stickslip_ros.analysis.judgement import (
+    NOT_JUDGED,
     SEVERITY,
     moving_time,
     overall_status,
@@ -19,7 +19,7 @@ from stickslip_ros.analysis.judgement import (
     time_in,
     worst_status,
 )
-from stickslip_ros.analysis.sample_checks import SampleChecks
+from stickslip_ros.analysis.sample_checks import SampleChecks, data_problems
 from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
@@ -110,7 +110,7 @@ class JointAnalysis:
         return stick_slip_share(self.segments)
 
 
-class FollowedJoint:
+class JointAnalyzer:
     """One joint while its recording is read."""
 
     def __init__(self, name: str, parameters: Parameters, *, with_traces: bool, at_once: int) -> None:
@@ -129,31 +129,31 @@ class FollowedJoint:
         self._start = math.nan
         self._traces = JointTraces() if with_traces else None
 
-    def take(self, samples: FloatArray | None, references: FloatArray | None) -> list[Cycle]:
+    def process(self, samples: FloatArray | None, references: FloatArray | None) -> list[Cycle]:
         """Take samples and references; returns the cycles found meanwhile."""
         if references is not None:
             self._pairing.add_references(references)
         if samples is not None:
             self._pairing.add_samples(self.settings.samples_to_si(samples))
         # Many samples at once cost less; what is found does not depend on it.
-        return self._follow(self._pairing.next_batch()) if self._pairing.waiting >= self._at_once else []
+        return self._process(self._pairing.next_batch()) if self._pairing.waiting >= self._at_once else []
 
     def change_gains(self, gains: Gains) -> list[Cycle]:
         """From now on these gains are in force, in the controller's units; returns the cycles found meanwhile."""
-        found = self._follow(self._pairing.next_batch())
+        found = self._process(self._pairing.next_batch())
         self.monitor.gains = self.settings.to_si(gains)
         return found
 
-    def end(self) -> list[Cycle]:
+    def finish(self) -> list[Cycle]:
         """No more samples come; returns the cycles that they complete."""
-        found = self._follow(self._pairing.next_batch(all_of_them=True))
+        found = self._process(self._pairing.next_batch(all_of_them=True))
         closing = self.monitor.finish()
         if self._traces is not None and closing:
             self._traces.add(None, closing, self.monitor)
         self.cycles += closing
         return found + closing
 
-    def _follow(self, batch: Batch | None) -> list[Cycle]:
+    def _process(self, batch: Batch | None) -> list[Cycle]:
         if batch is None:
             return []
         usable = batch.usable()
@@ -218,8 +218,8 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
     if status is Status.AT_RISK and not isinstance(finding.reason, SpeedFalls):
         # Of a recording only its motion makes that, whatever its end is like.
         finding = Finding(status=status, reason=SpeedFalls(share=DIP_AGAIN, at_most=True))
-    told = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
-    texts = [reason_text(finding)] if told else []
+    applies = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
+    texts = [reason_text(finding)] if applies else []
     # What is wrong with the data of a joint that was judged is a warning, no reason.
     return "; ".join(filter(None, [*texts, *(problems if status in NOT_JUDGED else ())]))
 

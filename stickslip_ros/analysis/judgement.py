@@ -18,7 +18,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection.status import Segment, Status, TooFewSamples
 
 # The most severe first.
 SEVERITY = (
@@ -30,6 +31,7 @@ SEVERITY = (
     Status.UNKNOWN,
 )
 JUDGED = (Status.STICK_SLIP, Status.AT_RISK, Status.SMOOTH)
+NOT_JUDGED = (Status.UNKNOWN, Status.NOT_JUDGED)
 _NOT_MOVING = (Status.AT_REST, Status.UNKNOWN)
 _LEAST_SHARE = 0.2  # of the moving time that must have been judged
 _LEAST_TIME = 0.5  # [s] without a break, from which on a status says something of a recording
@@ -82,3 +84,9 @@ def worst_status(segments: Sequence[Segment]) -> Status:
             if longest[status] > least:
                 return status
     return segments[-1].status if segments else Status.UNKNOWN
+
+
+def lacks_data(status: Status, assessment: Assessment) -> bool:
+    """Whether a joint could not be judged because of its data, not of its motion."""
+    poor = isinstance(assessment.finding.reason, TooFewSamples) or assessment.restarts > 0
+    return status is Status.UNKNOWN or (status is Status.NOT_JUDGED and poor)

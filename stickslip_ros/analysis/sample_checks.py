@@ -11,7 +11,9 @@ from collections import Counter
 
 import numpy as np
 
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.output.wording import constant_effort_text
 
 _BLOCK = 4096  # samples that are looked at together, however they come
 _MOST_BLOCKS = 25  # for what holds of a whole recording
@@ -34,6 +36,7 @@ _FEWEST_STRETCHES = 10
 _LEAST_FACTOR, _LARGEST_FACTOR = 0.6, 1.7
 _LEAST_CORRELATION = 0.5
 _DEGREES = 180.0 / math.pi
+REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
 
 
 class SampleChecks:
@@ -61,27 +64,27 @@ class SampleChecks:
             joined = np.concatenate(self._waiting, axis=1)
             whole = self._count // _BLOCK * _BLOCK
             for begin in range(0, whole, _BLOCK):
-                self._look(joined[:, begin : begin + _BLOCK])
+                self._check_block(joined[:, begin : begin + _BLOCK])
             self._waiting, self._count = [joined[:, whole:]], self._count - whole
 
     def problems(self) -> list[str]:
         """What is wrong, a sentence each; to be asked for once, at the end."""
         if self._count:
-            self._look(np.concatenate(self._waiting, axis=1))
+            self._check_block(np.concatenate(self._waiting, axis=1))
             self._waiting, self._count = [], 0
         return [text for text in (self._single(), self._republished(), self._contradiction()) if text]
 
-    def _look(self, block: FloatArray) -> None:
+    def _check_block(self, block: FloatArray) -> None:
         self._samples += block.shape[1]
         columns = np.concatenate([self._seen, block], axis=1)
         self._seen = columns[:, -2:]
         self._wrong += _wrong_samples(columns[1])
         if self._blocks < _MOST_BLOCKS:
             self._blocks += 1
-            self._look_for_repeats(block)
+            self._count_repeats(block)
             self._compare(block)
 
-    def _look_for_repeats(self, block: FloatArray) -> None:
+    def _count_repeats(self, block: FloatArray) -> None:
         values = block[1:]
         self._all_fields = self._all_fields or bool(np.isfinite(values[1:]).any())
         same = ((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:])).all(axis=0)
@@ -173,3 +176,23 @@ def _wrong_samples(position: FloatArray) -> int:
     beside[:-1] |= wrong[1:]
     largest = float(off[~wrong & ~beside].max(initial=0.0))
     return int((wrong & ~beside & (off > _BEYOND * largest)).sum())
+
+
+def data_problems(assessment: Assessment, samples: int) -> list[str]:
+    """What is wrong with a joint's samples, a sentence each; nothing if all is in order.
+
+    Parameters
+    ----------
+    samples : how many came, those that were left out among them.
+    """
+    restarts = assessment.restarts
+    texts = [f"{count} of {samples} samples left out: {why}" for why, count in assessment.dropped.items()]
+    texts += [f"{count} of {samples} values left out: {why}" for why, count in assessment.blanked.items()]
+    if math.isfinite(assessment.constant_effort):
+        texts.append(constant_effort_text(assessment.constant_effort))
+    if assessment.reference_follows:
+        texts.append(REFERENCE_FOLLOWS)
+    if restarts:
+        times = "once" if restarts == 1 else f"{restarts} times"
+        texts.append(f"stamps jump back {times}: the motion is followed anew from there")
+    return texts

@@ -52,8 +52,8 @@ def transient(segments: Sequence[Segment], cycles: Sequence[Cycle]) -> Transient
     moving = [one for one in segments if moves(one)]
     total, after = _time_after(moving, -math.inf), _time_after(moving, end)
     fastest = _FASTER * max(cycle.mean_speed for cycle in cycles)
-    alike = [one for one in moving if one.status is Status.SMOOTH and abs(one.velocity) <= fastest]
-    smooth = _time_after(alike, end)
+    comparable = [one for one in moving if one.status is Status.SMOOTH and abs(one.velocity) <= fastest]
+    smooth = _time_after(comparable, end)
     stuck = _time_after([one for one in moving if one.status is Status.STICK_SLIP], -math.inf)
     dies_out = total - after < _LATEST * total and smooth > stuck and smooth > 0.5 * after
     return Transient(cycles=len(cycles), end=end, smooth=smooth) if dies_out else None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""How fast a quantity of a joint changes over the dates of its recordings, and whether that is more than chance."""
+"""Values with standard errors, and the trend of a joint's over the dates of its recordings."""
 
 from __future__ import annotations
 
@@ -17,6 +17,16 @@ YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
 LEAST_RECORDINGS = 3
 LEAST_DAYS = 3.0
 _SURE = 0.975  # of Student's t: 95 % on both sides
+BEYOND_CHANCE = 1.96  # standard errors: 95 % of what chance makes
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value with its standard error; NaN where it is not known. ``exact``: it was set, and has none."""
+
+    value: float = math.nan
+    error: float = math.nan
+    exact: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from stickslip_ros.analysis.data_problems import NOT_JUDGED, lacks_data
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
@@ -17,6 +18,8 @@ from stickslip_ros.output.wording import dry_friction_text, presliding_text, rev
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
+_MOST_NAMED = 5  # joints
+_OTHERWISE = "it moves too little, or turns too often"
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
 
@@ -29,10 +32,25 @@ def not_judged(joints: Sequence[JointAnalysis]) -> dict[str, list[str]]:
     """Reasons why joints could not be judged, each with the names of those that nothing else is said of."""
     found: dict[str, list[str]] = {}
     for joint in joints:
-        told = matters(joint) or lacks_data(joint.status, joint.assessment)
-        if joint.status is Status.NOT_JUDGED and joint.reason and not told:
+        reported = matters(joint) or lacks_data(joint.status, joint.assessment)
+        if joint.status is Status.NOT_JUDGED and joint.reason and not reported:
             found.setdefault(joint.reason, []).append(joint.name)
     return found
+
+
+def nothing_judged(found: Mapping[str, Any]) -> str:
+    """Why no joint of a bag could be judged; "" if one could, or if the bag has an error of its own.
+
+    Parameters
+    ----------
+    found : the bag's answer, as `analysis_json.bag_json` has it.
+    """
+    joints: Mapping[str, Mapping[str, Any]] = found.get("joints", {})
+    if not joints or any(Status(joint["worst_status"]) not in NOT_JUDGED for joint in joints.values()):
+        return ""
+    texts = [f"{name}: {joint['reason'] or _OTHERWISE}" for name, joint in joints.items()]
+    more = [f"and {len(texts) - _MOST_NAMED} more joints"] if len(texts) > _MOST_NAMED else []
+    return f"bag {found['path']}: no joint could be judged: {'; '.join([*texts[:_MOST_NAMED], *more])}"
 
 
 def finding(joint: JointAnalysis) -> str:

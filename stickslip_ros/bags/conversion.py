@@ -1,23 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Tables of samples as bags."""
+"""Tables of samples as bags: written as files, or read as one (episodes of LeRobot data sets)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.bags.robot_description import DESCRIPTION, description
 from stickslip_ros.bags.simulated import GAINS, LAST_STAMP, REFERENCES, STATES
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
+from stickslip_ros.bags.table import load_table
 from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
+from stickslip_ros.messages.blocks import Block, Channel, Warn
+from stickslip_ros.messages.content import DESCRIPTION, robot_description
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
+_MESSAGES = 4096  # in a block
 
 
 def _with_stamp(time: FloatArray, start: float) -> NDArray[np.bool_]:
@@ -85,7 +91,7 @@ def write_recording(
         topics[DESCRIPTION] = "std_msgs/msg/String"
     with BagWriter(path, topics, compression) as writer:
         if prismatic and len(times):
-            text = writer.message("std_msgs/msg/String", data=description(names, prismatic))
+            text = writer.message("std_msgs/msg/String", data=robot_description(names, prismatic))
             writer.write([writer.serialized(round(float(times[0]) * 1e9), DESCRIPTION, text)])
         if gains is not None and len(times):
             kinds = {"p": gains.stiffness, "d": gains.damping}
@@ -96,3 +102,42 @@ def write_recording(
             writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
         writer.write(*([(stamp, topic, data) for stamp, data in stream] for topic, stream in streams.items()))
     return len(times)
+
+
+class EpisodeStorage:
+    """One episode; see :class:`~stickslip_ros.messages.blocks.Storage`.
+
+    Parameters
+    ----------
+    path : of the episode. limit : of what is unpacked. warn : told what is not known of it.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+
+    def __init__(self, path: Path, limit: UnpackLimit, warn: Warn) -> None:
+        table = load_table(path, limit=limit)
+        for note in table.notes:
+            warn(note)
+        # Times of an episode begin at zero, which as a stamp means that there is none.
+        streams = joint_state_streams(table.batches, FIRST_STAMP)
+        self._channels = {
+            number: Channel(topic=topic, type=JOINT_STATE, encoding="cdr", schema_encoding="", schema="")
+            for number, topic in enumerate(streams)
+        }
+        self._messages = [
+            [(time, number, data) for time, data in stream] for number, stream in enumerate(streams.values())
+        ]
+
+    def channels(self) -> dict[Channel, int]:
+        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        return {channel: len(self._messages[number]) for number, channel in self._channels.items()}
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        chosen = [some for number, some in enumerate(self._messages) if self._channels[number] in wanted]
+        merged = heapq.merge(*chosen, key=lambda one: one[0])
+        while messages := [(number, time, data) for time, number, data in islice(merged, _MESSAGES)]:
+            yield Block.of_messages(messages, self._channels)

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.reading import BagReader, FloatArray
+from stickslip_ros.bags.reading import BagReader
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_robots, find_topics
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 
 def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit: UnpackLimit | None = None) -> Batch:

@@ -22,7 +22,8 @@ import numpy as np
 
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table_columns import POSITION, Named, factor_of, spelled_unit
-from stickslip_ros.bags.table_files import FloatArray, ParquetFile
+from stickslip_ros.bags.table_files import ParquetFile
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular, read_regular
 
 _INFO = Path("meta") / "info.json"
@@ -148,8 +149,8 @@ class EpisodeFile(ParquetFile):
         self.named = tuple(named)
 
     def _note_units(self, key: str, field: str, feature: Mapping[str, Any], names: Sequence[str]) -> None:
-        told = feature.get("units", feature.get("unit"))
-        units = told if isinstance(told, list) else [told] * len(names)
+        declared = feature.get("units", feature.get("unit"))
+        units = declared if isinstance(declared, list) else [declared] * len(names)
         known = {
             f"{key}.{name}": unit
             for name, text in zip(names, units, strict=False)
@@ -157,8 +158,8 @@ class EpisodeFile(ParquetFile):
         }
         self.units = {**self.units, **known}
         if field == POSITION and len(known) < len(names):
-            said = "no unit" if told is None else f"the unit {told!r}, which is unknown"
-            self.notes = (*self.notes, f"meta/info.json gives {key} {said}: read as rad")
+            declared_text = "no unit" if declared is None else f"the unit {declared!r}, which is unknown"
+            self.notes = (*self.notes, f"meta/info.json gives {key} {declared_text}: read as rad")
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """See :class:`~stickslip_ros.bags.table_files.TableFile`."""

@@ -4,30 +4,39 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.bags.decoding import Decoder
-from stickslip_ros.bags.parameter_events import GainEvents
-from stickslip_ros.bags.robot_description import DESCRIPTION, prismatic_joints
-from stickslip_ros.bags.robot_description import TYPE as DESCRIPTION_TYPE
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.topics import EVENTS_TYPE, Topics, nearest_namespace
 from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.blocks import Block, Channel, Integers
-from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
+from stickslip_ros.messages.content import (
+    DESCRIPTION,
+    DESCRIPTION_TYPE,
+    MessageError,
+    gains_from_message,
+    prismatic_joints,
+    reference_rows,
+    seconds,
+    with_time,
+    with_times,
+)
+from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
+from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
-from stickslip_ros.messages.stamps import with_time, with_times
 from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.visible import visible
 
-FloatArray = NDArray[np.float64]
 _INSTEAD = "recording"  # whose time stands for a stamp that is not set
 
 
@@ -49,6 +58,60 @@ class Piece:
     samples: dict[str, FloatArray] = field(default_factory=dict)
     references: dict[str, FloatArray] = field(default_factory=dict)
     clock: float = np.nan
+
+
+class GainEvents:
+    """Puts gains together from events, which hold only what changed.
+
+    Parameters
+    ----------
+    controller : the node whose events count; None for every node, of which the first that has gains of a joint counts.
+    is_of_robot : says of a node whether its gains are about the robot; None if it cannot be told.
+
+    ``refused`` counts what was left out, and why; ``nodes`` are those that have gains.
+    """
+
+    def __init__(self, controller: str | None, is_of_robot: Callable[[str], bool | None] = lambda _: True) -> None:
+        self._controller, self._is_of_robot = controller, is_of_robot
+        self._heard: dict[str, HeardGains] = {}
+        self._owner: dict[str, str] = {}
+        self.refused: Counter[str] = Counter()
+        self.nodes: set[str] = set()
+
+    def process(self, event: Any) -> dict[str, Gains]:
+        """The gains of the joints that an event changes and whose stiffness is known by now."""
+        node = str(event.node)
+        parameters = {str(one.name): one.value for one in (*event.new_parameters, *event.changed_parameters)}
+        if any(joint_and_kind(name) is not None for name in parameters):
+            self.nodes.add(node)
+        of_robot = self._is_of_robot(node)
+        if (self._controller is not None and node != self._controller) or of_robot is False:
+            return {}
+        heard = self._heard.setdefault(node, HeardGains())
+        if any(name in parameters for name in INTERFACES):
+            heard.refusal = why_not_taken(parameters)
+        changed = []
+        for name, value in parameters.items():
+            found = joint_and_kind(name)
+            if found is None:
+                continue
+            if heard.refusal:
+                self.refused[f"gains of {node}: {heard.refusal}"] += 1
+                continue
+            if of_robot is None:
+                self.refused[f"gains of {node}: it is in no robot's namespace (choose with --controller)"] += 1
+                continue
+            joint, kind = found
+            owner = self._owner.setdefault(joint, node)
+            if owner != node:
+                self.refused[f"{node} has gains of {joint} too; those of {owner} count (choose with --controller)"] += 1
+                continue
+            number = gain_value(value)
+            if math.isfinite(number):
+                heard.set(joint, kind, number)
+                changed.append(joint)
+        gains = {joint: heard.of(joint) for joint in dict.fromkeys(changed)}
+        return {joint: known for joint, known in gains.items() if known is not None}
 
 
 class BagReader:
@@ -157,7 +220,7 @@ class BagReader:
                 for robot, topics in self._robots.items():
                     if channel not in (*topics.gains, *topics.events):
                         continue
-                    new = self._events[robot].take(message) if gains is None else gains
+                    new = self._events[robot].process(message) if gains is None else gains
                     for joint, value in new.items():
                         found.setdefault(number, {})[_full_name(robot, joint)] = value
         return sorted(found.items())

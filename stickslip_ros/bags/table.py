@@ -28,10 +28,10 @@ from stickslip_ros.bags.table_columns import (
     factor_of,
     hint,
 )
-from stickslip_ros.bags.table_files import SUFFIXES, FloatArray, MissingPackageError, TableFile, open_table
+from stickslip_ros.bags.table_files import SUFFIXES, MissingPackageError, TableFile, open_table
 from stickslip_ros.errors import StickSlipError, reason
 from stickslip_ros.model.bounds import LARGEST
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.settings.known_joints import config_folder
 from stickslip_ros.settings.parameter_names import nearest_joint
 

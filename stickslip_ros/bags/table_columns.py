@@ -130,10 +130,10 @@ class Assignment:
 def meaning(name: str) -> Column | None:
     """What a column means by its name; None if it is no field's."""
     rest, bracketed = _UNIT_IN_BRACKETS.sub("", name, count=1), _UNIT_IN_BRACKETS.search(name)
-    said = spelled_unit(bracketed[1]) if bracketed else ""
+    bracketed_unit = spelled_unit(bracketed[1]) if bracketed else ""
     words = list(_WORD.finditer(rest))
     lower = [word[0].lower() for word in words]
-    found = _time(lower, said)
+    found = _time(lower, bracketed_unit)
     if found is not None:
         rank, unit = found
         return Column(name=name, field=TIME, unit=unit, rank=rank)
@@ -148,7 +148,7 @@ def meaning(name: str) -> Column | None:
             return None
         kind, taken = POSITION, set(desired)
         of_a_joint = set(lower) & set(_DESIRED_PLACES) and _joint(rest, words, taken)
-        if not (pairs or of_a_joint or said in _PLACE or _unit_at(lower, taken, POSITION)[0]):
+        if not (pairs or of_a_joint or bracketed_unit in _PLACE or _unit_at(lower, taken, POSITION)[0]):
             return None
     after = max(taken) + 1
     if "_".join(lower[after:]) in _GAINS:
@@ -160,20 +160,20 @@ def meaning(name: str) -> Column | None:
     qualifiers = {*desired, *filtered, *_where(lower, _MEASURED)}
     qualifiers |= set(_where(lower, ("friction",)) if kind == "effort" else ())
     taken = taken | qualifiers
-    unit, at = (said, set()) if said in UNITS[field] else _unit_at(lower, taken, field)
-    if said and said not in UNITS[field]:
+    unit, at = (bracketed_unit, set()) if bracketed_unit in UNITS[field] else _unit_at(lower, taken, field)
+    if bracketed_unit and bracketed_unit not in UNITS[field]:
         return None
     rank = next(number for number, some in enumerate(_EFFORTS) if not some or set(some) & set(lower))
     rank = (rank if kind == "effort" else 0) + len(_EFFORTS) * bool(filtered)
     return Column(name=name, field=field, joint=_joint(rest, words, taken | at), unit=unit, rank=rank)
 
 
-def _time(words: Sequence[str], said: str) -> tuple[int, str] | None:
+def _time(words: Sequence[str], bracketed_unit: str) -> tuple[int, str] | None:
     """Rank and unit of a column of time; None if it is none."""
     while words and words[0] in _AROUND:
         words = words[1:]
-    unit, at = (said, set()) if said in _TIME else _unit_at(words, set(), TIME)
-    if said and said not in _TIME:
+    unit, at = (bracketed_unit, set()) if bracketed_unit in _TIME else _unit_at(words, set(), TIME)
+    if bracketed_unit and bracketed_unit not in _TIME:
         return None
     kept = "_".join(word for number, word in enumerate(words) if number not in at)
     return (_TIMES.index(kept), unit) if kept in _TIMES and (kept or unit) else None
@@ -291,18 +291,18 @@ def assign(
         position.
     """
     fields = {one.field for one in named}
-    known = _said(names, layout)
-    said = _said(names, named, {column.name: column.joint for _, column in known})
+    known = _named_columns(names, layout)
+    by_user = _named_columns(names, named, {column.name: column.joint for _, column in known})
     own = [column for one, column in known if one.field not in fields]
     fields |= {column.field for column in own}
-    taken = {column.name for _, column in said} | {column.name for column in own}
+    taken = {column.name for _, column in by_user} | {column.name for column in own}
     free = [name for name in names if name not in taken]
     gains = _derivative_gains(names)
-    told = [one for name in free if name not in gains and (one := meaning(name)) is not None]
-    told = [one for one in told if one.field not in fields]
-    columns = [*(column for _, column in said), *own, *told]
+    recognised = [one for name in free if name not in gains and (one := meaning(name)) is not None]
+    recognised = [one for one in recognised if one.field not in fields]
+    columns = [*(column for _, column in by_user), *own, *recognised]
     if all(one.field == TIME for one in columns):
-        # Where nothing else is told, columns that are named after joints and nothing else are their positions.
+        # Where nothing else is recognised, columns that are named after joints and nothing else are their positions.
         joints_alone = [name for name in free if _JOINT_ALONE.fullmatch(name)]
         columns += [Column(name=name, field=POSITION, joint=name) for name in joints_alone]
     times = sorted((one for one in columns if one.field == TIME), key=lambda one: (one.name in days, one.rank))
@@ -312,7 +312,7 @@ def assign(
             kept = joints.setdefault(one.joint, {}).get(one.field)
             if kept is None or one.rank < kept.rank:
                 joints[one.joint][one.field] = one
-    joints = _with_position(joints, [column for _, column in said])
+    joints = _with_position(joints, [column for _, column in by_user])
     for field, there in ((TIME, times), (POSITION, joints)):
         if not there:
             wanted = " or ".join(f"{field}_{unit}" for unit in UNITS[field])
@@ -321,12 +321,12 @@ def assign(
     time = _parts_of_time(times, days, clocks)
     used = {one.name for one in time} | {one.name for found in joints.values() for one in found.values()}
     for wish in named:
-        if not any(column.name in used for by, column in said if by is wish):
+        if not any(column.name in used for by, column in by_user if by is wish):
             raise ValueError(_without_effect(wish, joints))
     return Assignment(time=time, joints=joints, unused=tuple(name for name in names if name not in used))
 
 
-def _with_position(joints: dict[str, dict[str, Column]], said: Sequence[Column]) -> dict[str, dict[str, Column]]:
+def _with_position(joints: dict[str, dict[str, Column]], by_user: Sequence[Column]) -> dict[str, dict[str, Column]]:
     """The joints that have a position. Columns that name no joint, and those that the user names, are of the only
     one.
     """
@@ -335,7 +335,7 @@ def _with_position(joints: dict[str, dict[str, Column]], said: Sequence[Column])
         (only,) = kept.values()
         for joint, found in joints.items():
             for field, column in found.items():
-                if joint == "" or column in said:
+                if joint == "" or column in by_user:
                     only.setdefault(field, column)
     return kept
 
@@ -378,7 +378,7 @@ def _stem(name: str) -> str:
     return "_".join(word.lower() for word in _WORD.findall(name)[:-1])
 
 
-def _said(
+def _named_columns(
     names: Sequence[str], named: Sequence[Named], joints: Mapping[str, str] | None = None
 ) -> list[tuple[Named, Column]]:
     """The columns that somebody names, whose joints may be known."""
@@ -394,7 +394,7 @@ def _said(
                 (name, name[len(before) : len(name) - len(after)])
                 for name in names
                 if name.startswith(before) and name.endswith(after) and len(name) > len(before) + len(after)
-                if name not in by_name and not ((told := meaning(name)) and told.field == TIME)
+                if name not in by_name and not ((recognised := meaning(name)) and recognised.field == TIME)
             ]
             if not fits:
                 raise ValueError(f"no column {one.column!r} for {one.field}; has {_listed(names)}")
@@ -416,14 +416,14 @@ def _as_in_table(column: str, names: Sequence[str]) -> str:
 
 
 def _own_joint(one: Named) -> str:
-    told = meaning(one.column)
-    return told.joint if told is not None and told.field == one.field else ""
+    recognised = meaning(one.column)
+    return recognised.joint if recognised is not None and recognised.field == one.field else ""
 
 
 def _column(one: Named, name: str, joint: str) -> Column:
-    told = meaning(name)
+    recognised = meaning(name)
     unit = one.unit or _unit_at([word.lower() for word in _WORD.findall(name)], set(), one.field)[0]
-    unit = unit or (told.unit if told is not None and told.field == one.field else "")
+    unit = unit or (recognised.unit if recognised is not None and recognised.field == one.field else "")
     return Column(name=name, field=one.field, joint=joint, unit=unit, rank=-1)
 
 

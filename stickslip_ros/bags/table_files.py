@@ -28,9 +28,9 @@ from stickslip_ros.bags.table_text import (
     header_of,
     is_number,
 )
+from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular
 
-FloatArray = NDArray[np.float64]
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".npz")
 _LOOKED_AT = 1 << 16  # bytes from which the form of a text is told
 _ROWS_LOOKED_AT = 50
@@ -303,10 +303,10 @@ class ParquetFile(_Plain):
         """See :class:`TableFile`."""
         arrow = self._arrow
         chosen = {name: _list_of(name, self._lengths) for name in names}
-        # What a few bytes stand for is told by the file itself.
+        # The file declares its uncompressed size [bytes].
         groups = [self._groups.row_group(number) for number in self._chosen]
-        told = sum(group.total_byte_size for group in groups)
-        if max(told, sum(group.num_rows for group in groups) * len(names) * _BYTES_OF_A_VALUE) > self._largest:
+        declared = sum(group.total_byte_size for group in groups)
+        if max(declared, sum(group.num_rows for group in groups) * len(names) * _BYTES_OF_A_VALUE) > self._largest:
             raise TooMuchUnpackedError("it", self._largest)
         columns = sorted({found[0] for found in chosen.values()})
         try:

@@ -14,17 +14,16 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
-from stickslip_ros.bags.storage.bag_paths import METADATA
+from stickslip_ros.bags.storage.formats import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.files import whole_file, write_whole
 from stickslip_ros.interrupts import check
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
+from stickslip_ros.monitoring.samples import FloatArray
 
-FloatArray = NDArray[np.float64]
 COMPRESSIONS = ("zstd", "lz4", "none")
 _CHUNK_SIZE = 1 << 20
 

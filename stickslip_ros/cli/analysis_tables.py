@@ -14,7 +14,6 @@ from rich.table import Table
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
-from stickslip_ros.analysis.data_problems import lacks_data, nothing_judged
 from stickslip_ros.analysis.fleet import Answer, TimedAnswer
 from stickslip_ros.analysis.fleet_joints import FleetJoint
 from stickslip_ros.analysis.fleet_table import (
@@ -27,6 +26,7 @@ from stickslip_ros.analysis.fleet_table import (
     worst_status,
 )
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.judgement import lacks_data
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS
@@ -177,7 +177,7 @@ def _result(found: Answer) -> str:
     if "error" in found:
         return "could not be analysed"
     joints = found["joints"]
-    if nothing_judged(found):
+    if words.nothing_judged(found):
         return "no joint could be judged"
     sticking = {name: joint["stick_slip_share"] for name, joint in joints.items() if joint["worst_status"] == _STICKS}
     if not sticking:

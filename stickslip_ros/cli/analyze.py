@@ -22,13 +22,13 @@ from stickslip_ros.analysis.alarm import parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
 from stickslip_ros.analysis.annotation import Annotation
-from stickslip_ros.analysis.data_problems import nothing_judged
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
 from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
-from stickslip_ros.analysis.joint_analysis import FollowedJoint
+from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
+from stickslip_ros.analysis.words import nothing_judged
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import alarms_json, print_alarms, print_analysis, print_finished, print_fleet
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
@@ -193,7 +193,7 @@ def _one(
     try:
         with progress_bar(f"reading {path.name}") as progress, _annotation(chosen, options.out) as annotation:
 
-            def watch(joints: dict[str, FollowedJoint], found: dict[str, list[Cycle]], clock: float) -> None:
+            def watch(joints: dict[str, JointAnalyzer], found: dict[str, list[Cycle]], clock: float) -> None:
                 try:
                     if annotation is not None and not failed:
                         annotation(joints, found, clock)

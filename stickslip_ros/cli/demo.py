@@ -21,7 +21,7 @@ import numpy as np
 from rich.console import Console
 
 from stickslip_ros.analysis.comparison import compare_joints
-from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.comparison_tables import print_joints
 from stickslip_ros.cli.outputs import DRAWING
@@ -222,11 +222,11 @@ def _gains_heard(listener: DemoListener) -> dict[str, object]:
 def _half(data: DemoData, begin: float, end: float, gains: dict[str, object]) -> JointAnalysis:
     """What was heard from one time to another [s], analysed as a recording is."""
     given = {f"model.{_JOINT}": _KNOWN[f"model.{_JOINT}"], "learn": False, **gains}
-    joint = FollowedJoint(_JOINT, Parameters(given), with_traces=False, at_once=1)
+    joint = JointAnalyzer(_JOINT, Parameters(given), with_traces=False, at_once=1)
     states = [(*row, math.nan) for row in data.states if begin <= row[0] <= end]
     references = [(*row, math.nan) for row in data.references if begin <= row[0] <= end]
-    joint.take(np.array(states), np.array(references))
-    joint.end()
+    joint.process(np.array(states), np.array(references))
+    joint.finish()
     return joint.analysis()
 
 

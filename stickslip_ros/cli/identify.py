@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from stickslip_ros.analysis.data_problems import data_problems
+from stickslip_ros.analysis.sample_checks import data_problems
 from stickslip_ros.bags.joint_samples import read_joint
-from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
+from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit

@@ -32,7 +32,8 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.compensations import compensations
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
-from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
 from stickslip_ros.output.as_json import json_text, margin_json, recommendation_json
 from stickslip_ros.output.wording import OUTCOME_WORDS

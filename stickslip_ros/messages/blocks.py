@@ -16,6 +16,7 @@ from stickslip_ros.visible import visible
 Warn = Callable[[str], None]
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

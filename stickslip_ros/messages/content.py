@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What messages mean: states, references and gains of joints, whoever decoded them (rclpy, or a bag's reader)."""
+"""Content of decoded messages, live or recorded: stamps, states, references and gains of joints, prismatic joints."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
+from xml.sax.saxutils import quoteattr, unescape
+
+import numpy as np
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.messages.blocks import FloatArray
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
+
+DESCRIPTION = "/robot_description"
+DESCRIPTION_TYPE = "std_msgs/msg/String"
+# Tags of joints in a URDF, by regular expressions: no parser of XML is trusted with a text of others.
+_JOINT = re.compile(r"<joint\s([^<>]{1,1000})>")
+_ATTRIBUTE = re.compile(r"\b(name|type)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_LONGEST_DESCRIPTION = 10_000_000  # characters of a URDF that are read: bounds the time
+_ENTITIES = {"&quot;": '"', "&apos;": "'"}
 
 
 class MessageError(StickSlipError, ValueError):
@@ -20,6 +33,27 @@ class MessageError(StickSlipError, ValueError):
 def seconds(stamp: Any) -> float:
     """A stamp as seconds."""
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def with_times(
+    stamps: FloatArray, others: Callable[[], FloatArray], what: str, refuse: Callable[[str, int], None]
+) -> FloatArray:
+    """Stamps [s]; the other times where a stamp is zero, which means that nobody set it.
+
+    Parameters
+    ----------
+    what : name of the other times' event, for people. refuse : called with the reason and the number of unset stamps.
+    """
+    unset = stamps == 0.0
+    if not unset.any():
+        return stamps
+    refuse(f"stamp is zero; the time of {what} is used instead", int(unset.sum()))
+    return np.where(unset, others(), stamps)
+
+
+def with_time(stamp: float, other: float, what: str, refuse: Callable[[str, int], None]) -> float:
+    """One stamp [s], or the other time; see :func:`with_times`."""
+    return float(with_times(np.array([stamp]), lambda: np.array([other]), what, refuse)[0])
 
 
 def joint_rows(message: Any) -> dict[str, tuple[float, float, float]]:
@@ -107,3 +141,21 @@ def reference_rows(message: Any) -> dict[str, tuple[float, float]]:
         velocities = point.velocities if known else [math.nan] * len(names)
         return dict(zip(names, zip(point.positions, velocities, strict=True), strict=True))
     return {name: (position, velocity) for name, (position, velocity, _) in joint_rows(message).items()}
+
+
+def prismatic_joints(text: str) -> set[str]:
+    """Names of the prismatic joints in a robot's description (URDF): their positions are in metres."""
+    found = set()
+    for joint in _JOINT.findall(text[:_LONGEST_DESCRIPTION]):
+        attributes = {name: unescape(one or other, _ENTITIES) for name, one, other in _ATTRIBUTE.findall(joint)}
+        if attributes.get("type") == "prismatic":
+            found.add(attributes.get("name", ""))
+    return found
+
+
+def robot_description(names: Iterable[str], prismatic: Collection[str]) -> str:
+    """Description of a robot (URDF) with no more than the joints and their types."""
+    joints = [
+        f'<joint name={quoteattr(name)} type="{"prismatic" if name in prismatic else "revolute"}"/>' for name in names
+    ]
+    return f'<robot name="robot">{"".join(joints)}</robot>'

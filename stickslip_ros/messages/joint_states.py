@@ -14,10 +14,9 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.messages import _gather_kernel as kernel
-from stickslip_ros.messages.blocks import Block, Bytes, Integers
+from stickslip_ros.messages.blocks import Block, Bytes, FloatArray, Integers
 from stickslip_ros.messages.content import MessageError, check_joint_row
 
 TYPE = "sensor_msgs/msg/JointState"
@@ -27,8 +26,6 @@ _STAMP = 8
 _PADDING = 32  # bytes after the message, less than this: serializers reckon with more alignment than there is
 _LAYOUTS_KEPT = 64
 _MOST_NAMES = 4096  # no robot has more joints, but damaged bytes may seem to
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +71,7 @@ class JointStateDecoder:
         found: list[JointRows] = []
         left = chosen
         for layout in list(self._layouts):
-            left = self._take(layout, block, chosen, left, found)
+            left = self._decode_layout(layout, block, chosen, left, found)
         while len(left):
             try:
                 layout = _layout_of(block.message(int(left[0])))
@@ -84,10 +81,10 @@ class JointStateDecoder:
                 continue
             self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
             self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
-            left = self._take(layout, block, chosen, left, found)
+            left = self._decode_layout(layout, block, chosen, left, found)
         return found
 
-    def _take(
+    def _decode_layout(
         self, layout: _Layout, block: Block, chosen: Integers, left: Integers, found: list[JointRows]
     ) -> Integers:
         if not len(left):

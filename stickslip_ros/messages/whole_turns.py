@@ -6,16 +6,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 
 from stickslip_ros.messages._whole_turns_kernel import ADDED, follow
-from stickslip_ros.messages.joint_states import FloatArray
+from stickslip_ros.messages.blocks import FloatArray, Warn
 from stickslip_ros.model.bounds import LARGEST
 
 WRAPS = "position wraps at a whole turn; it is read on as a continuous one"
-Say = Callable[[str], None]
 
 
 class WholeTurns:
@@ -26,15 +24,15 @@ class WholeTurns:
 
     Parameters
     ----------
-    say : called once for each joint that wraps, with a sentence.
+    warn : called once for each joint that wraps, with a sentence.
 
     Attributes
     ----------
     counts : how many whole turns were removed, by joint.
     """
 
-    def __init__(self, say: Say = lambda _: None) -> None:
-        self._say = say
+    def __init__(self, warn: Warn = lambda _: None) -> None:
+        self._warn = warn
         self.counts: Counter[str] = Counter()
         self._states: dict[str, FloatArray] = {}
 
@@ -52,7 +50,7 @@ class WholeTurns:
         turns = follow(np.ascontiguousarray(rows[:, 1]), LARGEST, state, added)
         if turns:
             if joint not in self.counts:
-                self._say(f"{joint}: {WRAPS}")
+                self._warn(f"{joint}: {WRAPS}")
             self.counts[joint] += turns
         elif state[ADDED] == 0.0:
             return rows

@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from stickslip_ros.bags.storage.bag import Bag
-from stickslip_ros.bags.storage.bag_paths import is_read_as_bag
+from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice, find_topics
 from stickslip_ros.errors import InvalidParameterError

@@ -22,10 +22,8 @@ from stickslip_ros.analysis.alarm import QUANTITIES, parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet_joints import fleet_joints
-from stickslip_ros.analysis.measured import Measured
-from stickslip_ros.analysis.report.fleet_page import write_fleet_page
-from stickslip_ros.analysis.report.sparkline import sparkline
-from stickslip_ros.analysis.trend import DAY, MONTH, trend
+from stickslip_ros.analysis.report.fleet_page import sparkline, write_fleet_page
+from stickslip_ros.analysis.trend import DAY, MONTH, Measured, trend
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import InvalidParameterError

@@ -30,8 +30,7 @@ from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet import BagTask, answer
 from stickslip_ros.analysis.fleet_table import rows_of
 from stickslip_ros.bags.joint_samples import read_joint
-from stickslip_ros.bags.parameter_events import GainEvents
-from stickslip_ros.bags.reading import BagReader, is_of_robot
+from stickslip_ros.bags.reading import BagReader, GainEvents, is_of_robot
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_robots
@@ -272,7 +271,7 @@ def test_gains_of_controllers_are_their_robots() -> None:
 
     def heard(robot: str, node: str, controller: str | None = None) -> tuple[float, list[str]]:
         events = GainEvents(controller, partial(is_of_robot, found[robot], controller))
-        gains = events.take(SimpleNamespace(node=node, new_parameters=[parameter], changed_parameters=[]))
+        gains = events.process(SimpleNamespace(node=node, new_parameters=[parameter], changed_parameters=[]))
         return (float(gains["joint1"].stiffness) if gains else 0.0), list(events.refused)
 
     assert heard("left", "/left/controller") == (5.0, [])

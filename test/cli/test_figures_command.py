@@ -15,7 +15,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.cli.paper_figures import FIGURES
 from stickslip_ros.model.extinction import work_integral
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.output.stability_map import MapSubject, map_figure, map_of
 
 pytestmark = pytest.mark.slow

@@ -23,7 +23,8 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import change_factors, stability_margin
 from stickslip_ros.model.verdict import exact_verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
-from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.settings.known_joints import load_joint
 
 PUMA = load_joint("puma560_joint1").joint

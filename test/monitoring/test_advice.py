@@ -30,7 +30,8 @@ from stickslip_ros.monitoring.advice.limits import (
     crossover_frequency,
     largest_bandwidth,
 )
-from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.samples import Batch

@@ -13,7 +13,8 @@ from machines import Machine, drawn, simulate, sticks
 from random_machines import CONDITIONS, random_recording
 
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

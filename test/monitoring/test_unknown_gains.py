@@ -22,7 +22,7 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.outcome import Outcome, outcomes
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
-from stickslip_ros.monitoring.advice.recommendation import recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

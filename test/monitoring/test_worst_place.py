@@ -18,7 +18,8 @@ from varying_machines import EVEN, LOAD, PLACE, VaryingRecording, learnt_monitor
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
-from stickslip_ros.monitoring.advice.recommendation import Kind, recommend
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.friction.dry_friction import dry_friction
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.learner import LearnerMemory

@@ -15,7 +15,7 @@ from conftest import nightly
 from support_ros import Probe, probe
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
-from stickslip_ros.analysis.joint_analysis import FollowedJoint, JointAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.cli.processes import NodeProcess
@@ -81,7 +81,7 @@ def words_of(path: Path, options: AnalysisOptions, joint: str) -> list[str]:
     """The joint's status words with every single sample of a bag, in order."""
     words: list[str] = []
 
-    def watch(joints: dict[str, FollowedJoint], *_: object) -> None:
+    def watch(joints: dict[str, JointAnalyzer], *_: object) -> None:
         if joint in joints:
             word = joints[joint].monitor.finding().status.value
             if not words or words[-1] != word:

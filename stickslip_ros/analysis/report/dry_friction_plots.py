@@ -73,14 +73,16 @@ def position_dependence_plot(joint: JointAnalysis) -> Plot | None:
         )
     _show_in_proportion(plot, dry)
     finish(plot)
-    said = "no period stands out of the scatter"
+    ripple_text = "no period stands out of the scatter"
     if dry.ripple is not None:
-        said = f"the curve is a ripple of ±{dry.ripple.amplitude:.2g} N·m, {1.0 / dry.ripple.period:.3g} times a radian"
+        ripple_text = (
+            f"the curve is a ripple of ±{dry.ripple.amplitude:.2g} N·m, {1.0 / dry.ripple.period:.3g} times a radian"
+        )
     return Plot(
         plot,
         "Friction over position",
         f"Kinetic friction of {len(dry.kinetic)} slips against their direction, at the positions that they began from; "
-        f"squares are means of places with their standard errors; {said}.",
+        f"squares are means of places with their standard errors; {ripple_text}.",
     )
 
 
@@ -109,11 +111,12 @@ def time_dependence_plot(joint: JointAnalysis) -> Plot | None:
             plot.line(ends, level, color=GREEN, line_width=2, legend_label="drift")
     _show_in_proportion(plot, dry)
     finish(plot)
-    said = "the line is its drift" if dry.drift is not None else "no drift stands out of the scatter"
+    drift_text = "the line is its drift" if dry.drift is not None else "no drift stands out of the scatter"
     return Plot(
         plot,
         "Friction over time",
-        f"Kinetic friction of {len(dry.kinetic)} slips against their direction, at the times that they began; {said}.",
+        f"Kinetic friction of {len(dry.kinetic)} slips against their direction, at the times that they began; "
+        f"{drift_text}.",
     )
 
 

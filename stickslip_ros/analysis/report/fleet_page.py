@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.fleet_joints import FleetJoint, History
 from stickslip_ros.analysis.fleet_table import Row
+from stickslip_ros.analysis.judgement import NOT_JUDGED
 from stickslip_ros.analysis.report.page import Plot, number_text, percent_text, write_page
-from stickslip_ros.analysis.report.sparkline import sparkline
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.visible import visible
@@ -33,6 +32,9 @@ _PLOTS = {
     "viscous": ("Viscous friction [N·m·s/rad]", 1.0),
 }
 _NOTHING = "–"
+_WIDTH, _HEIGHT, _EDGE = 84.0, 20.0, 3.0  # pixels
+_LEAST_SPAN = 0.2  # of the largest value, that the height covers: what hardly changes is to look so
+_MOST_POINTS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,3 +246,36 @@ def _plots(*, dated: bool) -> list[Plot]:
         plot.scatter("at", "value", source=source, size=7, color=colour)
         found.append(Plot(plot, label, f"{label} over the recordings of the chosen joint; bars: two standard errors."))
     return found
+
+
+def sparkline(at: Sequence[float], values: Sequence[float], *, low: float = math.nan, high: float = math.nan) -> str:
+    """A line through values, with a dot at the last; "" where there are fewer than two.
+
+    Parameters
+    ----------
+    at : where the values stand, of shape (n,). low, high : ends of the axis; NaN: those of the values.
+    """
+    if len(values) < 2:
+        return ""
+    step = math.ceil(len(values) / _MOST_POINTS)
+    # Thinned from behind, so that the last is there.
+    at, values = list(at)[::-1][::step][::-1], list(values)[::-1][::step][::-1]
+    largest = max(abs(value) for value in values)
+    bottom = min(values) if math.isnan(low) else low
+    top = max(values) if math.isnan(high) else high
+    room = 0.5 * max(0.0, _LEAST_SPAN * largest - (top - bottom))
+    bottom, top = bottom - room, top + room
+    across, along = (top - bottom) or 1.0, (at[-1] - at[0]) or 1.0
+    points = [
+        (
+            _EDGE + (_WIDTH - 2.0 * _EDGE) * (x - at[0]) / along,
+            _HEIGHT - _EDGE - (_HEIGHT - 2.0 * _EDGE) * (min(max(y, bottom), top) - bottom) / across,
+        )
+        for x, y in zip(at, values, strict=True)
+    ]
+    line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    x, y = points[-1]
+    return (
+        f'<svg class="spark" width="{_WIDTH:.0f}" height="{_HEIGHT:.0f}" viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" '
+        f'aria-hidden="true"><polyline points="{line}"/><circle cx="{x:.1f}" cy="{y:.1f}" r="2.2"/></svg>'
+    )

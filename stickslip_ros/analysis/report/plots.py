@@ -136,13 +136,13 @@ def error_plot(joint: JointAnalysis) -> Plot | None:
     plot.varea(_small(time), _small(low), _small(high), color=BLUE, alpha=0.4)
     plot.line(_small(time), _small(0.5 * (low + high)), color=BLUE, line_width=1.5)
     most = with_prefix(1e-3 * float(np.nanmax(np.abs([low, high]))), "rad")
-    said = f"{joint.name} is at most {most} from its reference."
+    caption = f"{joint.name} is at most {most} from its reference."
     if joint.cycles:
-        said += (
+        caption += (
             " Each jump is a slip, as a rule of "
             f"{with_prefix(joint.usual_slip, 'rad')}; between them the joint stands while its reference goes on."
         )
-    return Plot(plot, "Steps: position less its reference", said, wide=True)
+    return Plot(plot, "Steps: position less its reference", caption, wide=True)
 
 
 def close_up_plot(joint: JointAnalysis) -> Plot | None:
@@ -244,7 +244,7 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
     unit = "rad/s²" if state.per_inertia else "N·m"
     label = "Stribeck and viscous friction per inertia" if state.per_inertia else "friction"
     plot = new_figure("speed [rad/s]", f"{label} [{unit}]")
-    said = []
+    captions = []
     fastest = 3.0 * joint.velocity if math.isfinite(joint.velocity) else 0.0
     if curve is not None:
         fastest = max(fastest, 6.0 * float(curve.stribeck_velocity))
@@ -253,25 +253,26 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
         plot.scatter(_small(speed), _small(force), size=3, color=BLUE, alpha=0.35, legend_label="measured in sliding")
         fastest = max(fastest, 1.05 * float(speed.max()))
         less = ", less what accelerated the joint" if inertia > 0.0 else ""
-        said.append(f"the effort in {len(speed)} stretches of sliding{less}")
+        captions.append(f"the effort in {len(speed)} stretches of sliding{less}")
     if curve is not None:
         speeds = np.linspace(0.0, fastest, _CURVE)
         if estimate is not None and estimate.usable:
             low, high = _band(joint, speeds)
             plot.varea(_small(speeds), _small(low), _small(high), color=ORANGE, alpha=0.3, legend_label="5 % to 95 %")
-            said.append("the curve fitted to the slips with the band that 90 % of its errors span")
+            captions.append("the curve fitted to the slips with the band that 90 % of its errors span")
         else:
-            said.append("the curve configured")
+            captions.append("the curve configured")
         plot.line(_small(speeds), _small(_steady(curve, speeds)), color=ORANGE, line_width=2, legend_label="curve used")
     if math.isfinite(joint.velocity):
         plot.add_layout(
             Span(location=joint.velocity, dimension="height", line_color=RED, line_dash="dotted", line_width=1.5)
         )
     finish(plot)
+    caption = "; ".join(captions)
     return Plot(
         plot,
         "Friction against speed",
-        f"{'; '.join(said)[:1].upper()}{'; '.join(said)[1:]}. The dotted line is at {joint.velocity:.3g} rad/s. "
+        f"{caption[:1].upper()}{caption[1:]}. The dotted line is at {joint.velocity:.3g} rad/s. "
         "Friction that falls with speed is what feeds stick slip.",
     )
 

@@ -11,9 +11,8 @@ from pathlib import Path
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
-from stickslip_ros.analysis.data_problems import NOT_JUDGED
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.analysis.judgement import SEVERITY
+from stickslip_ros.analysis.judgement import NOT_JUDGED, SEVERITY
 from stickslip_ros.analysis.report.page import Plot, write_page
 from stickslip_ros.analysis.trend import YEAR_2001
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains

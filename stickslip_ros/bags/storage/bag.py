@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.bags.conversion import EpisodeStorage
 from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set, name_an_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.bag_paths import METADATA, is_bag_file
-from stickslip_ros.bags.storage.episodes import EpisodeStorage
-from stickslip_ros.bags.storage.formats import FORMATS, format_of
+from stickslip_ros.bags.storage.formats import FORMATS, METADATA, format_of, is_bag_file
 from stickslip_ros.bags.storage.transcoding import Transcode, transcoded
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError

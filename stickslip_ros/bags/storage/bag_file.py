@@ -4,20 +4,24 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
+import os
 import shutil
-from collections.abc import Callable
-from contextlib import ExitStack
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
-from stickslip_ros.bags.storage.workspace import own_folder
+from stickslip_ros.files import in_nobodys_use
 from stickslip_ros.regular_files import open_regular
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _LONGEST_BEGIN = 16
 _AT_ONCE = 1 << 20
+_PREFIX = "stickslip_unpacked_"
 
 
 class BagFile:
@@ -80,7 +84,7 @@ class BagFile:
         """
         if not self.packed:
             return self.path
-        folder = self._stack.enter_context(own_folder())
+        folder = self._stack.enter_context(_own_folder())
         target = folder / "bag"
         # Half of what is free stays for others.
         room = shutil.disk_usage(folder).free // 2
@@ -120,3 +124,32 @@ class _ZstdStream(io.RawIOBase):
         if not self.closed:
             self._reader.close()  # type: ignore[no-untyped-call]
         super().close()
+
+
+@contextmanager
+def _own_folder() -> Iterator[Path]:
+    """A folder of one's own, which is removed with all that is in it when the context ends.
+
+    Raises
+    ------
+    OSError
+        If there is no room for it.
+    """
+    _remove_abandoned(Path(tempfile.gettempdir()))
+    with tempfile.TemporaryDirectory(prefix=_PREFIX, ignore_cleanup_errors=True) as name:
+        handle = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            # The lock goes with the process, however it ends: so others know that the folder is in use.
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield Path(name)
+        finally:
+            os.close(handle)
+
+
+def _remove_abandoned(parent: Path) -> None:
+    """Remove such folders of this user whose processes are gone."""
+    for folder in parent.glob(f"{_PREFIX}*"):
+        # One that is empty may be about to be locked; who locks it waits as long as it is held here.
+        with suppress(OSError), in_nobodys_use(folder):
+            if any(folder.iterdir()):
+                shutil.rmtree(folder, ignore_errors=True)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The formats of bag files, a line each: how their names end, how they begin, and who reads them."""
+"""What a bag is, for every command and node: formats of bag files (a line each: suffix, first bytes, reader), folders,
+episodes.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,11 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+from stickslip_ros.bags.lerobot import episode_of, files_of_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.messages.blocks import Storage, Warn
 
+METADATA = "metadata.yaml"
 _PACKED = ".zstd"  # on top of a format's own suffix
 
 
@@ -66,3 +70,40 @@ def format_of(file: BagFile) -> Format:
     if found is None:
         raise ValueError(f"neither {' nor '.join(one.called for one in FORMATS)}")
     return found
+
+
+def is_bag_file(path: Path) -> bool:
+    """Whether a file is named as one of rosbag2's."""
+    return path.name.endswith(SUFFIXES)
+
+
+def is_bag_folder(folder: Path) -> bool:
+    """Whether a folder is one bag: it has metadata, or its files are named as those of one are.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    if (folder / METADATA).exists():
+        return True
+    files = [file.name for file in folder.iterdir() if is_bag_file(file)]
+    return bool(files) and all(name.startswith(f"{folder.resolve().name}_") for name in files)
+
+
+def is_read_as_bag(path: Path) -> bool:
+    """Whether the one recording that a path names is a bag, not a table: any folder is, however its files are named."""
+    return path.is_dir() or is_bag_file(path) or episode_of(path) is not None
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files that a bag, a folder of one, or an episode is read from.
+
+    Raises
+    ------
+    OSError, ValueError
+        If they cannot be found.
+    """
+    if episode_of(path) is not None:
+        return files_of_episode(path)
+    return sorted(path.iterdir()) if path.is_dir() else [path]

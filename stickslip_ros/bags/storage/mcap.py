@@ -34,7 +34,7 @@ _TABLE_ROWS = 1 << 16
 _WINDOW = 1 << 20
 _LARGEST_RECORD = 1 << 30
 _OF_USE = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL)
-_MOST_SAID = 3  # of what makes a file useless
+_MOST_REPORTED = 3  # of what makes a file useless
 _MOST_CHANNELS = 1 << 16  # their numbers have 16 bits
 # What a damaged record makes its parser raise.
 _DAMAGE = (McapError, ValueError, struct.error, EOFError, OverflowError, MemoryError)
@@ -84,8 +84,8 @@ class McapStorage:
             return counts_by_channel(self._summary.channels, self._summary.counts)
         counts: dict[Channel, int] = {}
         self._want(None)
-        said: list[str] = []
-        warn, self._warn = self._warn, said.append
+        problems: list[str] = []
+        warn, self._warn = self._warn, problems.append
         try:
             for block in self._from_start(lambda _: None):
                 for number, count in zip(*np.unique(block.channel, return_counts=True), strict=True):
@@ -93,10 +93,10 @@ class McapStorage:
                     if channel is not None:
                         counts[channel] = counts.get(channel, 0) + int(count)
         finally:
-            # What is wrong is said when it is read in earnest, unless there is nothing to read.
+            # Problems are reported when the messages are read, unless there are none.
             self._warn = warn
         if not counts:
-            for text in said[:_MOST_SAID]:
+            for text in problems[:_MOST_REPORTED]:
                 warn(text)
         return {**dict.fromkeys(self._channels.values(), 0), **counts}
 
@@ -135,7 +135,7 @@ class McapStorage:
             if begin == 0:
                 return None
             if not len(MAGIC) <= begin <= size - tail:
-                self._say_unsound()
+                self._warn_of_index()
                 return None
             file.seek(begin)
             content = file.read(size - tail - begin)
@@ -143,23 +143,23 @@ class McapStorage:
             if footer.summary_crc == 0:
                 return None
             if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != footer.summary_crc:
-                self._say_unsound()
+                self._warn_of_index()
                 return None
             try:
                 summary = self._parse_summary(content)
             except _DAMAGE:
-                self._say_unsound()
+                self._warn_of_index()
                 return None
             for chunk in summary.chunks:
                 file.seek(chunk.chunk_start_offset)
                 if file.read(1) != bytes([Opcode.CHUNK]):
-                    self._say_unsound()
+                    self._warn_of_index()
                     return None
             # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
-            told = [set(chunk.message_index_offsets) for chunk in summary.chunks]
-            return summary if told and all(some and some <= set(summary.channels) for some in told) else None
+            listed = [set(chunk.message_index_offsets) for chunk in summary.chunks]
+            return summary if listed and all(some and some <= set(summary.channels) for some in listed) else None
 
-    def _say_unsound(self) -> None:
+    def _warn_of_index(self) -> None:
         self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
 
     def _parse_summary(self, content: bytes) -> _Summary:

@@ -62,14 +62,14 @@ class Ros1Storage:
         chosen = [one for one in self._reader.connections if _channel(one) in wanted]
         channels = {one.id: _channel(one) for one in chosen}
         total = max(sum(one.msgcount for one in chosen), 1)
-        taken, told = 0, 0
+        taken, reported = 0, 0
         for batch in self._batches(chosen):
             yield Block.of_messages(batch, channels)
             taken += len(batch)
             read = self._file.size * min(taken, total) // total
-            progress(read - told)
-            told = read
-        progress(self._file.size - told)
+            progress(read - reported)
+            reported = read
+        progress(self._file.size - reported)
 
     def _batches(self, connections: list[Any]) -> Iterator[list[tuple[int, int, bytes]]]:
         batch: list[tuple[int, int, bytes]] = []

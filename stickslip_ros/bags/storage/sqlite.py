@@ -63,7 +63,7 @@ class SqliteStorage:
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         numbers = {number: channel for number, channel in self._channels.items() if channel in wanted}
-        size, told, taken = self._path.stat().st_size, 0, 0
+        size, reported, taken = self._path.stat().st_size, 0, 0
         total = max(sum(self._counts.get(number, 0) for number in numbers), 1)
         if not numbers:
             return
@@ -72,11 +72,11 @@ class SqliteStorage:
                 for batch in self._batches(database, set(numbers)):
                     yield Block.of_messages(batch, numbers)
                     taken += len(batch)
-                    progress(size * min(taken, total) // total - told)
-                    told = size * min(taken, total) // total
+                    progress(size * min(taken, total) // total - reported)
+                    reported = size * min(taken, total) // total
         except _DAMAGE as error:
             self._warn(f"{self._name}: reading stopped after {taken} messages: {' '.join(str(error).split())}")
-        progress(size - told)
+        progress(size - reported)
 
     def _open(self) -> sqlite3.Connection:
         # What is written meanwhile does not count, and no journal is looked for beside the file.

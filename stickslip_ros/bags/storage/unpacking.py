@@ -97,10 +97,10 @@ class Allowance:
         self._decompressor = self._decompressor or zstandard.ZstdDecompressor()
 
         def unpack(largest: int) -> bytes:
-            told = zstandard.frame_content_size(data)
-            if told > largest:
+            declared = zstandard.frame_content_size(data)
+            if declared > largest:
                 raise self._too_much(largest)
-            if told >= 0:
+            if declared >= 0:
                 whole: bytes = self._decompressor.decompress(data)
                 return whole
             with self._decompressor.stream_reader(data) as stream:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""One question for advice and its answer: what a monitor asks, here or in another thread."""
+"""Question and answer of advice: what a monitor requests, in its own thread or another."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from dataclasses import dataclass
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, ObservedLoop
-from stickslip_ros.monitoring.advice.recommendation import Recommendation, recommend, without_gains
+from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Recommendation, without_gains
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, sensitivities
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
-_COMPARABLE = 2.0  # times as fast
-_SAME_SPEED = 0.01
-_SAME_RATE = 0.05
-_SAME_ERROR = 0.2
+_COMPARABLE = 2.0  # ratio of speeds, up to which an answer is shown until the next is computed
+# Relative differences, up to which an answer is kept.
+_SAME_SPEED = 0.01  # changes the advised gains by less than they are printed to
+_SAME_RATE = 0.05  # of the sample rate, which is estimated
+_SAME_ERROR = 0.2  # of position and velocity errors, maxima that scatter from second to second
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdviceQuestion:
-    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommendation.recommend`.
+    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend.recommend`.
 
     Attributes
     ----------
@@ -66,7 +68,7 @@ class AdviceQuestion:
             and self.of_the_same_controller(other)
         )
 
-    def alike(self, other: AdviceQuestion, speeds: float = _SAME_SPEED) -> bool:
+    def similar(self, other: AdviceQuestion, speeds: float = _SAME_SPEED) -> bool:
         """Whether the answer to the one answers the other: at speeds that differ by no more than a share."""
         mine, its = self.loop, other.loop
         return (
@@ -137,14 +139,14 @@ def no_advice(reason: str, velocity: float, limits: AdviceLimits, *, gains_known
 
 
 class CachingAdviser:
-    """Answers at once, and does not work out again what has changed by too little to matter."""
+    """Computes answers at once; the last one is kept for similar questions."""
 
     def __init__(self) -> None:
         self._last: tuple[AdviceQuestion, Advice] | None = None
 
     def __call__(self, question: AdviceQuestion) -> Advice:
         """The answer to a question."""
-        if self._last is None or not self._last[0].alike(question):
+        if self._last is None or not self._last[0].similar(question):
             self._last = (question, advise(question))
         return self._last[1]
 

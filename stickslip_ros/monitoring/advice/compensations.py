@@ -18,8 +18,8 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 
 FEEDFORWARD, FEEDBACK = "feed-forward", "feedback"
-_PERIOD = 1e-3  # [s] of a controller that is not known to be sampled
-_DITHER = 3.0  # natural frequencies: dither is to be quicker than the joint
+_PERIOD = 1e-3  # [s] of the controller, where it is not known: the usual one of ros2_control
+_DITHER = 3.0  # frequency of dither, relative to the natural one: the joint does not follow it
 
 
 At = Callable[[float], Compensation]
@@ -114,6 +114,6 @@ def compensation_advice(question: CompensationQuestion, *, with_limits: bool = T
         if with_limits:
             harmless = largest_harmless_share(joint, gains, speed, conditions, kinds[kind], alone.effect)
         share = min(1.0, harmless) if with_limits else 1.0
-        told = effect(kinds[kind](share)) if share > 0 else alone.effect
-        found.append(CompensatedGains(kind=kind, share=share, harmless=harmless, effect=told))
+        result = effect(kinds[kind](share)) if share > 0 else alone.effect
+        found.append(CompensatedGains(kind=kind, share=share, harmless=harmless, effect=result))
     return tuple(found)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.search import damping_floor
 
-_LARGEST_STEP = 0.04  # of the logarithms of the gains, however slow the steps are
-_LARGEST_EFFORT_STEP = 0.05  # of the largest effort of the last second
+_LARGEST_STEP = 0.04  # of the logarithms of the gains: a controller's rounding and the joint's motion see no jump
+_LARGEST_EFFORT_STEP = 0.05  # relative to the largest effort of the last second: within its usual scatter
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.samples import FloatArray
 
-_ANY = (0.0, math.inf)
-_SAMPLES_TO_WATCH = 8.0  # a natural period, below which a motion cannot be followed
+_ANY = (0.0, math.inf)  # range of a gain without bounds
+_SAMPLES_TO_WATCH = 8.0  # samples a natural period: with fewer, rests and slips cannot be distinguished
 
 
 class Criterion(str, Enum):
@@ -190,7 +190,7 @@ def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: O
         )
     if limits.effort < math.inf and loop.tracking_error > 0:
         left = limits.effort - stiffness * loop.tracking_error
-        error = max(loop.velocity_error, 1e-300) if loop.velocity_error > 0 else 1e-300
+        error = loop.velocity_error if loop.velocity_error > 1e-300 else 1e-300
         add(
             "effort",
             f"{limits.effort:.4g} N·m at an error of {loop.tracking_error:.3g} rad",

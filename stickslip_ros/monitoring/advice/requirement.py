@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""How much damping a joint needs at a given stiffness: by Eq. (43) or exactly, at the confidence asked for."""
+"""Least damping of a joint at a given stiffness: by Eq. (43) or exactly, at the wanted confidence."""
 
 from __future__ import annotations
 
@@ -19,13 +19,15 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.uncertainty import Uncertainty, each_number
 
-_LEAST_RATIO = 1e-6  # without any damping no oscillation dies
-_ROUNDING = 1e-9
-TOLERANCE = 2e-4  # of a bisected critical ratio, relative
+_LEAST_RATIO = 1e-6  # damping ratio: without any damping no oscillation decays
+_LARGEST_LAG = 2.0 * math.pi  # τ* [1]: one natural period; the exact ratio is verified up to that
+_ROUNDING = 1e-9  # relative, of the damping: the least damping itself satisfies
+_TOLERANCE = 2e-4  # relative, of the bisected critical ratio
+DRAWS_TOLERANCE = 5e-3  # the same for draws, of which the confidence takes one
+# Speeds between the slowest and the fastest, at which the joint shall be smooth; the exact condition costs more.
 _SPEEDS, _EXACT_SPEEDS = 16, 8
-_FAST = 30.0  # times the Stribeck velocity, from which on no joint sticks that does not at lower speeds
-_STEADY = 1.05  # times the damping at which a disturbance neither grows nor decays
-_LARGEST_LAG = 2.0 * math.pi  # of τ*
+_FASTEST = 30.0  # times the Stribeck velocity: no joint sticks above that is smooth at lower speeds
+_DECAY_FACTOR = 1.05  # times the damping at which a disturbance of steady sliding neither grows nor decays
 
 
 class Requirement:
@@ -50,7 +52,7 @@ class Requirement:
         self._wanted = 1.0 + limits.wanted_margin
         self.speeds = speeds_needed(joint, velocity, limits)
 
-    def damping(self, stiffness: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
+    def damping(self, stiffness: FloatArray, tolerance: float = _TOLERANCE) -> FloatArray:
         """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,); infinite where no damping will do.
 
         ``tolerance`` : relative, of a critical ratio that is bisected; twice as much more damping is required.
@@ -117,22 +119,22 @@ class SteadySliding:
         self._joint, self._speeds, self._confidence = joint, speeds, confidence
         self._uncertainties = [one.thinned() for one in uncertainties]
 
-    def damping(self, stiffness: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
-        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,), of a formula: no tolerance matters."""
-        needed = self._of(self._joint, np.ones(1), stiffness)
+    def damping(self, stiffness: FloatArray) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,)."""
+        needed = self._of_draws(self._joint, np.ones(1), stiffness)
         several = [
-            np.quantile(self._of(one.joint, one.stiffness, stiffness), self._confidence, axis=1, method="higher")
+            np.quantile(self._of_draws(one.joint, one.stiffness, stiffness), self._confidence, axis=1, method="higher")
             for one in self._uncertainties
         ]
         return np.asarray(np.max([needed[:, 0], *several], axis=0))
 
-    def _of(self, joint: Joint, ratios: FloatArray, stiffness: FloatArray) -> FloatArray:
-        """Of each draw, with an axis of them behind."""
+    def _of_draws(self, joint: Joint, ratios: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """Least k_v of each draw at each stiffness, of shape (n, draws)."""
         stiffnesses = stiffness[:, None, None] * ratios[None, :, None]
         draws = _with_axis(joint)
         with np.errstate(all="ignore"):
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses), self._speeds)
-            ratio = _STEADY * np.asarray(sliding_damping_ratio(groups))
+            ratio = _DECAY_FACTOR * np.asarray(sliding_damping_ratio(groups))
             found = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         return np.asarray(np.where(np.isnan(found), math.inf, found))
 
@@ -144,7 +146,7 @@ class SteadySliding:
 def _where_lag_is_short(
     groups: DimensionlessGroups, answer: Callable[[DimensionlessGroups], FloatArray], otherwise: float
 ) -> FloatArray:
-    """The answer where the lag is at most a natural period: nobody has compared it with brute force beyond that."""
+    """Values of ``answer`` where the lag is at most a natural period: beyond, they are not verified by brute force."""
     shape = np.broadcast_shapes(*(np.shape(value) for value in groups.numbers))
 
     def spread(value: Real) -> FloatArray:
@@ -171,7 +173,7 @@ def speeds_needed(joint: Joint, velocity: float, limits: AdviceLimits) -> FloatA
     slowest = limits.slowest_velocity
     if slowest is None:
         return np.array([abs(velocity)])
-    fastest = max(slowest, _FAST * float(joint.friction.stribeck_velocity))
+    fastest = max(slowest, _FASTEST * float(joint.friction.stribeck_velocity))
     count = _EXACT_SPEEDS if limits.condition is Criterion.EXACT else _SPEEDS
     return np.geomspace(slowest, fastest, count) if fastest > slowest else np.array([slowest])
 

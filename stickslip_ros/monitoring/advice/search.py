@@ -23,7 +23,7 @@ from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySlidi
 from stickslip_ros.monitoring.samples import FloatArray
 
 _REACH = 1e4  # factor on the present stiffness, up or down, that is searched
-_BELIEVABLE = 100.0  # factor on the present gains: learnt friction is not known so far from where it was seen
+_LEARNT_REACH = 100.0  # factor on the present gains: learnt friction is not known so far from where it was seen
 _NO_DAMPING = 0.01  # damping ratio that counts as none
 _SOFT, _BEYOND = math.log(2.0), 3.0  # change of the stiffness beyond which it costs more, and how many times as much
 # Grid of logarithms of the stiffness, x = scale · sinh(step · i): 0.03 apart at the present stiffness, and far from it
@@ -69,7 +69,7 @@ class AdviceSearch:
     ----------
     joint, gains : scalars. learnt : whether the joint was learnt from the motion.
     requirements : each of them is to be satisfied.
-    more : factors on the total damping that the requirements ask for, by the place at which each was found;
+    factors : factors on the total damping that the requirements ask for, by the place at which each was found;
         interpolated between.
     known : total damping that the same requirements ask for [N·m·s/rad], by place; added to.
     """
@@ -83,15 +83,15 @@ class AdviceSearch:
         requirements: Sequence[Condition],
         *,
         learnt: bool,
-        more: Mapping[float, float] | None = None,
+        factors: Mapping[float, float] | None = None,
         known: dict[float, float] | None = None,
     ) -> None:
         self._joint, self._gains, self._limits, self._loop = joint, gains, limits, loop
-        self._learnt, self._more = learnt, dict(more or {})
+        self._learnt, self._factors = learnt, dict(factors or {})
         self._requirements = sorted(requirements, key=lambda one: one.exact)
         self._floor = float(damping_floor(joint, gains.stiffness))
         self._before = max(float(joint.total_damping(gains)), self._floor)
-        self._reach = math.log(_BELIEVABLE if learnt else _REACH)
+        self._reach = math.log(_LEARNT_REACH if learnt else _REACH)
         self._domain = self._allowed_domain()
         self._known = {} if known is None else known
 
@@ -101,11 +101,11 @@ class AdviceSearch:
             self._joint, self._gains, self._limits, self._loop, [*self._requirements, requirement], learnt=self._learnt
         )
 
-    def with_more_damping(self, more: Mapping[float, float]) -> AdviceSearch:
+    def with_factors(self, factors: Mapping[float, float]) -> AdviceSearch:
         """The same search with other factors."""
         return AdviceSearch(
             self._joint, self._gains, self._limits, self._loop, self._requirements,
-            learnt=self._learnt, more=more, known=self._known,
+            learnt=self._learnt, factors=factors, known=self._known,
         )  # fmt: skip
 
     def place(self, gains: Gains) -> float:
@@ -119,19 +119,19 @@ class AdviceSearch:
 
     @staticmethod
     def change(joint: Joint, present: Gains, gains: Gains) -> float:
-        """How large a change of gains is; see the head of advice.py."""
+        """Size of a change of gains; defined in :mod:`stickslip_ros.monitoring.advice.recommend`."""
         floor = float(damping_floor(joint, present.stiffness))
         before, after = (max(float(joint.total_damping(each)), floor) for each in (present, gains))
         stiffness = np.array([math.log(float(gains.stiffness) / float(present.stiffness))])
         return math.hypot(float(_stiffness_cost(stiffness)[0]), math.log(after / before))
 
-    def enough(self, gains: Gains) -> bool:
+    def reaches_margin(self, gains: Gains) -> bool:
         """Whether gains reach the wanted margin, whatever the bounds."""
-        return bool(self._reached(np.array([self.place(gains)]), np.array([float(gains.damping)]))[0])
+        return bool(self._satisfied(np.array([self.place(gains)]), np.array([float(gains.damping)]))[0])
 
-    def allows(self, gains: Gains) -> bool:
+    def within_bounds(self, gains: Gains) -> bool:
         """Whether gains are within the bounds."""
-        least, largest = self._within_bounds(np.array([self.place(gains)]))
+        least, largest = self._damping_interval(np.array([self.place(gains)]))
         return bool(least[0] <= float(gains.damping) <= largest[0])
 
     def damping_only(self) -> Gains | None:
@@ -143,9 +143,9 @@ class AdviceSearch:
         present = float(self._gains.damping)
 
         def allowed(places: FloatArray) -> NDArray[np.bool_]:
-            least, largest = self._within_bounds(places)
+            least, largest = self._damping_interval(places)
             found = (least <= present) & (present <= largest)
-            found[found] = self._reached(places[found], np.full(int(found.sum()), present)) if found.any() else False
+            found[found] = self._satisfied(places[found], np.full(int(found.sum()), present)) if found.any() else False
             return np.asarray(found)
 
         places = self._places(self._reach)
@@ -179,7 +179,7 @@ class AdviceSearch:
         places = np.union1d(self._grid(-self._reach, self._reach)[::_COARSER], allowed)
         bounds, needed = self._bounds(places), self._needed(places)
         texts = {name: f"{name} ({bound.text})" for name, bound in bounds.items()}
-        names, together = _in_the_way(bounds, lambda least, largest: _some_damping(least, largest, needed))
+        names, together = _blocking_bounds(bounds, lambda least, largest: _any_feasible(least, largest, needed))
         if together:
             text = " and ".join(texts[name] for name in names) + " are in the way together"
         elif names:
@@ -191,24 +191,24 @@ class AdviceSearch:
         best, reserve = self._best(places, bounds, needed)
         return Obstruction(bounds=names, together=together, text=text, best=best, reserve=reserve)
 
-    def in_the_way_of_damping(self) -> tuple[str, ...]:
+    def bounds_blocking_damping(self) -> tuple[str, ...]:
         """Names of the bounds without which damping alone would do."""
         here = np.zeros(1)
         needed = self._needed(here)
-        return _in_the_way(self._bounds(here), lambda least, largest: _some_damping(least, largest, needed))[0]
+        return _blocking_bounds(self._bounds(here), lambda least, largest: _any_feasible(least, largest, needed))[0]
 
-    def in_the_way_of_stiffness(self) -> tuple[str, ...]:
+    def bounds_blocking_stiffness(self) -> tuple[str, ...]:
         """Names of the bounds without which stiffness alone would do."""
         places = self._grid(-self._reach, self._reach)
         damping = np.full(places.shape, float(self._gains.damping))
-        reached = self._reached(places, damping)
-        return _in_the_way(
+        reached = self._satisfied(places, damping)
+        return _blocking_bounds(
             self._bounds(places),
             lambda least, largest: bool(np.any(reached & (least <= damping) & (damping <= largest))),
         )[0]
 
     def _best(self, places: FloatArray, bounds: dict[str, Bound], needed: FloatArray) -> tuple[Gains | None, float]:
-        least, largest = _joined(list(bounds.values()), places.shape)
+        least, largest = _intersection(list(bounds.values()), places.shape)
         inside = (least <= largest) & np.isfinite(needed) & np.isfinite(largest)
         if not inside.any():
             return None, math.nan
@@ -237,7 +237,7 @@ class AdviceSearch:
         inward = [edge + side for edge in edges for side in (-_INSIDE, _INSIDE)]
         within = [edge for edge in inward if abs(edge) <= self._reach]
         coarse = np.sort(np.concatenate([coarse, within]))
-        least, largest = self._within_bounds(coarse)
+        least, largest = self._damping_interval(coarse)
         allowed = coarse[least <= largest]
         return (float(allowed[0]), float(allowed[-1])) if len(allowed) else (math.inf, -math.inf)
 
@@ -262,36 +262,36 @@ class AdviceSearch:
             self._known.update(zip(missing.tolist(), (damping + own).tolist(), strict=True))
         return np.array([self._known[place] for place in places.tolist()])
 
-    def _factors(self, places: FloatArray) -> FloatArray | float:
-        known = sorted(self._more)
-        return np.interp(places, known, [self._more[place] for place in known]) if known else 1.0
+    def _factor_at(self, places: FloatArray) -> FloatArray | float:
+        known = sorted(self._factors)
+        return np.interp(places, known, [self._factors[place] for place in known]) if known else 1.0
 
     def _needed(self, places: FloatArray) -> FloatArray:
         """Least damping k_v, with the factors [N·m·s/rad]."""
         total = self._required(places)
-        if self._more:
+        if self._factors:
             # Of no damping there is no multiple.
-            total = np.maximum(total, damping_floor(self._joint, self._stiffness(places))) * self._factors(places)
+            total = np.maximum(total, damping_floor(self._joint, self._stiffness(places))) * self._factor_at(places)
         return np.asarray(total - self._own(places))
 
     def _bounds(self, places: FloatArray) -> dict[str, Bound]:
         bounds = bounds_at(self._stiffness(places), self._joint, self._limits, self._loop)
         if self._learnt:
             bounds[_LEARNT] = Bound(
-                text=f"it does not answer for gains × {_BELIEVABLE:g}",
+                text=f"it does not answer for gains × {_LEARNT_REACH:g}",
                 least=np.full(places.shape, -math.inf),
-                largest=_BELIEVABLE * self._before - self._own(places),
+                largest=_LEARNT_REACH * self._before - self._own(places),
             )
         return bounds
 
-    def _within_bounds(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return _joined(list(self._bounds(places).values()), places.shape)
+    def _damping_interval(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return _intersection(list(self._bounds(places).values()), places.shape)
 
-    def _reached(self, places: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
+    def _satisfied(self, places: FloatArray, damping: FloatArray) -> NDArray[np.bool_]:
         stiffness, own = self._stiffness(places), self._own(places)
-        total = (damping + own) / self._factors(places)
+        total = (damping + own) / self._factor_at(places)
         reached = np.ones(places.shape, dtype=np.bool_)
-        if self._more:
+        if self._factors:
             reached &= total >= damping_floor(self._joint, stiffness)
         for one in self._requirements:
             reached[reached] = one.reached(stiffness[reached], (total - own)[reached]) if reached.any() else False
@@ -322,14 +322,14 @@ class AdviceSearch:
 
         Whether given gains reach the margin is evaluated in a tenth of the time that the least damping takes.
         """
-        least, largest = self._within_bounds(places)
+        least, largest = self._damping_interval(places)
         with np.errstate(all="ignore"):
             room = np.sqrt((cost * (1.0 + _SLACK)) ** 2 - _stiffness_cost(places) ** 2)
             useful = np.fmin(largest, self._before * np.exp(room) - self._own(places))
             possible = (least <= useful) & ~np.isnan(room)
         unknown = possible & np.isfinite(useful) & ~np.isin(places, list(self._known))
         if unknown.any():
-            possible[unknown] = self._reached(places[unknown], useful[unknown])
+            possible[unknown] = self._satisfied(places[unknown], useful[unknown])
         return places[possible], least[possible], largest[possible]
 
     def _as_gains(self, place: float, damping: float) -> Gains:
@@ -352,27 +352,27 @@ def damping_floor(joint: Joint, stiffness: Real) -> Real:
     return np.asarray(2.0 * _NO_DAMPING * np.sqrt(np.asarray(stiffness) * float(joint.inertia)))
 
 
-def _joined(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+def _intersection(bounds: list[Bound], shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     least, largest = np.full(shape, -math.inf), np.full(shape, math.inf)
     for bound in bounds:
         least, largest = np.maximum(least, bound.least), np.minimum(largest, bound.largest)
     return least, largest
 
 
-def _some_damping(least: FloatArray, largest: FloatArray, needed: FloatArray) -> bool:
+def _any_feasible(least: FloatArray, largest: FloatArray, needed: FloatArray) -> bool:
     """Whether bounds leave enough damping at any stiffness."""
     least = np.maximum(least, needed)
     return bool(np.any((least <= largest) & np.isfinite(least)))
 
 
-def _in_the_way(
+def _blocking_bounds(
     bounds: dict[str, Bound], feasible: Callable[[FloatArray, FloatArray], bool]
 ) -> tuple[tuple[str, ...], bool]:
     """Bounds any one of which is in the way, or the fewest that are together, and whether they are together."""
     shape = next(iter(bounds.values())).least.shape
 
     def feasible_without(left_out: tuple[str, ...]) -> bool:
-        return feasible(*_joined([bound for name, bound in bounds.items() if name not in left_out], shape))
+        return feasible(*_intersection([bound for name, bound in bounds.items() if name not in left_out], shape))
 
     names = tuple(name for name in bounds if feasible_without((name,)))
     if names:

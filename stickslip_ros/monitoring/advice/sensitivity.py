@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What lubricant and mechanics could do: how the margin hangs on each parameter of the friction."""
+"""Sensitivity of the margin to each parameter of the friction: what lubricant and mechanics could do."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ from stickslip_ros.monitoring.advice.limits import Criterion, criterion_for
 from stickslip_ros.monitoring.samples import FloatArray
 
 PARAMETERS = ("stribeck", "stribeck_velocity", "lag", "rise_time", "viscous")
-_STEP = {Criterion.PAPER: 1e-3, Criterion.EXACT: 0.05}  # of the logarithm; the exact ratio is known to 1e-3
-_REACH, _POINTS = 30.0, 41
-_BISECTIONS = 10
+# Difference of the logarithm of a parameter, for the elasticity: the exact ratio is computed to 1e-3 only.
+_STEP = {Criterion.PAPER: 1e-3, Criterion.EXACT: 0.05}
+_LARGEST_FACTOR, _POINTS = 30.0, 41  # on a parameter, up and down; points between, by the logarithm
+_BISECTIONS = 10  # of the logarithm between two points: to 2e-4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """How the margin hangs on one parameter of the friction, the gains as they are.
+    """Sensitivity of the margin to one parameter of the friction, with the present gains.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ def sensitivities(
     """
     found = []
     condition = criterion_for(joint, condition)
-    grid = np.linspace(-math.log(_REACH), math.log(_REACH), _POINTS)
+    grid = np.linspace(-math.log(_LARGEST_FACTOR), math.log(_LARGEST_FACTOR), _POINTS)
     step = _STEP[condition]
     for parameter in PARAMETERS:
 

@@ -12,9 +12,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.messages.blocks import Block, Integers
-from stickslip_ros.messages.joint_states import FloatArray, JointRows, JointStateDecoder, rows_by_joint
-from stickslip_ros.messages.stamps import with_times
+from stickslip_ros.messages.blocks import Block, FloatArray, Integers
+from stickslip_ros.messages.content import with_times
+from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog
 from stickslip_ros.nodes.intake.drain import DrainedSubscription

@@ -11,8 +11,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from stickslip_ros.messages.content import MessageError, reference_rows, seconds
-from stickslip_ros.messages.stamps import with_time
+from stickslip_ros.messages.content import MessageError, reference_rows, seconds, with_time
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
 from stickslip_ros.nodes.intake.backlog import Backlog

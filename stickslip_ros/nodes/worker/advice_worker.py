@@ -28,12 +28,12 @@ class AdviceWorker:
 
         def ask(question: AdviceQuestion) -> Advice | None:
             known = self._background.latest(name)
-            if known is not None and known[0].alike(question):
+            if known is not None and known[0].similar(question):
                 return known[1]
             now = monotonic()
             rest = 0.0
             if known is not None and known[0].about_the_same(question):
-                rest = _ASK_RARELY if known[0].alike(question, _SCATTER) else _ASK_EVERY
+                rest = _ASK_RARELY if known[0].similar(question, _SCATTER) else _ASK_EVERY
             if now - self._asked_at.get(name, -math.inf) >= rest:
                 self._background.ask(name, question)
                 self._asked_at[name] = now
