@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import json
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,16 @@ import pytest
 import yaml
 from conftest import nightly
 from mcap.writer import CompressionType
-from support_bags import JOINT_STATE, WITHOUT_LEARNING, definition, joint_state, messages_of, simulated_bag, write_mcap
+from support_bags import (
+    JOINT_STATE,
+    STORE,
+    WITHOUT_LEARNING,
+    definition,
+    joint_state,
+    messages_of,
+    simulated_bag,
+    write_mcap,
+)
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
@@ -203,3 +214,30 @@ def test_unreadable_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert "ermission" in refused(path, capsys)
     finally:
         os.seteuid(user)
+
+
+def test_what_was_read_of_a_database_before_a_damage_counts(tmp_path: Path) -> None:
+    """A database with a damaged page was refused; where it could be counted, up to 4096 messages read were lost."""
+    path = tmp_path / "bag.db3"
+    columns = "id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT"
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(f"CREATE TABLE topics({columns})")
+        database.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+        )
+        # As recorders make it; without it all is sorted before any message is read.
+        database.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+        database.execute("INSERT INTO topics VALUES(1, '/joint_states', ?, 'cdr', '')", (JOINT_STATE,))
+        states = (joint_state(0.01 * index, ["a"], position=[1e-3 * index]) for index in range(1, 3001))
+        rows = [
+            (1, 10_000_000 * index, bytes(STORE.serialize_cdr(state, JOINT_STATE)))
+            for index, state in enumerate(states, 1)
+        ]
+        database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", rows)
+        size = database.execute("PRAGMA page_size").fetchone()[0]
+    content = bytearray(path.read_bytes())
+    leaf = content.index(rows[2000][2]) // size * size
+    content[leaf : leaf + size] = b"\xff" * size
+    path.write_bytes(content)
+    assert 1500 < len(read_joint(path, "a")) <= 2001
+    assert any("reading stopped after" in warning for warning in outcome(path)[1])

@@ -55,7 +55,11 @@ class SqliteStorage:
                         "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
                     )
                 }
-                self._counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
+                try:
+                    self._counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
+                except sqlite3.DatabaseError:
+                    # It is damaged; reading shows how far its messages go.
+                    self._counts = dict.fromkeys(self._channels, 1)
         except _DAMAGE as error:
             raise ValueError(f"not a rosbag2 database: {' '.join(str(error).split())}") from error
         return counts_by_channel(self._channels, self._counts)
@@ -101,19 +105,25 @@ class SqliteStorage:
             f"WHERE topic_id IN ({marks}) ORDER BY timestamp",
             (self._largest, *bound),
         )
-        for number, time, data in found:
-            if number not in numbers:
-                continue
-            if not isinstance(data, bytes) or not isinstance(time, int):
-                left_out += 1
-                continue
-            batch.append((number, time, data))
-            size += len(data)
-            if len(batch) >= _MESSAGES or size >= _BYTES:
-                yield batch
-                batch, size = [], 0
+        damage: Exception | None = None
+        try:
+            for number, time, data in found:
+                if number not in numbers:
+                    continue
+                if not isinstance(data, bytes) or not isinstance(time, int):
+                    left_out += 1
+                    continue
+                batch.append((number, time, data))
+                size += len(data)
+                if len(batch) >= _MESSAGES or size >= _BYTES:
+                    yield batch
+                    batch, size = [], 0
+        except _DAMAGE as error:
+            damage = error
         if batch:
             yield batch
+        if damage is not None:
+            raise damage
         if left_out:
             self._warn(f"{self._name}: {left_out} messages are no bytes, or more than can be")
 
