@@ -40,10 +40,10 @@ _COMMON = {"error_model": "numpy"}  # a division by zero is infinite, or NaN: ar
 
 @dataclass(frozen=True)
 class CacheFolder:
-    """Where machine code is kept; ``lasting`` tells whether it will be there at the next start."""
+    """Where machine code is kept; ``permanent``: whether it will be there at the next start."""
 
     path: Path
-    lasting: bool = True
+    permanent: bool = True
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -94,7 +94,7 @@ def cache_folder() -> CacheFolder:
     for at_end in (atexit.register, at_hard_end):
         at_end(partial(shutil.rmtree, passing, ignore_errors=True))
     os.environ[_GIVEN] = passing
-    return CacheFolder(Path(passing) / f"{_NAME}{contents}", lasting=False)
+    return CacheFolder(Path(passing) / f"{_NAME}{contents}", permanent=False)
 
 
 def _can_be_written(folder: Path) -> bool:

@@ -60,7 +60,7 @@ WORDS = {
 }  # fmt: skip
 DONE = (
     "model", "messages", "monitoring", "monitoring/detection", "monitoring/friction", "monitoring/advice", "bags",
-    "bags/storage", "analysis", "analysis/report",
+    "bags/storage", "analysis", "analysis/report", "output", "settings", "cli",
 )  # fmt: skip
 
 

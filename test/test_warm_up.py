@@ -79,7 +79,7 @@ class Monitor:
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A cache without one of the parts, which the first test fills: as an empty one, in a quarter of its time."""
     cache, folder = tmp_path_factory.mktemp("cache"), cache_folder()
-    if folder.lasting and compile_ahead(lambda _: None) == "":
+    if folder.permanent and compile_ahead(lambda _: None) == "":
         left_out = shutil.ignore_patterns("compiled-*", "detection_*")
         shutil.copytree(folder.path, cache / folder.path.name, ignore=left_out)
     return cache

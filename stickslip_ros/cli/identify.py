@@ -34,7 +34,7 @@ from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.monitoring.identification import Identification, identify
-from stickslip_ros.output import published as told
+from stickslip_ros.output import published as published
 from stickslip_ros.output.as_json import json_text, parameter_json
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import presliding_text
@@ -254,7 +254,7 @@ def _as_json(found: Identification) -> dict[str, Any]:
         "mismatch": slips.mismatch or None if slips else None,
         "per_inertia": found.per_inertia,
         "natural_frequency": number(frequency.value) if frequency else None,
-        "presliding": None if found.presliding is None else told.PRESLIDING.for_json(found.presliding),
+        "presliding": None if found.presliding is None else published.PRESLIDING.for_json(found.presliding),
         "sliding_speeds": [found.sliding.slowest, found.sliding.fastest] if found.sliding else None,
     }
 

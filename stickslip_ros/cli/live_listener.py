@@ -131,7 +131,7 @@ class LiveListener:
         now = time.monotonic()
         for robot, motion in self._motions.items():
             for topic, kept in ((motion.states, self._samples), (motion.references, self._references)):
-                for name, rows in topic.take(now).items():
+                for name, rows in topic.samples_until(now).items():
                     joint = visible(f"{robot}/{name}" if robot else name)
                     if joint in looked_at:
                         kept[joint] = _continued(kept.get(joint, _NONE), rows[:, :3])

@@ -33,8 +33,8 @@ from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.output.believed import believed_joint
 from stickslip_ros.output.diagnosis import Level
+from stickslip_ros.output.published_joint import published_joint
 from stickslip_ros.output.wording import OUTCOME_TEXTS
 
 _EVERY = 500  # [ms]
@@ -63,8 +63,8 @@ class LivePage:
         self._joint = ""
         self._shown: dict[str, str] = {}
         self._map_of: Subject | None = None
-        self._asked_map: tuple[Subject, Future[JointMap]] | None = None
-        self._asked_if: tuple[Subject, Future[dict[str, Any]]] | None = None
+        self._pending_map: tuple[Subject, Future[JointMap]] | None = None
+        self._pending_if: tuple[Subject, Future[dict[str, Any]]] | None = None
         self._wanted_if: Subject | None = None
         self._present: Gains | None = None
         self._sheet = sheet = InlineStyleSheet(css=_text("live.css"))
@@ -143,13 +143,13 @@ class LivePage:
             self._choice.options = names
         if not self._joint and names:
             self._choice.value = names[0]
-        self._say(self._header, _header(now, len(ordered)))
-        self._say(self._table, joint_table(ordered, self._joint))
+        self._write(self._header, _header(now, len(ordered)))
+        self._write(self._table, joint_table(ordered, self._joint))
         chosen = next((one for one in ordered if one.name == self._joint), None)
         if chosen is not None:
             self._show(chosen, now)
 
-    def _say(self, place: Div, text: str) -> None:
+    def _write(self, place: Div, text: str) -> None:
         if self._shown.get(place.id) != text:
             self._shown[place.id] = text
             place.text = text
@@ -165,16 +165,18 @@ class LivePage:
     def _show(self, joint: JointView, now: Snapshot) -> None:
         values = now.values.get(joint.name, {})
         numbers = {key: number for key, text in values.items() if (number := _number(text)) is not None}
-        self._say(self._advice, advice_text(joint, values))
+        self._write(self._advice, advice_text(joint, values))
         self._show_motion(joint.name, now, numbers)
-        believed = believed_joint(values)
+        model = published_joint(values)
         gains = _gains(numbers, "")
         speed = abs(joint.velocity)
-        if believed is None or gains is None or not speed > 0.0:
+        if model is None or gains is None or not speed > 0.0:
             self._present, self._wanted_if = None, None
-            self._say(self._answer, "<p>What other gains would do is worked out once friction and gains are known.</p>")
+            self._write(
+                self._answer, "<p>What other gains would do is worked out once friction and gains are known.</p>"
+            )
             return
-        subject = Subject(joint=believed, gains=gains, velocity=speed)
+        subject = Subject(joint=model, gains=gains, velocity=speed)
         self._show_map(subject, _gains(numbers, "recommended "))
         if self._present != gains:
             self._present = gains
@@ -205,17 +207,17 @@ class LivePage:
             "stiffness": [float(gains.stiffness) for gains, _ in points],
             "colour": [colour for _, colour in points],
         }
-        if self._asked_map is not None and self._asked_map[1].done():
-            asked, answer = self._asked_map
-            self._asked_map = None
+        if self._pending_map is not None and self._pending_map[1].done():
+            requested, answer = self._pending_map
+            self._pending_map = None
             if answer.exception() is None:
-                self._map_of = asked
+                self._map_of = requested
                 self._cells.data = cells = _cells(answer.result())
                 self._speeds.update(start=float(cells["left"].min()), end=float(cells["right"].max()))
                 self._stiffnesses.update(start=float(cells["bottom"].min()), end=float(cells["top"].max()))
-        due = self._map_of is None or not _alike(self._map_of, subject)
-        if due and self._asked_map is None and float(subject.gains.stiffness) > 0.0:
-            self._asked_map = (subject, self._work.submit(joint_map, subject))
+        due = self._map_of is None or not _similar(self._map_of, subject)
+        if due and self._pending_map is None and float(subject.gains.stiffness) > 0.0:
+            self._pending_map = (subject, self._work.submit(joint_map, subject))
 
     def _set_sliders(self, subject: Subject) -> None:
         """At the present gains; a decade of stiffness either way, and damping up to twice the critical one of a joint
@@ -230,19 +232,19 @@ class LivePage:
     def _slide(self) -> None:
         """Work out what the sliders' gains would do; what was asked in between is passed over."""
         values = self._listener.snapshot.values.get(self._joint, {})
-        believed, present = believed_joint(values), self._present
+        model, present = published_joint(values), self._present
         speed = abs(_number(values.get("velocity [rad/s]", "")) or 0.0)
-        if believed is None or present is None or not speed > 0.0:
+        if model is None or present is None or not speed > 0.0:
             return
         gains = Gains(stiffness=_digits(10.0**self._stiffness.value), damping=_digits(self._damping.value))
-        self._wanted_if = Subject(joint=believed, gains=gains, velocity=speed)
-        if self._asked_if is not None and self._asked_if[1].done():
-            asked, answer = self._asked_if
-            self._asked_if = None
+        self._wanted_if = Subject(joint=model, gains=gains, velocity=speed)
+        if self._pending_if is not None and self._pending_if[1].done():
+            requested, answer = self._pending_if
+            self._pending_if = None
             if answer.exception() is None:
-                self._say(self._answer, _answer(asked, answer.result()))
-        if self._asked_if is None:
-            self._asked_if = (self._wanted_if, self._work.submit(what_if, self._wanted_if))
+                self._write(self._answer, _answer(requested, answer.result()))
+        if self._pending_if is None:
+            self._pending_if = (self._wanted_if, self._work.submit(what_if, self._wanted_if))
 
 
 def _text(name: str) -> str:
@@ -279,9 +281,9 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
         rows.append(
             f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
             f"<td class='{_CLASSES[one.level]}'>{_MARKS[one.level]} {html.escape(one.status.replace('_', ' '))}</td>"
-            f"<td class='number'>{_told(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
+            f"<td class='number'>{_number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
             f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
-            f"<td class='number'>{_told(1e3 * one.slip)}</td></tr>"
+            f"<td class='number'>{_number_text(1e3 * one.slip)}</td></tr>"
         )
     heads = "".join(
         f"<th{' class=number' if number else ''}>{head}</th>"
@@ -316,7 +318,7 @@ def _answer(subject: Subject, found: Mapping[str, Any]) -> str:
     )
 
 
-def _told(value: float) -> str:
+def _number_text(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "–"
 
 
@@ -329,7 +331,7 @@ def _thinned(rows: FloatArray) -> FloatArray:
     return rows[:: max(1, math.ceil(len(rows) / _MOST_POINTS))]
 
 
-def _alike(one: Subject, other: Subject) -> bool:
+def _similar(one: Subject, other: Subject) -> bool:
     """Whether the maps of both look the same."""
 
     def numbers(subject: Subject) -> list[float]:

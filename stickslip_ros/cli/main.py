@@ -129,7 +129,7 @@ def _compile() -> None:
 
     without_linear_algebra()
     # Where it cannot be kept, a command compiles what it calls itself.
-    if cache_folder().lasting and not is_warm():
+    if cache_folder().permanent and not is_warm():
         from stickslip_ros.cli.warm_up import compile_with_bar
 
         compile_with_bar()

@@ -28,8 +28,8 @@ def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[floa
     with bar as progress:
         task = progress.add_task(text, total=None)
 
-        def tell(done: float, total: float) -> None:
+        def advance(done: float, total: float) -> None:
             check()
             progress.update(task, completed=done, total=total)
 
-        yield tell
+        yield advance

@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     if options.jobs is not None and options.jobs < 1:
         raise InvalidParameterError("--jobs", ">= 1", options.jobs)
     folder = cache_folder()
-    if not folder.lasting:
+    if not folder.permanent:
         raise StickSlipError(NOT_KEPT)
     if is_warm():
         print(f"compiled already: {folder.path}")
@@ -44,7 +44,7 @@ def compile_with_bar(jobs: int | None = None) -> str:
     """Compile what is not compiled yet, with a progress bar where stderr is a terminal; returns why not, or ""."""
     with progress_bar("Compiling, once after installation", foretold=False) as bar:
 
-        def tell(progress: Progress) -> None:
+        def report(progress: Progress) -> None:
             bar(round(100 * progress.share), 100)
 
-        return compile_ahead(tell, jobs)
+        return compile_ahead(report, jobs)

@@ -145,7 +145,7 @@ class WatchListener:
     @property
     def compiling(self) -> str:
         """What a monitor says that compiles before it can say anything else, "" if none does."""
-        return next((told for heard in self._monitors.values() if (told := heard.values.get("compiling", ""))), "")
+        return next((lines for heard in self._monitors.values() if (lines := heard.values.get("compiling", ""))), "")
 
     @property
     def silent(self) -> list[str]:
@@ -154,17 +154,17 @@ class WatchListener:
 
     def header(self) -> str:
         """How the monitors are, in a line."""
-        told = []
+        lines = []
         for name, heard in sorted(self._monitors.items()):
             if time.monotonic() - heard.at > _STALE_AFTER:
-                told.append(f"{name}: silent")
+                lines.append(f"{name}: silent")
                 continue
             rate, late = heard.number("message rate [Hz]"), heard.number("latency from message to status [s]")
             health = [f"{rate:.0f} messages/s"] if math.isfinite(rate) else []
             health += [f"status after {1e3 * late:.0f} ms"] if math.isfinite(late) else []
             health += [heard.message] if heard.message else []
-            told.append(f"{name}: {', '.join(health) or 'no messages yet'}")
-        return "\n".join(told)
+            lines.append(f"{name}: {', '.join(health) or 'no messages yet'}")
+        return "\n".join(lines)
 
 
 def _silence(duration: float) -> str:

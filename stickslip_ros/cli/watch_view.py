@@ -50,20 +50,20 @@ class JointView:
     history: FloatArray
 
 
-def sparkline(history: FloatArray, duration: float, width: int, *, told: float = 0.0) -> str:
+def sparkline(history: FloatArray, duration: float, width: int, *, commanded: float = 0.0) -> str:
     """The speed over the last seconds, each character the mean over its share; blank where nothing is known.
 
     Parameters
     ----------
     history : times [s] and positions [rad], of shape (n, 2).
-    told : the commanded speed [rad/s], which is at half height at most: even motion then looks like no peak.
+    commanded : speed [rad/s], which is at half height at most: even motion then looks like no peak.
     """
     if len(history) < 2:
         return " " * width
     edges = history[-1, 0] + np.linspace(-duration, 0.0, width + 1)
     places = np.interp(edges, history[:, 0], history[:, 1], left=math.nan)
     speeds = np.abs(np.diff(places)) / (duration / width)
-    largest = max(np.nanmax(speeds, initial=0.0), 2.0 * told)
+    largest = max(np.nanmax(speeds, initial=0.0), 2.0 * commanded)
     heights = np.zeros(width, dtype=int) if largest == 0 else np.nan_to_num(np.ceil(speeds / largest * 7)).astype(int)
     return "".join(
         " " if math.isnan(speed) else _BARS[1 + height] for speed, height in zip(speeds, heights, strict=True)
@@ -93,7 +93,7 @@ def view(
     table.add_column("slip\n\\[rad]", justify="right", no_wrap=True)
     for joint in ordered:
         style = _STYLES[joint.level]
-        speeds = sparkline(joint.history, duration, line, told=_known(abs(joint.velocity)))
+        speeds = sparkline(joint.history, duration, line, commanded=_known(abs(joint.velocity)))
         table.add_row(
             Text(joint.name),
             Text(f"{_MARKS[joint.level]} {joint.status}", style=style),

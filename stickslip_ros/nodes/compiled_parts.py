@@ -34,7 +34,7 @@ class CompiledParts:
             self._load()
             return
         folder = cache_folder()
-        if not folder.lasting:
+        if not folder.permanent:
             log.warning(f"{NOT_KEPT}; until then it is compiled at every start")
         self._compilation = Compilation()
         self._say(monotonic())

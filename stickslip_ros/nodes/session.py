@@ -290,7 +290,7 @@ class Session:
         assert self._states is not None
         assert self._references is not None
         # References last, so that they are no older than the samples that wait for them.
-        samples, references = self._states.take(until), self._references.take(until)
+        samples, references = self._states.samples_until(until), self._references.samples_until(until)
         contested = self._states.contested
         if contested or self._contested:
             self._note_contested(contested, self._states.contest)

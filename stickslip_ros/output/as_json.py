@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation,
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
 from stickslip_ros.monitoring.friction.estimate import Curvature, FrictionEstimate, ParameterEstimate
-from stickslip_ros.output import published as told
+from stickslip_ros.output import published as published
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import dry_friction_text
 
@@ -46,10 +46,10 @@ def margin_json(
     exact = exact or exact_verdict(joint, gains, velocity, conditions)
     lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
     return {
-        **told.MARGIN.for_json(margin),
-        **told.MARGIN_TERMS.for_json(margin),
-        **told.LOWEST_SMOOTH_VELOCITY.for_json(lowest),
-        "exact": told.EXACT.for_json(exact) | told.RESERVE.for_json(exact),
+        **published.MARGIN.for_json(margin),
+        **published.MARGIN_TERMS.for_json(margin),
+        **published.LOWEST_SMOOTH_VELOCITY.for_json(lowest),
+        "exact": published.EXACT.for_json(exact) | published.RESERVE.for_json(exact),
     }
 
 
@@ -59,8 +59,8 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
     best = obstruction.best if obstruction is not None else None
     return {
         **_variant_json(advice[Kind.LEAST_CHANGE]),
-        **told.ADVICE.for_json(advice),
-        **told.ADVICE_REACHES.for_json(advice),
+        **published.ADVICE.for_json(advice),
+        **published.ADVICE_REACHES.for_json(advice),
         "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
         "present": None if advice.present is None else _variant_json(advice.present),
         "by_the_other_condition": None if advice.beside is None else _variant_json(advice.beside),
@@ -161,10 +161,10 @@ def _term_json(term: Term | None) -> dict[str, Any] | None:
 
 def _variant_json(variant: Variant) -> dict[str, Any]:
     return {
-        **told.ADVISED_GAINS.for_json(variant),
-        **told.ADVISED_MARGIN.for_json(variant),
-        **told.ADVISED_ANSWERS.for_json(variant),
-        **told.ADVISED_FACTORS.for_json(variant),
-        **told.ADVISED_COST.for_json(variant),
+        **published.ADVISED_GAINS.for_json(variant),
+        **published.ADVISED_MARGIN.for_json(variant),
+        **published.ADVISED_ANSWERS.for_json(variant),
+        **published.ADVISED_FACTORS.for_json(variant),
+        **published.ADVISED_COST.for_json(variant),
         "reason": variant.reason,
     }

@@ -43,14 +43,14 @@ def compensation_question(
 def compensation_words(found: tuple[CompensatedGains, ...]) -> str:
     """What compensation is worth, in one sentence for each kind."""
     alone = found[0].effect
-    said = []
+    sentences = []
     for one in found[1:]:
         name = one.kind.capitalize()
         if one.share < _LEAST_SHARE:
-            said.append(f"{name} of the friction does harm at any share.")
+            sentences.append(f"{name} of the friction does harm at any share.")
             continue
         if one.effect.unstable:
-            said.append(f"With {one.kind} the loop is unstable.")
+            sentences.append(f"With {one.kind} the loop is unstable.")
             continue
         then = [f"the error where the joint turns round is {with_prefix(one.effect.peak_error, 'rad')}"]
         if math.isfinite(alone.peak_error):
@@ -59,8 +59,8 @@ def compensation_words(found: tuple[CompensatedGains, ...]) -> str:
             then.append(f"at its speed it {OUTCOME_TEXTS[one.effect.outcome]}")
         if math.isfinite(one.harmless):
             then.append(f"it does no harm up to {one.harmless:.1f} times the friction")
-        said.append(f"{name} of {100.0 * one.share:.0f} % of the friction: {'; '.join(then)}.")
-    return " ".join(said)
+        sentences.append(f"{name} of {100.0 * one.share:.0f} % of the friction: {'; '.join(then)}.")
+    return " ".join(sentences)
 
 
 def compensation_diagnosis(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> Diagnosis:

@@ -21,8 +21,8 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
-from stickslip_ros.output import published as told
-from stickslip_ros.output.believed import believed_values
+from stickslip_ros.output import published as published
+from stickslip_ros.output.published_joint import joint_values
 from stickslip_ros.output.wording import constant_effort_text, friction_change_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
@@ -149,50 +149,50 @@ def joint_diagnostic(
         level, message = max(level, Level.WARN), f"{message}; {missing}"
     gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
     values: list[tuple[str, object]] = [
-        *told.STATUS.for_diagnostics(assessment.finding.status),
+        *published.STATUS.for_diagnostics(assessment.finding.status),
         ("reason", reason_text(assessment.finding)),
-        *told.VELOCITY.for_diagnostics(assessment.velocity),
+        *published.VELOCITY.for_diagnostics(assessment.velocity),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
         ("missing", missing),
-        *_margin_values(told.MARGIN, margin),
+        *_margin_values(published.MARGIN, margin),
     ]
     if margin is not None:
-        values += told.MARGIN_TERMS.for_diagnostics(margin)
-        values += told.LOWEST_SMOOTH_VELOCITY.for_diagnostics(assessment.lowest_smooth_velocity)
+        values += published.MARGIN_TERMS.for_diagnostics(margin)
+        values += published.LOWEST_SMOOTH_VELOCITY.for_diagnostics(assessment.lowest_smooth_velocity)
     if exact.smooth is not None:
-        values += told.EXACT.for_diagnostics(exact)
+        values += published.EXACT.for_diagnostics(exact)
     if not math.isnan(exact.damping_reserve):
-        values += told.RESERVE.for_diagnostics(exact)
+        values += published.RESERVE.for_diagnostics(exact)
     if here is not None and here.smooth is not None:
         values.append(("exact smooth here", str(here.smooth).lower()))
     if exact.reason:
         values.append(("exact reason", exact.reason))
     if gains is not None:
-        values += told.GAINS.for_diagnostics(gains) + told.INTEGRAL_GAIN.for_diagnostics(gains)
+        values += published.GAINS.for_diagnostics(gains) + published.INTEGRAL_GAIN.for_diagnostics(gains)
     values += _advice_values(assessment) + _trial_values(assessment, trial)
     if applied:
         values.append(("applied", applied))
-    values += told.BELIEF.for_diagnostics(assessment)
+    values += published.BELIEF.for_diagnostics(assessment)
     if assessment.joint is not None and not assessment.per_inertia:
-        values += believed_values(assessment.joint)
+        values += joint_values(assessment.joint)
     if math.isfinite(assessment.margin_std):
-        values += told.UNCERTAINTY.for_diagnostics(assessment)
+        values += published.UNCERTAINTY.for_diagnostics(assessment)
     if math.isfinite(exact.stick_slip_probability):
-        values += told.EXACT_UNCERTAINTY.for_diagnostics(exact)
+        values += published.EXACT_UNCERTAINTY.for_diagnostics(exact)
     if assessment.estimate is not None:
         values += friction_values(assessment.estimate)
     if assessment.change is not None:
         values.append(("friction change", friction_change_text(assessment.change)))
-    values += told.CYCLES.for_diagnostics(assessment.cycles)
+    values += published.CYCLES.for_diagnostics(assessment.cycles)
     if cycle is not None:
-        values += told.CYCLE_SIZE.for_diagnostics(cycle, "last ")
+        values += published.CYCLE_SIZE.for_diagnostics(cycle, "last ")
     if assessment.reversals is not None:
-        values += told.REVERSALS.for_diagnostics(assessment.reversals)
+        values += published.REVERSALS.for_diagnostics(assessment.reversals)
     if assessment.presliding is not None:
-        values += told.PRESLIDING.for_diagnostics(assessment.presliding)
-    values += told.POSITION.for_diagnostics(assessment)
-    values += told.SAMPLING.for_diagnostics(assessment)
+        values += published.PRESLIDING.for_diagnostics(assessment.presliding)
+    values += published.POSITION.for_diagnostics(assessment)
+    values += published.SAMPLING.for_diagnostics(assessment)
     samples = [f"{reason}: {count}" for reason, count in assessment.dropped.items()]
     single = [f"{reason}: {count}" for reason, count in assessment.blanked.items()]
     if math.isfinite(assessment.constant_effort):
@@ -214,19 +214,19 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     known, before = advice.recommendation.gains_known, "recommended "
     values: list[tuple[str, object]] = [
         ("recommendation", assessment.advice_text),
-        *told.ADVICE.for_diagnostics(advice.recommendation),
-        *told.ADVISED_FACTORS.for_diagnostics(chosen, before),
-        *told.ADVISED_COST.for_diagnostics(chosen, before),
-        *told.ADVISED_MARGIN.for_diagnostics(chosen, before),
-        *told.ADVICE_REACHES.for_diagnostics(advice.recommendation),
-        *told.ADVISED_ANSWERS.for_diagnostics(chosen, before),
+        *published.ADVICE.for_diagnostics(advice.recommendation),
+        *published.ADVISED_FACTORS.for_diagnostics(chosen, before),
+        *published.ADVISED_COST.for_diagnostics(chosen, before),
+        *published.ADVISED_MARGIN.for_diagnostics(chosen, before),
+        *published.ADVICE_REACHES.for_diagnostics(advice.recommendation),
+        *published.ADVISED_ANSWERS.for_diagnostics(chosen, before),
     ]
     if known:
-        values += told.ADVISED_GAINS.for_diagnostics(chosen, before)
+        values += published.ADVISED_GAINS.for_diagnostics(chosen, before)
     for variant in advice.recommendation.variants:
         name = variant.kind.value
         values.append((f"advice, {name.replace('_', ' ')}", variant.reason))
-        values += (told.ADVISED_GAINS if known else told.ADVISED_FACTORS).for_diagnostics(variant, f"{name} ")
+        values += (published.ADVISED_GAINS if known else published.ADVISED_FACTORS).for_diagnostics(variant, f"{name} ")
     obstruction = advice.recommendation.obstruction
     if obstruction is not None:
         values.append(("advice, bounds in the way", ", ".join(obstruction.bounds)))
@@ -237,7 +237,7 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     return values
 
 
-def _margin_values(section: told.Section, margin: StabilityMargin | None) -> list[tuple[str, object]]:
+def _margin_values(section: published.Section, margin: StabilityMargin | None) -> list[tuple[str, object]]:
     """What Eq. (43) says of gains; that it says nothing has the key of its first row."""
     return [(section.rows[0].key(), "")] if margin is None else section.for_diagnostics(margin)
 
@@ -248,9 +248,9 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str
     if gains is None:
         return []
     return [
-        *told.TRIAL_GAINS.for_diagnostics(gains),
-        *_margin_values(told.TRIAL_MARGIN, assessment.trial_margin),
-        *told.TRIAL_EXACT.for_diagnostics(exact),
+        *published.TRIAL_GAINS.for_diagnostics(gains),
+        *_margin_values(published.TRIAL_MARGIN, assessment.trial_margin),
+        *published.TRIAL_EXACT.for_diagnostics(exact),
     ]
 
 
@@ -289,9 +289,9 @@ def _summary(
 def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
     values = [
-        *told.CYCLE_BEGINS.for_diagnostics(cycle),
-        *told.CYCLE_SIZE.for_diagnostics(cycle),
-        *told.CYCLE_PLACE.for_diagnostics(cycle),
+        *published.CYCLE_BEGINS.for_diagnostics(cycle),
+        *published.CYCLE_SIZE.for_diagnostics(cycle),
+        *published.CYCLE_PLACE.for_diagnostics(cycle),
     ]
     message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
     return _diagnosis(Level.WARN, name, message, values)

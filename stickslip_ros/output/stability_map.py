@@ -65,14 +65,14 @@ def map_of(subject: MapSubject, points: int, *, workers: int = 1, progress: Prog
 
 def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "stability_map") -> Figure:
     """The map at the present damping, with the operating point; beside it that at the advised one, with its gains."""
-    said = f"(4)-(6) integrated at {computed.exact_damping.size} points; "
+    notes = f"(4)-(6) integrated at {computed.exact_damping.size} points; "
     if subject.joint.friction.of_the_paper:
         share = 100 * computed.conservative
-        said += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."
+        notes += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."
     else:
-        said += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law_in_words}."
+        notes += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law_in_words}."
         if not subject.joint.friction.rigid:
-            said += " The map is of the same joint without presliding."
+            notes += " The map is of the same joint without presliding."
     note = "There is no operating point: it needs a speed and a stiffness."
     panels = [_panel(subject, computed, "now", subject.gains)]
     if subject.on_the_map:
@@ -82,7 +82,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
     return Figure(
         name=name,
         title=f"Where {subject.name} sticks (red), swings (orange), moves steadily (white)",
-        note=f"{said}\n{note}",
+        note=f"{notes}\n{note}",
         panels=tuple(panels),
     )
 

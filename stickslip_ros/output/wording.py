@@ -57,25 +57,25 @@ def dry_friction_text(dry: DryFriction | None) -> str:
     """What the dry friction depends on, in one sentence; "" if nothing is known to matter."""
     if dry is None:
         return ""
-    said = []
+    parts = []
     coulomb = abs(dry.coulomb.value)
     if dry.ripple is not None:
         ripple = dry.ripple
-        said.append(f"varies by ±{ripple.amplitude:.2g} N·m with position, {1.0 / ripple.period:.3g} times a radian")
+        parts.append(f"varies by ±{ripple.amplitude:.2g} N·m with position, {1.0 / ripple.period:.3g} times a radian")
         if ripple.aliases:
             others = " or ".join(f"{1.0 / period:.3g}" for period in ripple.aliases)
-            said[-1] += f" (or {others} times: the slips lie too evenly to tell)"
+            parts[-1] += f" (or {others} times: the slips lie too evenly to tell)"
     if dry.drift is not None:
         a_minute = _MINUTE * abs(dry.drift.value)
         size = f"{100.0 * a_minute / coulomb:.2g} %" if coulomb > 0 else f"{a_minute:.2g} N·m"
-        said.append(f"{'rises' if dry.drift.value > 0 else 'falls'} by {size} a minute")
+        parts.append(f"{'rises' if dry.drift.value > 0 else 'falls'} by {size} a minute")
         if not dry.distinguished:
-            said[-1] += " (or over position, which went with time)"
+            parts[-1] += " (or over position, which went with time)"
     if dry.load_dependence is not None:
         slope = dry.load_dependence.value
-        said.append(f"{'grows' if slope > 0 else 'falls'} by {100.0 * abs(slope):.2g} % of the load")
+        parts.append(f"{'grows' if slope > 0 else 'falls'} by {100.0 * abs(slope):.2g} % of the load")
     name = "Coulomb friction" if dry.load is not None else "Coulomb friction with any load"
-    return f"{name} {'; it '.join(said)}." if said else ""
+    return f"{name} {'; it '.join(parts)}." if parts else ""
 
 
 def reversals_text(record: ReversalRecord) -> str:

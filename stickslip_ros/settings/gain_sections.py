@@ -33,9 +33,9 @@ def notes_on(section: FileSection) -> list[str]:
     refused = sorted(set(section.parameters) - set(taken(section)))
     if refused:
         notes.append(f"{section.node}: {some(refused)} not taken: {why_not_taken(section.parameters)}")
-    elsewhere = gains_elsewhere(name for name in section.parameters if unknown_name(name, None) is not None)
-    if elsewhere:
-        notes.append(f"{section.node}: {elsewhere_text(elsewhere, section.parameters)}")
+    other_places = gains_elsewhere(name for name in section.parameters if unknown_name(name, None) is not None)
+    if other_places:
+        notes.append(f"{section.node}: {elsewhere_text(other_places, section.parameters)}")
     return notes
 
 

@@ -10,14 +10,14 @@ from difflib import get_close_matches
 _ALIKE = 0.7  # of difflib's ratio
 
 
-def nearest_name(name: str, known: Iterable[str], alike: float = _ALIKE) -> str:
+def nearest_name(name: str, known: Iterable[str], similarity: float = _ALIKE) -> str:
     """The known name that is most like another, "" if none is alike.
 
     Parameters
     ----------
-    alike : least similarity as of :class:`difflib.SequenceMatcher`, 0 to 1.
+    similarity : the least one as of :class:`difflib.SequenceMatcher`, 0 to 1.
     """
-    found = get_close_matches(name, sorted(set(known) - {name}), n=1, cutoff=alike)
+    found = get_close_matches(name, sorted(set(known) - {name}), n=1, cutoff=similarity)
     return found[0] if found else ""
 
 

@@ -23,8 +23,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.output.believed import believed_joint, believed_values
 from stickslip_ros.output.diagnosis import Level, value_text
+from stickslip_ros.output.published_joint import joint_values, published_joint
 from stickslip_ros.settings.known_joints import load_joint
 
 _COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch", "--browser"]
@@ -184,10 +184,10 @@ def test_the_believed_joint_is_told_and_read(friction: dict[str, object], delay:
             stribeck=1.6, stribeck_velocity=0.0058, lag=0.05, rise_time=0.26, viscous=4.94, coulomb=8.43, **friction
         ),  # type: ignore[arg-type]
     )
-    told = {key: value_text(value) for key, value in believed_values(joint)}
-    assert believed_joint(json.loads(json.dumps(told))) == joint
-    assert believed_joint({}) is None
-    assert believed_joint(told | {"believed inertia [kg*m^2]": "-1"}) is None
+    told = {key: value_text(value) for key, value in joint_values(joint)}
+    assert published_joint(json.loads(json.dumps(told))) == joint
+    assert published_joint({}) is None
+    assert published_joint(told | {"believed inertia [kg*m^2]": "-1"}) is None
 
 
 def test_the_loop_of_a_cycle() -> None:

@@ -29,7 +29,7 @@ class Backlog(Generic[Taken]):
             self.dropped += self._waiting[0][2]
             self._bytes -= self._waiting.popleft()[3]
 
-    def take(self, until: float) -> list[Taken]:
+    def pop_until(self, until: float) -> list[Taken]:
         """What was drained until then, and waits no longer."""
         found = []
         while self._waiting and self._waiting[0][0] <= until:

@@ -91,7 +91,7 @@ class JointStateTopic:
         numbers = [number for _, info in taken if (number := info.get("publication_sequence_number")) is not None]
         numbered = len(numbers) == len(taken)
         if numbered:
-            self._sequence.take(numbers)
+            self._sequence.add_numbers(numbers)
         block = Block.of_messages(((0, 0, data) for data, _ in taken), {})
         drained = _Drained(messages=block, arrivals=arrivals, numbers=numbers if numbered else None)
         self.backlog.add(monotonic(), drained, len(taken), len(block.buffer))
@@ -99,10 +99,10 @@ class JointStateTopic:
             self._refuse_many("too many while the node compiled; the oldest were dropped", self.backlog.dropped)
             self.backlog.dropped = 0
 
-    def take(self, until: float) -> dict[str, FloatArray]:
+    def samples_until(self, until: float) -> dict[str, FloatArray]:
         """Rows of time, position, velocity and effort of each joint, from what arrived until a steady time [s]."""
         self.keep()
-        return joined([self._rows(drained) for drained in self.backlog.take(until)])
+        return joined([self._rows(drained) for drained in self.backlog.pop_until(until)])
 
     def _rows(self, drained: _Drained) -> dict[str, FloatArray]:
         block = drained.messages

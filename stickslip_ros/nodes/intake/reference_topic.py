@@ -34,10 +34,10 @@ class ControllerStateTopic:
         self.messages = 0
         self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
 
-    def take(self, until: float) -> dict[str, FloatArray]:
+    def samples_until(self, until: float) -> dict[str, FloatArray]:
         """Rows of time, position and velocity of each joint, from what arrived until a steady time [s]."""
         self.keep()
-        return joined(self.backlog.take(until))
+        return joined(self.backlog.pop_until(until))
 
     def keep(self) -> None:
         """Take what has arrived from the middleware, and let it wait."""

@@ -21,7 +21,7 @@ class SequenceNumbers:
         self._last: list[int] = []
         self.lost = 0
 
-    def take(self, numbers: Sequence[int]) -> None:
+    def add_numbers(self, numbers: Sequence[int]) -> None:
         """The numbers of messages in the order of their arrival."""
         if len(self._last) == 1 and numbers[0] == self._last[0] + 1 and numbers[-1] == self._last[0] + len(numbers):
             self._last[0] = numbers[-1]

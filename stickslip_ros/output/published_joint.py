@@ -15,7 +15,7 @@ _DELAY = f"{_BEFORE}actuation_delay [s]"
 _LAW, _CONTACT = f"{_BEFORE}law", f"{_BEFORE}contact"
 
 
-def believed_values(joint: Joint) -> list[tuple[str, object]]:
+def joint_values(joint: Joint) -> list[tuple[str, object]]:
     """Keys and values of a joint that is known with its inertia; SI units."""
     friction = joint.friction
     values: list[tuple[str, object]] = [(_key(INERTIA.name, INERTIA.unit), float(joint.inertia))]
@@ -26,19 +26,19 @@ def believed_values(joint: Joint) -> list[tuple[str, object]]:
     return [*values, (_LAW, friction.law), *([] if friction.rigid else [(_CONTACT, friction.contact)])]
 
 
-def believed_joint(values: Mapping[str, str]) -> Joint | None:
+def published_joint(values: Mapping[str, str]) -> Joint | None:
     """The joint that diagnostics tell of; None if they tell of none, or of one that cannot be."""
     inertia = values.get(_key(INERTIA.name, INERTIA.unit))
     if inertia is None:
         return None
-    told = {
+    texts = {
         one.name: values[key]
         for one in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)
         if (key := _key(one.name, one.unit)) in values
     }
     words = {name: values[key] for name, key in (("law", _LAW), ("contact", _CONTACT)) if key in values}
     try:
-        numbers = {name: float(text) for name, text in told.items()}
+        numbers = {name: float(text) for name, text in texts.items()}
         friction = Friction(**numbers, **words)  # type: ignore[arg-type]
         return Joint(inertia=float(inertia), friction=friction, actuation_delay=float(values.get(_DELAY, 0.0)))
     except (InvalidParameterError, TypeError, ValueError):
