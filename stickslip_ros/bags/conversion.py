@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +15,13 @@ from stickslip_ros.bags.simulated import GAINS, LAST_STAMP, REFERENCES, STATES
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
-from stickslip_ros.messages.blocks import Block, Channel, Warn
+from stickslip_ros.messages.blocks import Block, Channel, Warn, batches
 from stickslip_ros.messages.content import DESCRIPTION, robot_description
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
-_MESSAGES = 4096  # in a block
 
 
 def _with_stamp(time: FloatArray, start: float) -> NDArray[np.bool_]:
@@ -139,5 +137,5 @@ class EpisodeStorage:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         chosen = [some for number, some in enumerate(self._messages) if self._channels[number] in wanted]
         merged = heapq.merge(*chosen, key=lambda one: one[0])
-        while messages := [(number, time, data) for time, number, data in islice(merged, _MESSAGES)]:
-            yield Block.of_messages(messages, self._channels)
+        for batch in batches((number, time, data) for time, number, data in merged):
+            yield Block.of_messages(batch, self._channels)

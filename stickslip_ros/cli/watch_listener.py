@@ -145,7 +145,7 @@ class WatchListener:
     @property
     def compiling(self) -> str:
         """What a monitor says that compiles before it can say anything else, "" if none does."""
-        return next((lines for heard in self._monitors.values() if (lines := heard.values.get("compiling", ""))), "")
+        return next((text for heard in self._monitors.values() if (text := heard.values.get("compiling", ""))), "")
 
     @property
     def silent(self) -> list[str]:

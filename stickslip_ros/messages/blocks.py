@@ -18,6 +18,8 @@ Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
+_MESSAGES, _BYTES = 4096, 16_000_000  # of a block at most: so much is held in memory at once
+
 
 @dataclass(frozen=True, kw_only=True)
 class Channel:
@@ -100,6 +102,28 @@ class Block:
             length=lengths,
             log_time=np.array(times, dtype=np.int64),
         )
+
+
+def batches(messages: Iterable[tuple[int, int, bytes]]) -> Iterator[list[tuple[int, int, bytes]]]:
+    """Messages (channel number, log time [ns], data) in lists, each for one block.
+
+    Where reading them ends in an error, those that came before it are given first.
+    """
+    batch: list[tuple[int, int, bytes]] = []
+    size = 0
+    try:
+        for one in messages:
+            batch.append(one)
+            size += len(one[2])
+            if len(batch) >= _MESSAGES or size >= _BYTES:
+                yield batch
+                batch, size = [], 0
+    except Exception:
+        if batch:
+            yield batch
+        raise
+    if batch:
+        yield batch
 
 
 class Storage(Protocol):

@@ -9,9 +9,8 @@ from typing import Any
 
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.errors import reason
-from stickslip_ros.messages.blocks import Block, Channel, Warn
+from stickslip_ros.messages.blocks import Block, Channel, Warn, batches
 
-_MESSAGES, _BYTES = 4096, 16_000_000  # in a block
 _COMPRESSIONS = ("bz2", "lz4")
 
 
@@ -72,20 +71,12 @@ class Ros1Storage:
         progress(self._file.size - reported)
 
     def _batches(self, connections: list[Any]) -> Iterator[list[tuple[int, int, bytes]]]:
-        batch: list[tuple[int, int, bytes]] = []
-        size = 0
         try:
-            for connection, time, data in self._reader.messages(connections) if connections else ():
-                batch.append((connection.id, time, bytes(data)))
-                size += len(data)
-                if len(batch) >= _MESSAGES or size >= _BYTES:
-                    yield batch
-                    batch, size = [], 0
+            read = self._reader.messages(connections) if connections else ()
+            yield from batches((connection.id, time, bytes(data)) for connection, time, data in read)
         except Exception as error:
             # As above.
             self._warn(f"{self._file.name}: damaged; the rest of it is lost: {reason(error)}")
-        if batch:
-            yield batch
 
 
 def _channel(connection: Any) -> Channel:

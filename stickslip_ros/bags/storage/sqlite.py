@@ -15,9 +15,8 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn, counts_by_channel
+from stickslip_ros.messages.blocks import Block, Channel, Warn, batches, counts_by_channel
 
-_MESSAGES, _BYTES = 4096, 16_000_000  # in a block
 _ENCODINGS = ("ros2msg", "ros2idl")
 _COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
 _DEFINITIONS = ("topic_type", "encoding", "encoded_message_definition")
@@ -73,7 +72,7 @@ class SqliteStorage:
             return
         try:
             with closing(self._open()) as database:
-                for batch in self._batches(database, set(numbers)):
+                for batch in batches(self._messages(database, set(numbers))):
                     yield Block.of_messages(batch, numbers)
                     taken += len(batch)
                     progress(size * min(taken, total) // total - reported)
@@ -94,9 +93,8 @@ class SqliteStorage:
             raise
         return database
 
-    def _batches(self, database: sqlite3.Connection, numbers: set[int]) -> Iterator[list[tuple[int, int, bytes]]]:
-        batch: list[tuple[int, int, bytes]] = []
-        size = left_out = 0
+    def _messages(self, database: sqlite3.Connection, numbers: set[int]) -> Iterator[tuple[int, int, bytes]]:
+        left_out = 0
         marks = ",".join("?" * len(numbers)) if len(numbers) <= 500 else "SELECT id FROM topics"
         bound = tuple(numbers) if len(numbers) <= 500 else ()
         # The order is that of the index of times, where there is one.
@@ -105,25 +103,13 @@ class SqliteStorage:
             f"WHERE topic_id IN ({marks}) ORDER BY timestamp",
             (self._largest, *bound),
         )
-        damage: Exception | None = None
-        try:
-            for number, time, data in found:
-                if number not in numbers:
-                    continue
-                if not isinstance(data, bytes) or not isinstance(time, int):
-                    left_out += 1
-                    continue
-                batch.append((number, time, data))
-                size += len(data)
-                if len(batch) >= _MESSAGES or size >= _BYTES:
-                    yield batch
-                    batch, size = [], 0
-        except _DAMAGE as error:
-            damage = error
-        if batch:
-            yield batch
-        if damage is not None:
-            raise damage
+        for number, time, data in found:
+            if number not in numbers:
+                continue
+            if isinstance(data, bytes) and isinstance(time, int):
+                yield number, time, data
+            else:
+                left_out += 1
         if left_out:
             self._warn(f"{self._name}: {left_out} messages are no bytes, or more than can be")
 

@@ -19,10 +19,7 @@ from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.divergence import loop_is_unstable
-from stickslip_ros.model.exact import (
-    exact_critical_damping_ratio,
-    exact_lowest_smooth_velocity,
-)
+from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
@@ -46,12 +43,7 @@ _SAME_STIFFNESS = 0.03  # difference of logarithms: stiffnesses closer than this
 _DAMPING_STEP, _DAMPING_STEPS = 1.25, 11  # factor of each step; steps: to ten times the damping
 _BISECTIONS = 3  # of the last step: to 3 % of the damping
 _MOST_DAMPING = 100.0  # factor on the damping that stands for no damping at all that would do at a stiffness
-_STEADY_FACTORS = (
-    0.97,
-    1.0,
-    1.1,
-    1.25,
-)  # on the total damping, all to be steady: no lucky gains
+_STEADY_FACTORS = (0.97, 1.0, 1.1, 1.25)  # on the total damping, all to be steady: no lucky gains
 _RESERVE_TOLERANCE = 1e-4  # relative, of the critical ratio in a reported reserve: below what is printed
 _CLEARLY_LESS = 0.1  # difference of two changes (of logarithms: a tenth of a gain), from which on advice is replaced
 
@@ -142,10 +134,7 @@ class _Case:
         )
 
     def _search(self) -> AdviceSearch:
-        conditions: list[Condition] = [
-            self._requirement,
-            *([self._steady] if self._steady is not None else []),
-        ]
+        conditions: list[Condition] = [self._requirement, *([self._steady] if self._steady is not None else [])]
         return AdviceSearch(self._joint, self._gains, self._limits, self._loop, conditions, learnt=self._learnt)
 
     def least_change(self) -> Variant | None:
