@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from stickslip_ros.model.friction import Gains, Joint
 
 _LOCK, _PROGRESS = "lock", "progress.json"
-_TELL_EVERY = 0.5  # [s]
+_REPORT_EVERY = 0.5  # [s]
 _NICE = 10
-_ENOUGH_TO_TELL = 0.1  # of all, from which on the time that it took says how long the rest takes
+_ENOUGH_TO_ESTIMATE = 0.1  # of all, from which on the time that it took says how long the rest takes
 _AT_LEAST = 0.2  # of what was left when something was done last: the last function is the longest
 _COMPILED = "compiled"
 
@@ -54,10 +54,10 @@ class Progress:
 
     share: float = 0.0
     left: float = 0.0
-    elsewhere: bool = False
+    other_process: bool = False
 
     def __str__(self) -> str:
-        who = "another process compiles" if self.elsewhere else "compiling"
+        who = "another process compiles" if self.other_process else "compiling"
         return f"{who}, once after installation: {max(1, round(self.left))} s left"
 
 
@@ -189,8 +189,8 @@ class Compilation:
         )  # fmt: skip
         assert self._process.stdout is not None
         os.set_blocking(self._process.stdout.fileno(), False)
-        self._rest, self._said = b"", b""
-        self._told, self._told_at = Progress(left=_seconds(dict.fromkeys(PARTS, 1.0), jobs)), time.monotonic()
+        self._rest, self._message = b"", b""
+        self._reported, self._reported_at = Progress(left=_seconds(dict.fromkeys(PARTS, 1.0), jobs)), time.monotonic()
 
     def __enter__(self) -> Compilation:
         return self
@@ -207,11 +207,11 @@ class Compilation:
         *lines, self._rest = (self._rest + (self._process.stdout.read() or b"")).split(b"\n")
         for line in lines:
             try:
-                self._told, self._told_at = Progress(**json.loads(line)), time.monotonic()
+                self._reported, self._reported_at = Progress(**json.loads(line)), time.monotonic()
             except (ValueError, TypeError):
-                self._said = line
-        passed = time.monotonic() - self._told_at
-        return replace(self._told, left=max(self._told.left - passed, 0.0))
+                self._message = line
+        passed = time.monotonic() - self._reported_at
+        return replace(self._reported, left=max(self._reported.left - passed, 0.0))
 
     @property
     def running(self) -> bool:
@@ -224,7 +224,7 @@ class Compilation:
         if self.running or self._process.returncode == 0:
             return ""
         assert self.progress is not None
-        return self._said.decode(errors="replace") or f"it ended with status {self._process.returncode}"
+        return self._message.decode(errors="replace") or f"it ended with status {self._process.returncode}"
 
     def close(self) -> None:
         """End it, whatever it does; what it has compiled by then is kept."""
@@ -235,7 +235,7 @@ class Compilation:
         self._process.stdout.close()
 
 
-def compile_ahead(tell: Callable[[Progress], None], jobs: int | None = None) -> str:
+def compile_ahead(report: Callable[[Progress], None], jobs: int | None = None) -> str:
     """Compile what is not compiled yet, in other processes, and wait for it; returns why not, or "".
 
     Parameters
@@ -252,8 +252,8 @@ def compile_ahead(tell: Callable[[Progress], None], jobs: int | None = None) -> 
     with Compilation(jobs) as compilation:
         while compilation.running:
             check()
-            tell(compilation.progress)
-            time.sleep(_TELL_EVERY / 5.0)
+            report(compilation.progress)
+            time.sleep(_REPORT_EVERY / 5.0)
         return compilation.failure
 
 
@@ -273,7 +273,7 @@ def _compile_all(jobs: int) -> None:
                 break
             except OSError:
                 _relay(folder / _PROGRESS)
-                time.sleep(_TELL_EVERY)
+                time.sleep(_REPORT_EVERY)
         if not is_warm():
             _compile_parts(jobs, folder / _PROGRESS)
             marker().touch()
@@ -284,10 +284,10 @@ def _compile_all(jobs: int) -> None:
 def _relay(progress: Path) -> None:
     """Say how far the other process has come."""
     with contextlib.suppress(OSError, ValueError, TypeError):
-        _say(replace(Progress(**json.loads(progress.read_text())), elsewhere=True))
+        _print_progress(replace(Progress(**json.loads(progress.read_text())), other_process=True))
 
 
-def _say(progress: Progress) -> None:
+def _print_progress(progress: Progress) -> None:
     print(json.dumps(asdict(progress)), flush=True)
 
 
@@ -295,22 +295,22 @@ def _compile_parts(jobs: int, progress: Path) -> None:
     began = time.monotonic()
     left = dict.fromkeys(PARTS, 1.0)
     nominal = _seconds(left, jobs)
-    told = told_at = 0.0
+    known_share = known_at = 0.0
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         longest_first = sorted(PARTS, key=lambda name: -PARTS[name].seconds)
         running = {pool.submit(_compile_part, name, left) for name in longest_first}
         while running:
             remaining, passed = _seconds(left, jobs), time.monotonic() - began
             share = 1.0 - remaining / nominal
-            if share > told:
-                told, told_at = share, passed
+            if share > known_share:
+                known_share, known_at = share, passed
             # As fast as until something was done last, once that can be told; what is under way since counts down.
-            pace = told_at / (told * nominal) if told > _ENOUGH_TO_TELL else 1.0
+            pace = known_at / (known_share * nominal) if known_share > _ENOUGH_TO_ESTIMATE else 1.0
             rest = pace * remaining
-            now = Progress(share=share, left=max(rest - (passed - told_at), _AT_LEAST * rest))
-            _say(now)
+            now = Progress(share=share, left=max(rest - (passed - known_at), _AT_LEAST * rest))
+            _print_progress(now)
             progress.write_text(json.dumps(asdict(now)))
-            done, running = wait(running, timeout=_TELL_EVERY, return_when=FIRST_COMPLETED)
+            done, running = wait(running, timeout=_REPORT_EVERY, return_when=FIRST_COMPLETED)
             for future in done:
                 future.result()
 
@@ -318,20 +318,20 @@ def _compile_parts(jobs: int, progress: Path) -> None:
 def _compile_part(name: str, left: dict[str, float]) -> None:
     """Compile a part in a process of its own; ``left`` has the share of it that is still to be done."""
     # Not forked, so that numba's memory is its own.
-    said = ""
+    message = ""
     with subprocess.Popen(_command(name), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if line.startswith(_COMPILED):
                 left[name] = max(0.02, left[name] - 1.0 / PARTS[name].functions)
             else:
-                said = line.strip() or said
+                message = line.strip() or message
     if process.returncode:
-        raise StickSlipError(f"compiling {name} failed: {said or f'status {process.returncode}'}")
+        raise StickSlipError(f"compiling {name} failed: {message or f'status {process.returncode}'}")
     left[name] = 0.0
 
 
-class _Teller(event.Listener):  # type: ignore[misc]
+class _CompilationListener(event.Listener):  # type: ignore[misc]
     """Says every function that numba has compiled."""
 
     def on_start(self, event: event.Event) -> None:
@@ -353,7 +353,7 @@ def _main(parent: str, what: str) -> int:
     try:
         if what in PARTS:
             without_linear_algebra()
-            event.register("numba:compile", _Teller())
+            event.register("numba:compile", _CompilationListener())
             PARTS[what].use()
         else:
             _compile_all(int(what))

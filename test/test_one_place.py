@@ -60,7 +60,8 @@ WORDS = {
 }  # fmt: skip
 DONE = (
     "model", "messages", "monitoring", "monitoring/detection", "monitoring/friction", "monitoring/advice", "bags",
-    "bags/storage", "analysis", "analysis/report", "output", "settings", "cli",
+    "bags/storage", "analysis", "analysis/report", "output", "settings", "cli", "", "nodes", "nodes/gains",
+    "nodes/intake", "nodes/joints", "nodes/state", "nodes/worker",
 )  # fmt: skip
 
 

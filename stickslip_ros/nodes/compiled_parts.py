@@ -14,11 +14,11 @@ from rclpy.node import Node
 from stickslip_ros.compilation import NOT_KEPT, cache_folder, without_linear_algebra
 from stickslip_ros.warm_up import Compilation, Progress, compile_ahead, is_warm, load_for_node
 
-_SAY_EVERY = 10.0  # [s]
+_REPORT_EVERY = 10.0  # [s]
 
 
 class CompiledParts:
-    """See the module; :meth:`look` is called now and then.
+    """See the module; :meth:`poll` is called now and then.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class CompiledParts:
     def __init__(self, log: RcutilsLogger) -> None:
         self._log = log
         self._compilation: Compilation | None = None
-        self._began, self._say_at = monotonic(), -math.inf
+        self._began, self._report_at = monotonic(), -math.inf
         self.ready, self.state = False, ""
         if is_warm():
             self._load()
@@ -37,14 +37,14 @@ class CompiledParts:
         if not folder.permanent:
             log.warning(f"{NOT_KEPT}; until then it is compiled at every start")
         self._compilation = Compilation()
-        self._say(monotonic())
+        self._report(monotonic())
 
-    def look(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """Say how far it has come, and load what is compiled once it is; ``now`` is a steady time [s]."""
         if self._compilation is None or self.ready:
             return
         if self._compilation.running:
-            self._say(now)
+            self._report(now)
             return
         failure = self._compilation.failure
         self.close()
@@ -54,11 +54,11 @@ class CompiledParts:
             self._log.info(f"compiled in {now - self._began:.0f} s")
         self._load()
 
-    def _say(self, now: float) -> None:
+    def _report(self, now: float) -> None:
         assert self._compilation is not None
         self.state = str(self._compilation.progress)
-        if now >= self._say_at:
-            self._say_at = now + _SAY_EVERY
+        if now >= self._report_at:
+            self._report_at = now + _REPORT_EVERY
             self._log.info(self.state)
 
     def _load(self) -> None:
@@ -84,15 +84,15 @@ def wait_until_compiled(node: Node) -> None:
     Interrupted
         If the process is asked to end meanwhile.
     """
-    said_at = -math.inf
+    reported_at = -math.inf
 
-    def tell(progress: Progress) -> None:
-        nonlocal said_at
-        if monotonic() - said_at >= _SAY_EVERY:
-            said_at = monotonic()
+    def report(progress: Progress) -> None:
+        nonlocal reported_at
+        if monotonic() - reported_at >= _REPORT_EVERY:
+            reported_at = monotonic()
             node.get_logger().info(str(progress))
 
-    failure = compile_ahead(tell)
+    failure = compile_ahead(report)
     if failure:
         node.get_logger().error(f"compiling ahead failed, and is done in this process instead: {failure}")
     without_linear_algebra()

@@ -61,7 +61,7 @@ class FrictionFeedforward:
             velocity = (position - before.position) / (stamp - before.stamp)
         self._heard[name] = _Heard(when=now, stamp=stamp, position=position, velocity=velocity)
 
-    def know(self, joint: WatchedJoint, assessment: Assessment) -> None:
+    def update(self, joint: WatchedJoint, assessment: Assessment) -> None:
         """Take what is known of a joint now."""
         friction = _known_well(joint, assessment)
         if friction is None:

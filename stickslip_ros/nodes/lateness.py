@@ -58,15 +58,15 @@ def why_late(begin: Meters, end: Meters, *, late: float, delays: int, joints: in
     own, waited = (end.used - begin.used) / duration, (end.waited - begin.waited) / duration
     busy = (end.busy - begin.busy) / (end.all - begin.all) if end.all > begin.all else 0.0
     step = (end.system - begin.system) - (end.steady - begin.steady)
-    said = f"statuses were up to {late:.2g} s late: "
+    symptom = f"statuses were up to {late:.2g} s late: "
     here = f"with {100 * own:.0f} % of a core used here"
     if abs(step) > _CLOCK_STEP:
-        return f"{said}the system's clock was set by {step:+.2g} s meanwhile"
+        return f"{symptom}the system's clock was set by {step:+.2g} s meanwhile"
     if own >= _MOST_OF_A_CORE:
-        return f"{said}this node uses {100 * own:.0f} % of a core for {joints} joint{'s' if joints != 1 else ''}"
+        return f"{symptom}this node uses {100 * own:.0f} % of a core for {joints} joint{'s' if joints != 1 else ''}"
     if waited >= _WAITED or busy >= _BUSY:
-        return f"{said}the machine is busy with other processes (load {load:.1f} on {cores} cores), {here}"
-    return f"{said}{'one delay' if delays == 1 else f'{delays} delays'}, {here}"
+        return f"{symptom}the machine is busy with other processes (load {load:.1f} on {cores} cores), {here}"
+    return f"{symptom}{'one delay' if delays == 1 else f'{delays} delays'}, {here}"
 
 
 def machine() -> tuple[float, int]:

@@ -92,8 +92,8 @@ class Publications:
         self,
         own: Diagnosis | None,
         joints: Mapping[str, Findings],
-        told: Iterable[str],
-        looked_at: Iterable[str],
+        reported: Iterable[str],
+        assessed: Iterable[str],
         *,
         warn_margin: float,
     ) -> None:
@@ -104,7 +104,7 @@ class Publications:
         joints : what is known of all of them. told : names of those that are told of now.
         looked_at : of those of which something else may be known than when they were told of last.
         """
-        for name in looked_at:
+        for name in assessed:
             one = joints.get(name)
             if one is None:
                 continue
@@ -123,13 +123,13 @@ class Publications:
             self._log.note(name, one.trouble or one.assessment.finding.status.value, diagnosis.message, monotonic())
             self._statuses[name] = status_bytes(diagnosis, self.robot)
             self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
-        statuses = [self._statuses[name] for name in told if name in joints]
+        statuses = [self._statuses[name] for name in reported if name in joints]
         if own is not None:
             statuses.insert(0, status_bytes(own, self.robot))
         if statuses:
             self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
 
-    def publish_tables(self, joints: Mapping[str, Findings], told: Sequence[str]) -> None:
+    def publish_tables(self, joints: Mapping[str, Findings], reported: Sequence[str]) -> None:
         """What is known as numbers, each table only while somebody listens: nobody else would ever get it.
 
         Parameters
@@ -140,7 +140,7 @@ class Publications:
         if not joints:
             return
         if _has_listeners(self._friction):
-            now = {name: joints[name].assessment for name in told if name in joints}
+            now = {name: joints[name].assessment for name in reported if name in joints}
             if now:
                 self._friction.publish(friction_message(self._now(), now))
         if _has_listeners(self._margins):

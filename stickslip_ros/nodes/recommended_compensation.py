@@ -17,7 +17,7 @@ from stickslip_ros.nodes.while_listened import WhileListened
 from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.output.compensation import compensation_diagnosis, compensation_question
 
-_TOLD_APART = 0.05  # relative change of a number that changes the answer
+_DISTINGUISHED = 0.05  # relative change of a number that changes the answer
 
 Topic = WhileListened[CompensationQuestion, tuple[CompensatedGains, ...]]
 
@@ -32,7 +32,7 @@ def recommended_compensation(node: LifecycleNode, work: SlowWork, robot: str) ->
 
     return WhileListened(
         node, work, "~/recommended_compensation", DiagnosticArray,
-        kind="compensation", answer=compensation_advice, question=_question, alike=_alike, message=message,
+        kind="compensation", answer=compensation_advice, question=_question, similar=_similar, message=message,
     )  # fmt: skip
 
 
@@ -40,12 +40,12 @@ def _question(_: str, one: Findings) -> CompensationQuestion | None:
     return compensation_question(one.assessment, one.assessment.velocity, one.conditions)
 
 
-def _alike(one: CompensationQuestion, other: CompensationQuestion) -> bool:
+def _similar(one: CompensationQuestion, other: CompensationQuestion) -> bool:
     """Whether the answers to both would say the same."""
     if (one.joint.friction.law, one.conditions) != (other.joint.friction.law, other.conditions):
         return False
     pairs = zip(_numbers(one), _numbers(other), strict=True)
-    return all(math.isclose(first, second, rel_tol=_TOLD_APART) for first, second in pairs)
+    return all(math.isclose(first, second, rel_tol=_DISTINGUISHED) for first, second in pairs)
 
 
 def _numbers(question: CompensationQuestion) -> list[float]:

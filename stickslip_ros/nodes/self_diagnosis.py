@@ -53,7 +53,7 @@ class SelfDiagnosis:
         if self._states.lost > self._lost or self._work.skipped > self._skipped:
             self._lost_at = now
         self._lost, self._skipped = self._states.lost, self._work.skipped
-        self._states.look_back()
+        self._states.reset_figures()
 
     @property
     def latency(self) -> float:

@@ -34,10 +34,10 @@ from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, ref
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
-from stickslip_ros.nodes.joints.following import Following
+from stickslip_ros.nodes.joints.following import BatchProcessing
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
-from stickslip_ros.nodes.joints.turns import FEW, Turns, urgent
+from stickslip_ros.nodes.joints.turns import FEW, RoundRobin, urgent
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
 from stickslip_ros.nodes.publications import Findings, Publications
@@ -56,10 +56,10 @@ _STALE_AFTER = 1.0  # [s]
 _QUEUE = 5000
 _POLL_GAINS = 0.1  # [s]
 _NEARLY = 0.01  # [s] before it is due: half of the shortest time until the next tick
-_ALL_NEWS = 0.2  # [s] from one look for news of all joints to the next, of those that were not followed meanwhile
+_SCAN_ALL = 0.2  # [s] from one look for news of all joints to the next, of those that were not followed meanwhile
 _PUBLISHING, _OF_ONE = 2.5, 0.1  # times as long as a tick takes that publishes: how long it is until the next; its mean
 _LONGEST_TICK, _SHORTEST_TICK, _IDLE_TICK = 0.04, 0.02, 0.5  # [s]; the last while nothing comes
-_CATCH_UP = 5.0  # [s] of what has waited that are taken in one tick
+_PENDING_PER_TICK = 5.0  # [s] of what has waited that are taken in one tick
 _IDLE_AFTER = 2.0  # [s] without a message, and with nothing under way
 _IDLE_PERIOD = 1.0  # [s] from one status to the next then
 _TOO_LATE, _NOT_LEARNT_FROM = attrgetter("pairing.too_late"), attrgetter("monitor.learner.skipped")
@@ -89,12 +89,12 @@ class Session:
         self._references: JointStateTopic | ControllerStateTopic | None = None
         self._self: SelfDiagnosis | None = None
         self._first: FirstMessage | None = None
-        self._publish_at = self._poll_at = self._news_at = -math.inf
+        self._publish_at = self._poll_at = self._scan_at = -math.inf
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
-        self._turns = Turns()
+        self._round_robin = RoundRobin()
         self._busy_at, self._came = monotonic(), 0
         self._spent = 0.0  # by a tick that publishes, on average [s]
-        self._news: dict[str, tuple[object, ...]] = {}
+        self._change_tokens: dict[str, tuple[object, ...]] = {}
         self._contested: frozenset[str] = frozenset()
         self._wholes, self._reference_wholes = WholeTurns(self._log.info), WholeTurns()
         self._findings: dict[str, Findings] = {}
@@ -107,7 +107,7 @@ class Session:
             self.joints = WatchedJoints(
                 node, names, bounds, own_change, advice.adviser, self._refuse, self._on_new, self._before_new_gains
             )
-            self._following = Following(self.joints, lambda: self._ramps.busy, self._begin_anew)
+            self._processing = BatchProcessing(self.joints, lambda: self._ramps.busy, self._restart_after_error)
             self._gains = GainIntake(
                 node,
                 lambda: list(self.joints),
@@ -137,7 +137,7 @@ class Session:
             self.close()
             raise
         for joint in self.joints.values():
-            self._keeper.remind(joint)
+            self._keeper.restore(joint)
 
     def follow_controllers(self) -> None:
         """Follow the gains of those that the parameters name."""
@@ -165,9 +165,9 @@ class Session:
         self._feedforward.silence()
         if self._compiled.ready:
             for name in self.joints:
-                self._following.catch_up(name)
+                self._processing.process_pending(name)
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
-            self._publications.publish_cycles([*self._following.found(), *last])
+            self._publications.publish_cycles([*self._processing.pop_cycles(), *last])
         if self._first is not None:
             self._first.close()
         self._states.close()
@@ -183,7 +183,7 @@ class Session:
     def tick(self) -> None:
         """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
         now = monotonic()
-        self._compiled.look(now)
+        self._compiled.poll(now)
         self._gains.hear()
         due = now >= self._publish_at - _NEARLY
         self._intake(now)
@@ -196,7 +196,7 @@ class Session:
         if now >= self._poll_at:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
-            self._inputs.look(now, self._states)
+            self._inputs.poll(now, self._states)
         self._ramps.tick(now)
         self._feedforward.tick(self.joints, now)
         self._keeper.tick(self.joints, now)
@@ -239,7 +239,7 @@ class Session:
         return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
 
     def _on_new(self, joint: WatchedJoint) -> None:
-        self._keeper.remind(joint)
+        self._keeper.restore(joint)
         gains = self._gains.heard_of(joint.name)
         if gains is not None:
             self.joints.hear_gains(joint.name, gains)
@@ -249,13 +249,13 @@ class Session:
         if self._gains_waiting or self._behind(monotonic()):
             self._gains_waiting.append((monotonic(), name, gains))
         else:
-            self._take_gains(name, gains)
+            self._apply_gains(name, gains)
 
     def _before_new_gains(self, joint: WatchedJoint) -> None:
         """They concern the samples that come from now on."""
-        self._following.catch_up(joint.name)
+        self._processing.process_pending(joint.name)
 
-    def _take_gains(self, name: str, gains: Gains | None) -> None:
+    def _apply_gains(self, name: str, gains: Gains | None) -> None:
         self.joints.hear_gains(name, gains)
         if name in self.joints:
             self._ramps.hear_gains(self.joints[name])
@@ -268,7 +268,7 @@ class Session:
 
     def _behind(self, now: float) -> bool:
         """Whether what arrived a while ago still waits."""
-        return not self._compiled.ready or now - self._oldest() > _CATCH_UP
+        return not self._compiled.ready or now - self._oldest() > _PENDING_PER_TICK
 
     def _intake(self, now: float) -> None:
         """Take what has arrived, or let it wait; what has waited is taken in its order, and not all at once."""
@@ -278,15 +278,15 @@ class Session:
             self._states.keep()
             self._references.keep()
             return
-        until = self._oldest() + _CATCH_UP if self._behind(now) else math.inf
+        until = self._oldest() + _PENDING_PER_TICK if self._behind(now) else math.inf
         if self._gains_waiting:
             until = min(until, self._gains_waiting[0][0])
-        self._take(until, now)
+        self._process_arrived(until, now)
         while self._gains_waiting and self._gains_waiting[0][0] <= until:
             _, name, gains = self._gains_waiting.popleft()
-            self._take_gains(name, gains)
+            self._apply_gains(name, gains)
 
-    def _take(self, until: float, now: float) -> None:
+    def _process_arrived(self, until: float, now: float) -> None:
         assert self._states is not None
         assert self._references is not None
         # References last, so that they are no older than the samples that wait for them.
@@ -304,90 +304,95 @@ class Session:
             if name in self.joints:
                 self.joints[name].pairing.add_references(self._reference_wholes.removed(name, rows[:, :3]))
                 self._feedforward.hear(name, rows, now)
-        self._following.expect(samples, references, now)
-        self._following.look(now)
-        self._publications.publish_cycles(self._following.found())
+        self._processing.expect(samples, references, now)
+        self._processing.poll(now)
+        self._publications.publish_cycles(self._processing.pop_cycles())
 
     def _note_contested(self, contested: frozenset[str], contest: str) -> None:
         for name, joint in self.joints.items():
             if name in contested and not joint.trouble:
                 # What was taken for its motion until now was none.
-                joint.begin_anew()
+                joint.restart()
             joint.trouble = contest if name in contested else ""
         self._contested = contested
 
-    def _begin_anew(self, joint: WatchedJoint) -> None:
+    def _restart_after_error(self, joint: WatchedJoint) -> None:
         """Go on after an error in what follows one joint."""
         self._refuse(f"{joint.name}: an error of the monitor itself; the joint is followed anew")
         self._log.error(f"{joint.name}: {traceback.format_exc()}", throttle_duration_sec=10.0)
-        joint.begin_anew()
+        joint.restart()
 
     def _publish(self, now: float) -> None:
         if not self._compiled.ready:
             self._publications.publish_waiting(self._own_status(), self.joints, self._compiled.state)
             return
-        followed = self._look_for_news(now)
-        told, in_turn = self._turns.due(self._news, urgent(self.joints), self._publish_period)
+        processed = self._scan_for_changes(now)
+        reported, in_turn = self._round_robin.due(self._change_tokens, urgent(self.joints), self._publish_period)
         # What is new is not kept waiting by many joints whose turn it merely is.
         later = in_turn if len(self.joints) > FEW else []
-        looked_at = [name for name in told if name not in later]
-        self._look_at(looked_at, now)
-        self._tell(self._own_status(), looked_at, looked_at)
+        assessed = [name for name in reported if name not in later]
+        self._assess(assessed, now)
+        self._publish_statuses(self._own_status(), assessed, assessed)
         if self._self is not None and self._states is not None:
             if self._behind(now):
-                self._states.look_back()
+                self._states.reset_figures()
             else:
                 self._self.note()
         if later:
-            again = self._following.may_wait(later, self._publish_period)
-            looked_at_later = [name for name in later if name not in again or name not in self._findings]
-            self._look_at(looked_at_later, now)
-            self._tell(None, later, looked_at_later)
-            looked_at += looked_at_later
-        self._publications.publish_tables(self._findings, told)
+            again = self._processing.may_wait(later, self._publish_period)
+            assessed_later = [name for name in later if name not in again or name not in self._findings]
+            self._assess(assessed_later, now)
+            self._publish_statuses(None, later, assessed_later)
+            assessed += assessed_later
+        self._publications.publish_tables(self._findings, reported)
         for topic in self._on_demand:
             topic.attend(self._findings, now)
-        self._set_advice({name: self._findings[name].advised for name in looked_at if name in self._findings})
-        ended = self._following.found()
-        for name in dict.fromkeys([*followed, *told]):
+        self._set_advice({name: self._findings[name].advised for name in assessed if name in self._findings})
+        ended = self._processing.pop_cycles()
+        for name in dict.fromkeys([*processed, *reported]):
             studies.attend(self._work, name, self.joints[name].monitor.learner)
-        for name in looked_at:
+        for name in assessed:
             if name in self._findings and self._findings[name].silent_for is not None:
                 ended += [(name, cycle) for cycle in self.joints[name].monitor.finish()]
         self._publications.publish_cycles(ended)
 
-    def _look_at(self, names: Iterable[str], now: float) -> None:
+    def _assess(self, names: Iterable[str], now: float) -> None:
         for name in names:
-            self._following.catch_up(name, now)
+            self._processing.process_pending(name, now)
             try:
-                self._findings[name] = self._find(self.joints[name], now)
+                self._findings[name] = self._findings_of(self.joints[name], now)
             except Exception:
                 self._findings.pop(name, None)
-                self._begin_anew(self.joints[name])
+                self._restart_after_error(self.joints[name])
 
-    def _tell(self, own: Diagnosis | None, told: Iterable[str], looked_at: Iterable[str]) -> None:
+    def _publish_statuses(self, own: Diagnosis | None, reported: Iterable[str], assessed: Iterable[str]) -> None:
         warn_margin = float(self._node.get_parameter("warn_margin").value)
-        self._publications.publish_statuses(own, self._findings, told, looked_at, warn_margin=warn_margin)
+        self._publications.publish_statuses(own, self._findings, reported, assessed, warn_margin=warn_margin)
 
-    def _look_for_news(self, now: float) -> list[str]:
+    def _scan_for_changes(self, now: float) -> list[str]:
         """Note of joints objects, one of which is another when there is something to tell at once.
 
         Returns those that were followed since the last time: the others are looked at less often, if they are many.
         """
-        followed = self._following.followed()
-        names: Iterable[str] = followed
-        if now >= self._news_at:
-            self._news_at = now + (_ALL_NEWS if len(self.joints) > FEW else 0.0)
+        processed = self._processing.processed()
+        names: Iterable[str] = processed
+        if now >= self._scan_at:
+            self._scan_at = now + (_SCAN_ALL if len(self.joints) > FEW else 0.0)
             names = self.joints
         for name in names:
             joint = self.joints[name]
             outcome = self._ramps.outcomes.get(name, "")
-            self._news[name] = (*joint.monitor.change_token, joint.trouble, now - joint.heard > _STALE_AFTER, outcome)
-        return followed
+            self._change_tokens[name] = (
+                *joint.monitor.change_token,
+                joint.trouble,
+                now - joint.heard > _STALE_AFTER,
+                outcome,
+            )
+        return processed
 
-    def _find(self, joint: WatchedJoint, now: float) -> Findings:
+    def _findings_of(self, joint: WatchedJoint, now: float) -> Findings:
         assessment = joint.monitor.assessment()
-        self._feedforward.know(joint, assessment)
+        self._feedforward.update(joint, assessment)
         silence = now - joint.heard
         trial = assessment.trial if assessment.gains_known else None
         conditions = joint.settings.options.conditions
@@ -463,7 +468,7 @@ class Session:
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         for name, joint in self.joints.items():
-            self._following.catch_up(name)
+            self._processing.process_pending(name)
             joint.monitor.reset()
             self._keeper.forget(name)
         response.success = True

@@ -118,7 +118,7 @@ class SimulatedJoint(Node):
         self._states = self.create_publisher(JointState, "joint_states", qos)
         self._desired = self.create_publisher(JointState, "joint_references", qos) if self._has_controllers else None
         self._torques: dict[str, float] = {}
-        self._told = -math.inf
+        self._commanded_at = -math.inf
         topic = str(self.get_parameter("feedforward_topic").value) if self._has_controllers else "joint_commands"
         if topic:
             self.create_subscription(JointState, topic, self._hear_efforts, 1)
@@ -208,10 +208,10 @@ class SimulatedJoint(Node):
                 for name, effort in zip(message.name, message.effort, strict=True)
                 if name in self._simulations and math.isfinite(effort)
             }
-            self._told = time.monotonic()
+            self._commanded_at = time.monotonic()
 
     def _torque(self, name: str) -> float:
-        if time.monotonic() - self._told > _EFFORT_HOLDS:
+        if time.monotonic() - self._commanded_at > _EFFORT_HOLDS:
             return 0.0
         return self._torques.get(name, 0.0)
 

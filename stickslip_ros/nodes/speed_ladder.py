@@ -85,7 +85,7 @@ class LadderNode(Node):
         # The experiment was made with those known last, wherever the controller is now.
         self.gains = gains or self.gains
 
-    def run(self, steps: list[Step], told: Callable[[float, str], None]) -> Batch:
+    def run(self, steps: list[Step], report: Callable[[float, str], None]) -> Batch:
         """Move through the steps and return what was recorded.
 
         Parameters
@@ -103,7 +103,7 @@ class LadderNode(Node):
             self._spin(_SETTLE)
             self._controller.refuse_motion(before, self._positions)
         try:
-            return self._climb(steps, told)
+            return self._climb(steps, report)
         finally:
             self._hold()
 
@@ -158,17 +158,19 @@ class LadderNode(Node):
         except MessageError:
             return {}
 
-    def _climb(self, steps: list[Step], told: Callable[[float, str], None]) -> Batch:
+    def _climb(self, steps: list[Step], report: Callable[[float, str], None]) -> Batch:
         self._batches.clear()
         if self._controller is not None:
-            self._follow(self._controller, steps, told)
+            self._follow(self._controller, steps, report)
         else:
-            self._set_in_turn(steps, told)
+            self._set_in_turn(steps, report)
         if not self._batches:
             raise ExperimentError(f"no samples of {self._joint} while it moved")
         return Batch.joined(self._batches)
 
-    def _follow(self, controller: TrajectoryController, steps: list[Step], told: Callable[[float, str], None]) -> None:
+    def _follow(
+        self, controller: TrajectoryController, steps: list[Step], report: Callable[[float, str], None]
+    ) -> None:
         """Send the whole ladder, and see to it that it is what the joint does."""
         begin = last = self._stamp
         heard = monotonic()
@@ -181,9 +183,9 @@ class LadderNode(Node):
             elif monotonic() - heard > _SILENCE:
                 raise ExperimentError(f"nothing new of {self._joint} on joint_states for {_SILENCE:g} s")
             controller.check(self._stamp - begin, self.position)
-            told(self._stamp - begin, "")
+            report(self._stamp - begin, "")
 
-    def _set_in_turn(self, steps: list[Step], told: Callable[[float, str], None]) -> None:
+    def _set_in_turn(self, steps: list[Step], report: Callable[[float, str], None]) -> None:
         begin = monotonic()
         due = begin + _SETTLE
         for step in steps:
@@ -192,7 +194,7 @@ class LadderNode(Node):
             what = f"at {step.velocity:+.4g} rad/s" if step.velocity else "at rest"
             while monotonic() < due:
                 self._turn()
-                told(monotonic() - begin, what)
+                report(monotonic() - begin, what)
         self._spin(_SETTLE)
 
     def _set(self, velocity: float) -> None:

@@ -29,7 +29,7 @@ def stability_maps(node: LifecycleNode, work: SlowWork) -> WhileListened[MapSubj
 
     return WhileListened(
         node, work, "~/stability_map", CompressedImage,
-        kind="stability map", answer=picture, question=_subject, alike=_look_alike, message=message,
+        kind="stability map", answer=picture, question=_subject, similar=_similar, message=message,
     )  # fmt: skip
 
 
@@ -37,7 +37,7 @@ def _subject(name: str, one: Findings) -> MapSubject | None:
     return subject_of(name, one.assessment, one.assessment.velocity)
 
 
-def _look_alike(one: MapSubject, other: MapSubject) -> bool:
+def _similar(one: MapSubject, other: MapSubject) -> bool:
     """Whether nobody could tell the two maps apart."""
     if (one.advised is None) != (other.advised is None) or one.per_inertia != other.per_inertia:
         return False

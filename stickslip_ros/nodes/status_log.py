@@ -15,7 +15,7 @@ _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Stat
 
 
 @dataclass
-class _Said:
+class _Entry:
     """What the log has of a joint.
 
     Attributes
@@ -44,7 +44,7 @@ class StatusLog:
 
     def __init__(self, warn: Callable[[str], object], inform: Callable[[str], object]) -> None:
         self._warn, self._inform = warn, inform
-        self._joints: dict[str, _Said] = {}
+        self._joints: dict[str, _Entry] = {}
 
     def note(self, joint: str, word: str, text: str, now: float) -> None:
         """Take the status of a joint.
@@ -53,20 +53,20 @@ class StatusLog:
         ----------
         word : of the status, or why there is none. text : the summary for a person. now : a steady time [s].
         """
-        said = self._joints.setdefault(joint, _Said(now))
-        if word != said.latest and not (_is_calm(word) and _is_calm(said.latest)):
-            said.before = said.latest
-            said.changes += 1
-        said.latest = word
-        if not said.changes or now - said.at < said.apart:
+        entry = self._joints.setdefault(joint, _Entry(now))
+        if word != entry.latest and not (_is_calm(word) and _is_calm(entry.latest)):
+            entry.before = entry.latest
+            entry.changes += 1
+        entry.latest = word
+        if not entry.changes or now - entry.at < entry.apart:
             return
-        if said.changes == 1:
-            said.apart = _APART
-            more = f" (was {said.before})" if said.before else ""
+        if entry.changes == 1:
+            entry.apart = _APART
+            more = f" (was {entry.before})" if entry.before else ""
         else:
-            said.apart = min(2.0 * said.apart, _FURTHEST_APART)
-            more = f" ({said.changes} changes in {now - said.at:.0f} s)"
-        said.at, said.changes = now, 0
+            entry.apart = min(2.0 * entry.apart, _FURTHEST_APART)
+            more = f" ({entry.changes} changes in {now - entry.at:.0f} s)"
+        entry.at, entry.changes = now, 0
         write = self._inform if _is_calm(word) else self._warn
         write(visible(f"{joint}: {text}{more}"))
 

@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
 
 LARGEST_LAG = 0.02  # [rad]
-_ASK_EVERY = 1.0  # [s]
+_REQUEST_EVERY = 1.0  # [s]
 _STOP_TIME = 0.2  # [s]
 _LATE = 0.25  # [s] that controller and joint states may be late
 _OF_LAG = 0.25  # of the largest lag: so far a joint that is to rest may move
@@ -83,7 +83,7 @@ class TrajectoryController:
         self.name, self._joint, self._largest_lag = name, joint, largest_lag
         self._node = node
         self._parameters = RemoteParameters(node, name)
-        self._asked = -math.inf
+        self._requested_at = -math.inf
         self.joints: tuple[str, ...] = ()
         self._sent: JointTrajectory | None = None
         self._path: Path | None = None
@@ -97,8 +97,8 @@ class TrajectoryController:
     def poll(self, now: float) -> None:
         """Ask for what is not known yet; ``now`` is a steady time [s]."""
         self._parameters.poll(now)
-        if not self.joints and self._parameters.ready() and now > self._asked + _ASK_EVERY:
-            self._asked = now
+        if not self.joints and self._parameters.ready() and now > self._requested_at + _REQUEST_EVERY:
+            self._requested_at = now
             self._parameters.get(["joints"], now, self._on_joints)
 
     def _on_joints(self, values: Any) -> None:

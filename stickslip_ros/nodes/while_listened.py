@@ -17,7 +17,7 @@ from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
 
-_ASK_EVERY = 10.0  # [s] a joint
+_REQUEST_EVERY = 10.0  # [s] a joint
 _LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 Question = TypeVar("Question")
@@ -47,16 +47,16 @@ class WhileListened(Generic[Question, Answer]):
         kind: str,
         answer: Callable[[Question], Answer],
         question: Callable[[str, Findings], Question | None],
-        alike: Callable[[Question, Question], bool],
+        similar: Callable[[Question, Question], bool],
         message: Callable[[str, Question, Answer], Any],
     ) -> None:
         self._node = node
-        self._question, self._alike, self._message = question, alike, message
+        self._question, self._similar, self._message = question, similar, message
         self._publisher = quiet_publisher(node, message_type, topic, _LATCHED)
         self._answers: Background[Question, Answer] = Background(work, kind, answer)
-        self._asked_at: dict[str, float] = {}
+        self._requested_at: dict[str, float] = {}
         self._shown: dict[str, Question] = {}
-        self._asked = ""  # the joint whose question is under way
+        self._requested = ""  # the joint whose question is under way
         self._listeners = 0
 
     def close(self) -> None:
@@ -76,13 +76,13 @@ class WhileListened(Generic[Question, Answer]):
             if known is not None and self._shown.get(name) is not known[0]:
                 self._publisher.publish(self._message(name, *known))
                 self._shown[name] = known[0]
-        if self._answers.under_way(self._asked):
+        if self._answers.under_way(self._requested):
             return
         for name, one in joints.items():
             question = self._due(name, one, now)
             if question is not None:
-                self._answers.ask(name, question)
-                self._asked_at[name], self._asked = now, name
+                self._answers.submit(name, question)
+                self._requested_at[name], self._requested = now, name
                 return
 
     def _due(self, name: str, one: Findings, now: float) -> Question | None:
@@ -90,7 +90,7 @@ class WhileListened(Generic[Question, Answer]):
         known = self._answers.latest(name)
         if known is None and one.assessment.finding.status not in WORTH_CHANGING:
             return None
-        if one.silent_for is not None or now - self._asked_at.get(name, -math.inf) < _ASK_EVERY:
+        if one.silent_for is not None or now - self._requested_at.get(name, -math.inf) < _REQUEST_EVERY:
             return None
         question = self._question(name, one)
-        return None if known is not None and question is not None and self._alike(known[0], question) else question
+        return None if known is not None and question is not None and self._similar(known[0], question) else question

@@ -30,13 +30,13 @@ def work() -> Iterator[SlowWork]:
     one.close()
 
 
-def _answered(ask: Callable[[AdviceQuestion], Advice | None], question: AdviceQuestion, work: SlowWork) -> Advice:
+def _answered(submit: Callable[[AdviceQuestion], Advice | None], question: AdviceQuestion, work: SlowWork) -> Advice:
     """The advice on a question that was asked, once it is there."""
     until = time.monotonic() + _LIMIT
     while work.waiting:
         assert time.monotonic() < until
         time.sleep(0.01)
-    advice = ask(question)
+    advice = submit(question)
     assert advice is not None
     return advice
 
@@ -47,35 +47,35 @@ def test_a_speed_that_scatters_is_asked_about_once_a_minute(
     """Issue 21: the mean speed of a few slips differed by 1 to 2 % each time, and took 8 to 30 % of a core."""
     clock = [1000.0]
     monkeypatch.setattr(advice_worker, "monotonic", lambda: clock[0])
-    ask = AdviceWorker(work).adviser("joint1")
+    submit = AdviceWorker(work).adviser("joint1")
 
     # By Eq. (43) an answer takes ten milliseconds.
     question = AdviceQuestion(
         joint=puma, gains=Gains(stiffness=600.0), velocity=0.005, limits=AdviceLimits(condition=Criterion.PAPER),
         uncertainty=None, loop=ObservedLoop(), gains_known=True,
     )  # fmt: skip
-    assert ask(question) is None
+    assert submit(question) is None
     assert work.waiting == 1
-    first = _answered(ask, question, work)
+    first = _answered(submit, question, work)
 
     scattered = replace(question, velocity=1.02 * question.velocity)
     for clock[0] in (1001.0, 1020.0, 1059.0):
-        assert ask(scattered) is first
+        assert submit(scattered) is first
         assert work.waiting == 0
     clock[0] = 1061.0
-    assert ask(scattered) is first
+    assert submit(scattered) is first
     assert work.waiting == 1
-    again = _answered(ask, scattered, work)
+    again = _answered(submit, scattered, work)
     assert again.recommendation.velocity == pytest.approx(scattered.velocity)
 
     # A speed that is another one is not kept waiting so long, another joint not at all.
     faster = replace(question, velocity=1.2 * question.velocity)
     clock[0] = 1064.0
-    assert ask(faster) is again
+    assert submit(faster) is again
     assert work.waiting == 0
     clock[0] = 1067.0
-    assert ask(faster) is again
+    assert submit(faster) is again
     assert work.waiting == 1
-    _answered(ask, faster, work)
-    assert ask(replace(faster, gains=Gains(stiffness=700.0))) is None
+    _answered(submit, faster, work)
+    assert submit(replace(faster, gains=Gains(stiffness=700.0))) is None
     assert work.waiting == 1

@@ -9,7 +9,7 @@ import pytest
 
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.joints.following import Following
+from stickslip_ros.nodes.joints.following import BatchProcessing
 from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.settings.parameters import JointSettings
@@ -26,7 +26,7 @@ class Stage:
         settings = JointSettings(joint=None, gains=None, options=MonitorOptions(), gain_scale=1.0, effort_scale=1.0)
         bounds = GainBounds()
         self.joints = {name: WatchedJoint(name, JointMonitor(), settings, bounds) for name in JOINTS}
-        self.following = Following(self.joints, lambda: False, self._fail)
+        self.processing = BatchProcessing(self.joints, lambda: False, self._fail)
         self.time = 0.0
         self.looks = dict.fromkeys(JOINTS, 0)
         self.waited = dict.fromkeys(JOINTS, 0.0)  # [s] since a joint was looked at last
@@ -50,12 +50,12 @@ class Stage:
                 self.position[name] = float(position[-1])
                 self.joints[name].add_samples(samples[name])
             self.time = float(times[-1])
-            self.following.expect(samples, (), self.time)
-            self.following.look(self.time)
-            followed = self.following.followed()
+            self.processing.expect(samples, (), self.time)
+            self.processing.poll(self.time)
+            processed = self.processing.processed()
             for name in JOINTS:
-                self.waited[name] = 0.0 if name in followed else self.waited[name] + TICK
-                self.looks[name] += name in followed
+                self.waited[name] = 0.0 if name in processed else self.waited[name] + TICK
+                self.looks[name] += name in processed
 
     def status(self, name: str) -> str:
         """As the last look had it."""
@@ -100,9 +100,9 @@ def test_which_may_be_told_of_again(moved: Stage) -> None:
     speeds = dict.fromkeys(JOINTS[::2], SPEED)
     moved.go_on(6.0, speeds)
     turn = JOINTS[10:30]
-    waits = moved.following.may_wait(turn, TICK)
+    waits = moved.processing.may_wait(turn, TICK)
     assert len(waits) == len(turn) - 3
     looked_at = sorted(turn, key=lambda name: -moved.waited[name])[: len(turn) - len(waits)]
     assert min(moved.waited[name] for name in set(turn) - waits) >= moved.waited[looked_at[-1]] - TICK
-    few = Following({name: moved.joints[name] for name in JOINTS[:7]}, lambda: False, moved._fail)
+    few = BatchProcessing({name: moved.joints[name] for name in JOINTS[:7]}, lambda: False, moved._fail)
     assert few.may_wait(JOINTS[:7], TICK) == set()

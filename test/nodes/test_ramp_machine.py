@@ -355,7 +355,7 @@ def test_going_back_to_gains_that_stick_is_not_stopped_by_sticking() -> None:
         machine.controller.others_set({"p": 1000.0, "d": 10.0})
         machine._pass(5.0)
         ramp = UnfinishedRamp(
-            joint="joint1", controller=machine.controller.remote, before=before, asked=TARGET, offset=5.0
+            joint="joint1", controller=machine.controller.remote, before=before, target=TARGET, offset=5.0
         )
         machine.journal.begin(ramp)
         machine._begin(back_to=ramp)

@@ -24,7 +24,7 @@ from stickslip_ros.nodes.worker.process import SlowWork
 
 if __name__ == "__main__":
     work = SlowWork(print)
-    assert work.ask(("a", "question"), len, bytes({_LARGE}))
+    assert work.submit(("a", "question"), len, bytes({_LARGE}))
     work.close()
 """
 
@@ -44,16 +44,16 @@ def test_another_process_answers_after_one_was_killed_while_a_question_was_being
     work = SlowWork(said.append)
     until = time.monotonic() + _LIMIT
     try:
-        assert work.ask(("a", "question"), len, bytes(_LARGE))
+        assert work.submit(("a", "question"), len, bytes(_LARGE))
         (process_id,) = work.process_ids
         os.kill(process_id, signal.SIGKILL)
-        while (lost := work.take(("a", "question"))) is None:
+        while (lost := work.pop_result(("a", "question"))) is None:
             assert time.monotonic() < until
             time.sleep(0.01)
         assert lost.failed
         assert said == ["the process for slow work ended unexpectedly; another one is begun"]
-        assert work.ask(("a", "question"), len, bytes(_LARGE))
-        while (done := work.take(("a", "question"))) is None:
+        assert work.submit(("a", "question"), len, bytes(_LARGE))
+        while (done := work.pop_result(("a", "question"))) is None:
             assert time.monotonic() < until
             time.sleep(0.01)
         assert done.answer == _LARGE

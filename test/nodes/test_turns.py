@@ -14,7 +14,7 @@ from support_processes import processor_time
 from support_ros import probe
 
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.nodes.joints.turns import Turns
+from stickslip_ros.nodes.joints.turns import RoundRobin
 
 JOINTS = [f"joint{number + 1}" for number in range(40)]
 PERIOD = 0.04  # [s] from one publication to the next
@@ -27,40 +27,40 @@ PERIOD = 0.04  # [s] from one publication to the next
 )
 def test_every_joint_has_its_turn(count: int, rate: float, changes: list[tuple[int, bool]]) -> None:
     """News are told at the next publication, what is urgent within a tenth of a second, all else within a second."""
-    turns = Turns()
-    news: dict[str, tuple[object, ...]] = {f"j{number}": (object(),) for number in range(count)}
-    assert turns.due(news, (), 1.0 / rate) == (list(news), [])
-    waits = dict.fromkeys(news, 0)
+    round_robin = RoundRobin()
+    change_tokens: dict[str, tuple[object, ...]] = {f"j{number}": (object(),) for number in range(count)}
+    assert round_robin.due(change_tokens, (), 1.0 / rate) == (list(change_tokens), [])
+    waits = dict.fromkeys(change_tokens, 0)
     urgent_for = 0
     for number, urgent in changes:
         # Urgent is always the same joint, and not always for long.
         name = f"j{0 if urgent else number % count}"
         if not urgent:
-            news[name] = (object(),)
-        told, in_turn = turns.due(news, ["j0"] if urgent else (), 1.0 / rate)
-        assert name in told or urgent
+            change_tokens[name] = (object(),)
+        reported, in_turn = round_robin.due(change_tokens, ["j0"] if urgent else (), 1.0 / rate)
+        assert name in reported or urgent
         # What is new, or urgent, is no mere turn.
-        assert set(in_turn) <= set(told)
+        assert set(in_turn) <= set(reported)
         assert urgent or name not in in_turn
-        urgent_for = 0 if "j0" in told or not urgent else urgent_for + 1
+        urgent_for = 0 if "j0" in reported or not urgent else urgent_for + 1
         assert urgent_for <= max(0, rate * 0.1 - 0.5)
-        assert told == [one for one in news if one in told]
-        waits = {one: 0 if one in told else waits[one] + 1 for one in news}
+        assert reported == [one for one in change_tokens if one in reported]
+        waits = {one: 0 if one in reported else waits[one] + 1 for one in change_tokens}
         assert max(waits.values()) <= max(1, math.ceil(rate))
         # An arm's joints are always all there, and of many only a few.
-        assert len(told) >= (count if count <= 8 else 4)
-        assert len(told) <= 1 + (count if count <= 8 else max(4, math.ceil(count / rate)))
+        assert len(reported) >= (count if count <= 8 else 4)
+        assert len(reported) <= 1 + (count if count <= 8 else max(4, math.ceil(count / rate)))
 
 
 def test_a_joint_that_was_not_there_is_told_of_at_once() -> None:
     """So is one whose findings were others before; joints that are gone are forgotten."""
-    turns = Turns()
-    news: dict[str, tuple[object, ...]] = dict.fromkeys(JOINTS, ("smooth",))
-    turns.due(news, (), PERIOD)
-    assert len(turns.due(news, (), PERIOD)[0]) == 4
-    assert "new" in turns.due({**news, "new": ("smooth",)}, (), PERIOD)[0]
-    del news["joint1"]
-    assert "joint1" not in turns.due(news, (), PERIOD)[0]
+    round_robin = RoundRobin()
+    change_tokens: dict[str, tuple[object, ...]] = dict.fromkeys(JOINTS, ("smooth",))
+    round_robin.due(change_tokens, (), PERIOD)
+    assert len(round_robin.due(change_tokens, (), PERIOD)[0]) == 4
+    assert "new" in round_robin.due({**change_tokens, "new": ("smooth",)}, (), PERIOD)[0]
+    del change_tokens["joint1"]
+    assert "joint1" not in round_robin.due(change_tokens, (), PERIOD)[0]
 
 
 def test_forty_joints_over_dds(ros_domain: int) -> None:

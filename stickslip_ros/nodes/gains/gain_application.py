@@ -30,7 +30,7 @@ from stickslip_ros.nodes.gains.gain_writer import (
 from stickslip_ros.nodes.gains.motion_watch import WATCH, Watch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 
-_SAID_EVERY = 1.0  # [s] of the gains on their way, in the log
+_LOG_EVERY = 1.0  # [s] of the gains on their way, in the log
 _STEP_PERIOD = 0.1  # [s] at least from one step to the next
 _RETREAT_PERIOD = 0.05  # [s]
 _LONGEST_ADVICE = 10.0  # [s] for advice on the gains in force
@@ -117,11 +117,11 @@ class GainApplication:
         self._allowed, self._clock, self._log, self._back_to = allowed, clock, log, back_to
         self._was = watch.status
         self._withdrawn = self._running = False
-        self._said = -math.inf  # when the log was told of the gains last
+        self._logged_at = -math.inf  # when the log was told of the gains last
         self._writer = GainWriter(
-            joint, controller, clock=clock, allowed=self._may_write, look=self._look, answered=self._go_on
+            joint, controller, clock=clock, allowed=self._may_write, check=self._check, answered=self._go_on
         )
-        self._asked: GainPair | None = None
+        self._target_gains: GainPair | None = None
         self._good: list[tuple[float, GainPair]] = []  # gains as read back, and when they came into force
         self._sent: GainPair | None = None
         self._bounded: GainPair | None = None  # on their way, and to be within the limits of now
@@ -147,7 +147,7 @@ class GainApplication:
             self._script.close()
             if not self._writer.written and self._back_to is None:
                 self._journal.end(self.joint)
-            self._finish(success=False, message=f"{why}; {self._gains_said()}")
+            self._finish(success=False, message=f"{why}; {self._gains_text()}")
         assert self.outcome is not None
         return self.outcome
 
@@ -163,7 +163,7 @@ class GainApplication:
             # The script is over, and its end must be known.
             self._finish(
                 success=False,
-                message=f"an error of the monitor itself: {type(error).__name__}: {error}; {self._gains_said()}",
+                message=f"an error of the monitor itself: {type(error).__name__}: {error}; {self._gains_text()}",
             )
             raise
         finally:
@@ -202,35 +202,35 @@ class GainApplication:
                 text += f"; {error}" if str(error) not in text else ""
         if not self._leaves_something_undone(success):
             self._journal.end(self.joint)
-        self._finish(success=success, message=f"{text}; {self._writer.in_force() if success else self._gains_said()}")
+        self._finish(success=success, message=f"{text}; {self._writer.in_force() if success else self._gains_text()}")
 
     def _leaves_something_undone(self, success: bool) -> bool:
         """Whether the joint has gains that are neither its former ones nor good ones, and nobody else's."""
         last, begin = self._writer.last, self._good[0][1] if self._good else None
         if success:
             return False
-        if not self._writer.written or last is None or begin is None or self._asked is None:
+        if not self._writer.written or last is None or begin is None or self._target_gains is None:
             return self._back_to is not None
         if not self._writer.certain:
             return True
-        goal = begin if self._back_to is None else self._asked
-        return last.between(begin, self._asked) and not last.same(goal)
+        goal = begin if self._back_to is None else self._target_gains
+        return last.between(begin, self._target_gains) and not last.same(goal)
 
-    def _gains_said(self) -> str:
+    def _gains_text(self) -> str:
         """Before, asked, in force."""
-        said = []
-        if self._writer.written and self._good and self._asked is not None:
-            said.append(f"before {self._good[0][1]}, asked {self._asked}")
+        report = []
+        if self._writer.written and self._good and self._target_gains is not None:
+            report.append(f"before {self._good[0][1]}, asked {self._target_gains}")
         elif not self._writer.written:
-            said.append("no gains were changed")
-        said.append(self._writer.in_force())
-        return "; ".join(said)
+            report.append("no gains were changed")
+        report.append(self._writer.in_force())
+        return "; ".join(report)
 
     def _lead(self) -> Waiting[tuple[bool, str]]:
         """The ramp; returns whether it was worth it, and what to say."""
         begin = yield from self._writer.read()
         target = self._former(begin) if self._back_to is not None else (yield from self._advised(begin))
-        self._asked = target.gains
+        self._target_gains = target.gains
         self._good.append((self._clock(), begin))
         if self._back_to is None:
             for gains in (begin, target.gains):
@@ -246,11 +246,11 @@ class GainApplication:
                     joint=self.joint,
                     controller=self._controller.remote,
                     before=begin,
-                    asked=target.gains,
+                    target=target.gains,
                     offset=target.ramp.offset / self._scale,
                 )
             )
-        self._said = self._clock()
+        self._logged_at = self._clock()
         self._log.info(
             f"{self.joint}: the gains of {self._controller.remote} go from {begin} to {target.gains}: {target.reason}"
         )
@@ -343,8 +343,8 @@ class GainApplication:
         if gains.same(old) and self._sent is None:
             return
         now = self._clock()
-        if now - self._said >= _SAID_EVERY:
-            self._said = now
+        if now - self._logged_at >= _LOG_EVERY:
+            self._logged_at = now
             self._log.info(f"{self.joint}: {gains}: {why}")
         expected = [old] if self._sent is None else [old, self._sent]
         self._sent = gains
@@ -355,7 +355,7 @@ class GainApplication:
     def _may_write(self) -> bool:
         return self._allowed() and not self._withdrawn
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         """Look at everything that may end the ramp.
 
         Raises
@@ -365,7 +365,7 @@ class GainApplication:
         """
         if not self._may_write():
             raise WithdrawnError
-        self._writer.look_for_others()
+        self._writer.check_for_others()
         if self._bounded is not None and not self._returning:
             self._check_bounds(self._bounded)
         if self._watching and not self._returning:
@@ -378,21 +378,21 @@ class GainApplication:
             if why:
                 raise _WorseError(why)
 
-    def _after(self, stopped: StoppedError, said: str) -> Waiting[str]:
+    def _after(self, stopped: StoppedError, report: str) -> Waiting[str]:
         """What is done after the ramp was stopped; returns what to say."""
         returning, self._returning = self._returning, True
-        said = f"{said}; " if said else ""
+        report = f"{report}; " if report else ""
         if isinstance(stopped, SetByOthersError):
-            return said + (yield from self._writer.restore(stopped.values))
+            return report + (yield from self._writer.restore(stopped.values))
         if isinstance(stopped, WithdrawnError) or returning or len(self._good) == 0:
-            return f"{said}{stopped}"
+            return f"{report}{stopped}"
         if isinstance(stopped, _WorseError):
-            return said + (yield from self._go_back(str(stopped), self._settled_before()))
+            return report + (yield from self._go_back(str(stopped), self._settled_before()))
         outside = self._back_to is None and self._outside(self._good[-1][1])
         if outside and not self._writer.silent:
             within = [number for number, (_, gains) in enumerate(self._good) if not self._outside(gains)]
-            return said + (yield from self._go_back(str(stopped), within[-1] if within else 0))
-        return f"{said}{stopped}"
+            return report + (yield from self._go_back(str(stopped), within[-1] if within else 0))
+        return f"{report}{stopped}"
 
     def _settled_before(self) -> int:
         """Which were the last gains under which all was well for long enough."""

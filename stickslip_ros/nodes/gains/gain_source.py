@@ -21,7 +21,7 @@ from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParamete
 _REREAD = 1.0  # [s]
 _REREAD_AT_FIRST = 0.2
 _AT_FIRST = 5.0  # [s] since the controller appeared
-_LOOK_EVERY = 1.0  # [s] at the graph, while the controller is missing
+_SCAN_EVERY = 1.0  # [s] at the graph, while the controller is missing
 _SILENT_FOR_GOOD = 3  # answers missing in a row, 2 s each, after which its gains are known no more
 
 
@@ -54,11 +54,11 @@ class ControllerGains:
         self.parameters = RemoteParameters(node, controller)
         self._busy = False
         self._silent = 0
-        self._asked_at = -math.inf
+        self._requested_at = -math.inf
         self._appeared_at = math.inf
-        self._look_at = -math.inf
+        self._next_scan = -math.inf
         self._missing_since = math.nan
-        self._said = ""
+        self._logged = ""
         self.state = f"waiting for {controller}"
         self.waiting = True
 
@@ -68,22 +68,22 @@ class ControllerGains:
         if not self.parameters.ready():
             self.forget()
             self._appeared_at = math.inf
-            self._asked_at = -math.inf
+            self._requested_at = -math.inf
             if math.isnan(self._missing_since):
                 self._missing_since = now
-            if not self.waiting or now >= self._look_at:
-                self._look_at = now + _LOOK_EVERY
+            if not self.waiting or now >= self._next_scan:
+                self._next_scan = now + _SCAN_EVERY
                 # A controller that starts together with the monitor is nothing to log.
-                late = self._said != "" or now - self._missing_since >= _AT_FIRST
-                self._says(f"waiting for {self.name}{self._others()}", "missing" if late else "", waiting=True)
+                late = self._logged != "" or now - self._missing_since >= _AT_FIRST
+                self._set_state(f"waiting for {self.name}{self._others()}", "missing" if late else "", waiting=True)
             return
         self._missing_since = math.nan
         self._appeared_at = min(self._appeared_at, now)
         interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD
         # Where a ramp asks already, a slow controller has enough to answer.
-        if self._busy or self.parameters.busy or now - self._asked_at < interval:
+        if self._busy or self.parameters.busy or now - self._requested_at < interval:
             return
-        self._asked_at = now
+        self._requested_at = now
         self._busy = True
         # Asked by name, many controllers answer nothing at all if one name is not theirs; so they are listed first.
         self.parameters.list(["gains", *INTERFACES], now, partial(self._on_names, now))
@@ -96,15 +96,15 @@ class ControllerGains:
         """Whether the controller has gains of a joint."""
         return self._heard.of(joint) is not None
 
-    def _says(self, state: str, kind: str, *, waiting: bool, detail: str = "") -> None:
+    def _set_state(self, state: str, kind: str, *, waiting: bool, detail: str = "") -> None:
         """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged.
 
         Parameters
         ----------
         detail : for the log alone.
         """
-        if kind not in ("", self._said):
-            self._said = kind
+        if kind not in ("", self._logged):
+            self._logged = kind
             # Two lines of code: rclpy wants one severity from each.
             if waiting:
                 self._node.get_logger().warning(state)
@@ -137,13 +137,13 @@ class ControllerGains:
             return self._no_answer()
         self._busy = False
         joints = sorted({of_joint[0] for name in found if (of_joint := joint_and_kind(name))})
-        elsewhere = gains_elsewhere(found)
+        other_layout = gains_elsewhere(found)
         others = ""
         if joints:
             others = f"; it has those of {some(joints)}"
-        elif elsewhere:
-            others = f"; {elsewhere_text(elsewhere)}"
-        return self._says(
+        elif other_layout:
+            others = f"; {elsewhere_text(other_layout)}"
+        return self._set_state(
             f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched{others}", "none", waiting=True
         )
 
@@ -152,38 +152,38 @@ class ControllerGains:
         self._silent += 1
         if self._silent >= _SILENT_FOR_GOOD:
             self.forget()
-        self._says(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", "silent", waiting=True)
+        self._set_state(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", "silent", waiting=True)
 
     def _on_values(self, names: list[str], values: list[ParameterValue] | None) -> None:
         if values is None:
             return self._no_answer()
         self._busy = False
         self._silent = 0
-        self._take(dict(zip(names, values, strict=False)))
+        self._process_changes(dict(zip(names, values, strict=False)))
         if self._heard.refusal:
-            return self._says(f"{self.name}: {self._heard.refusal}", "refused", waiting=True)
+            return self._set_state(f"{self.name}: {self._heard.refusal}", "refused", waiting=True)
         taken = [name for name in names if name not in INTERFACES]
-        return self._says(f"following {self.name}", "following", waiting=False, detail=f": {some(taken)}")
+        return self._set_state(f"following {self.name}", "following", waiting=False, detail=f": {some(taken)}")
 
     def on_event(self, event: ParameterEvent) -> None:
         """Take a change of parameters, if it is the controller's."""
         if event.node == self.name:
             changes = {one.name: one.value for one in [*event.new_parameters, *event.changed_parameters]}
             self.parameters.hear(changes)
-            self._take(changes)
+            self._process_changes(changes)
 
-    def _take(self, parameters: Mapping[str, ParameterValue]) -> None:
+    def _process_changes(self, parameters: Mapping[str, ParameterValue]) -> None:
         """Remember what are gains of joints watched, and tell of each joint once."""
         if any(name in parameters for name in INTERFACES):
             self._refuse(why_not_taken(parameters))
-        watched, told = set(self._joints()), []
+        watched, changed = set(self._joints()), []
         for name, value in parameters.items():
             found = joint_and_kind(name)
             if found is not None and found[0] in watched:
-                self._remember(*found, value)
-                told.append(found[0])
-        for joint in dict.fromkeys(told):
-            self._tell(joint)
+                self._store(*found, value)
+                changed.append(found[0])
+        for joint in dict.fromkeys(changed):
+            self._report(joint)
 
     def _refuse(self, reason: str) -> None:
         """Know no gains for a reason, "" for none: what the controller commands may change while it is inactive."""
@@ -196,7 +196,7 @@ class ControllerGains:
         for joint in self._heard.forget():
             self._on_gains(joint, None)
 
-    def _remember(self, joint: str, kind: str, value: ParameterValue) -> None:
+    def _store(self, joint: str, kind: str, value: ParameterValue) -> None:
         found = gain_value(value)
         if math.isfinite(found):
             self._heard.set(joint, kind, found)
@@ -205,7 +205,7 @@ class ControllerGains:
                 f"gain {kind} of {joint} in {self.name} is not finite and less than {LARGEST:g}; ignored"
             )
 
-    def _tell(self, joint: str) -> None:
+    def _report(self, joint: str) -> None:
         gains = self._heard.of(joint)
         if gains is not None:
             self._on_gains(joint, gains)

@@ -17,9 +17,9 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair, gain_name, gain_value, joint_and_kind
 
 PATIENCE = 2.0  # [s] for an answer
-_ASK_AGAIN = 1.4  # [s]; an answer can be lost, and a slow controller is not helped by more questions
+_REQUEST_AGAIN = 1.4  # [s]; an answer can be lost, and a slow controller is not helped by more questions
 _OLD = 1.0  # [s]
-_NEWS = 0.2  # [s] for a change of parameters to be told
+_EVENT_DELAY = 0.2  # [s] for a change of parameters to be told
 _RESTORATIONS = 3  # in a row
 _AS_READ = "as read"
 _MOST_SENT = 64  # writes whose news may be missing
@@ -91,17 +91,17 @@ class GainWriter:
         *,
         clock: Callable[[], float],
         allowed: Callable[[], bool],
-        look: Callable[[], None],
+        check: Callable[[], None],
         answered: Callable[[], None],
     ) -> None:
         self._joint, self._controller = joint, controller
-        self._clock, self._allowed, self._look, self._answered = clock, allowed, look, answered
+        self._clock, self._allowed, self._check, self._answered = clock, allowed, check, answered
         self._names = [gain_name(joint, kind) for kind in ("p", "d")]
-        self._news_due: deque[dict[str, float]] = deque(maxlen=_MOST_SENT)
+        self._changes_due: deque[dict[str, float]] = deque(maxlen=_MOST_SENT)
         self._others: list[dict[str, float]] = []
         self._sent_last: dict[str, float] = {}
         self._reading: list[Any] = []
-        self._asked_at = -math.inf
+        self._requested_at = -math.inf
         self._latest: GainPair | None = None
         self._unanswered: GainPair | None = None
         self._unanswered_since = -math.inf
@@ -109,14 +109,14 @@ class GainWriter:
         self.last: GainPair | None = None
         self._how_known, self._known_at = "", 0.0
         self.written = self.silent = False
-        controller.listeners.append(self._on_news)
+        controller.listeners.append(self._on_changes)
 
     def close(self) -> None:
         """Listen no more."""
-        if self._on_news in self._controller.listeners:
-            self._controller.listeners.remove(self._on_news)
+        if self._on_changes in self._controller.listeners:
+            self._controller.listeners.remove(self._on_changes)
 
-    def look_for_others(self) -> None:
+    def check_for_others(self) -> None:
         """Raise if somebody else has set gains.
 
         Raises
@@ -125,7 +125,7 @@ class GainWriter:
             While a write is on its way nothing is raised: then what comes of it has to be read first.
         """
         if self._others and not self._checking:
-            raise SetByOthersError(self._take_others())
+            raise SetByOthersError(self._pop_others())
 
     def read(self, *, blindly: bool = False) -> Waiting[GainPair]:
         """The gains in force.
@@ -139,11 +139,11 @@ class GainWriter:
         StoppedError
             If the controller does not tell them.
         """
-        asked = 1
-        if not blindly or self._asked_at <= self._unanswered_since or self._reading:
-            self._reading, self._asked_at, asked = [], self._clock(), 0
+        requests = 1
+        if not blindly or self._requested_at <= self._unanswered_since or self._reading:
+            self._reading, self._requested_at, requests = [], self._clock(), 0
         # Else the last question may yet be answered: a slow controller is not asked twice.
-        answers, begun = self._reading, self._asked_at
+        answers, begun = self._reading, self._requested_at
         while True:
             waited = self._clock() - begun
             if answers and (blindly or waited < PATIENCE):
@@ -151,13 +151,13 @@ class GainWriter:
             # To write by an answer that lay about while this process had no time is to write by none.
             if waited >= PATIENCE:
                 raise self._silence(answers)
-            if waited >= asked * _ASK_AGAIN:
-                asked += 1
-                self._controller.get(self._names, self._clock(), lambda answer: self._take(answer, answers))
+            if waited >= requests * _REQUEST_AGAIN:
+                requests += 1
+                self._controller.get(self._names, self._clock(), lambda answer: self._process_answer(answer, answers))
                 continue
             yield
             if not blindly:
-                self._look()
+                self._check()
         p, d = [*(gain_value(value) for value in answers[0]), math.nan, math.nan][:2]
         if math.isnan(p):
             raise StoppedError(f"{self._controller.remote} has no gain {self._names[0]}")
@@ -183,7 +183,7 @@ class GainWriter:
         if not any(old.same(one) for one in expected):
             raise SetByOthersError(old.values())
         # The answer has just come: what was read cannot be younger. So once more, now.
-        self._look()
+        self._check()
         if old.same(new):
             return
         self._checking = True
@@ -191,7 +191,7 @@ class GainWriter:
             yield from self._write_and_check(old, new)
         finally:
             self._checking = False
-        self.look_for_others()
+        self.check_for_others()
 
     def _write_and_check(self, old: GainPair, new: GainPair) -> Waiting[None]:
         sent = old.changes(new)
@@ -202,23 +202,23 @@ class GainWriter:
         if found.same(new):
             return
         # What became of it is told a little later than it is answered.
-        until = self._clock() + _NEWS
-        while self._clock() < until and not (self._told(sent) or self._others):
+        until = self._clock() + _EVENT_DELAY
+        while self._clock() < until and not (self._confirmed(sent) or self._others):
             yield from self.wait()
         remote = self._controller.remote
-        if result.successful and not self._told(sent):
+        if result.successful and not self._confirmed(sent):
             if found.same(old):
                 raise StoppedError(f"{remote} took no notice of {new}")
             if found.between(old, new):
                 self._others.clear()
                 yield from self._put_back(old, new, found)
         if result.successful or self._others or not found.same(old):
-            raise SetByOthersError(self._take_others() or found.values())
+            raise SetByOthersError(self._pop_others() or found.values())
         raise StoppedError(f"{remote} refused {new}: {result.reason or 'no reason given'}")
 
-    def _told(self, sent: dict[str, float]) -> bool:
+    def _confirmed(self, sent: dict[str, float]) -> bool:
         """Whether the controller has made a write known."""
-        return not any(due is sent for due in self._news_due)
+        return not any(due is sent for due in self._changes_due)
 
     def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Waiting[None]:
         """The controller made something else of the gains: go back to those that it took."""
@@ -236,30 +236,30 @@ class GainWriter:
             If the controller does not answer.
         """
         self._checking = True
-        said = ""
+        report = ""
         for _ in range(_RESTORATIONS):
             found = yield from self.settled()
             if self._unanswered is not None:
                 raise self._silence(())
-            values = {**values, **self._take_others()}
+            values = {**values, **self._pop_others()}
             theirs = ", ".join(f"{kind} {value:.6g}" for kind, value in values.items())
             # What is neither theirs nor ours was set later, by whomever.
             ours = self._latest.values() if self._latest is not None else {}
             wanted = found.changes(found.with_values(values))
             undone = {kind: value for kind, value in wanted.items() if found.values()[kind] == ours.get(kind)}
             if not undone:
-                return said or f"somebody else set {theirs}; that is left alone"
-            said = f"somebody else set {theirs}, which a write of the ramp undid"
+                return report or f"somebody else set {theirs}; that is left alone"
+            report = f"somebody else set {theirs}, which a write of the ramp undid"
             try:
                 yield from self._sent(undone, found.with_values(undone))
             except WithdrawnError:
-                return f"{said}; it was not put back, as allow_apply was set to false"
-            said += "; it was put back"
+                return f"{report}; it was not put back, as allow_apply was set to false"
+            report += "; it was put back"
             # They may have set more meanwhile, which is told a little later.
-            until = self._clock() + _NEWS
+            until = self._clock() + _EVENT_DELAY
             while self._clock() < until:
                 yield
-        return said
+        return report
 
     def settled(self) -> Waiting[GainPair]:
         """The gains in force once what was sent is answered, or overdue; nothing is looked at meanwhile."""
@@ -271,7 +271,7 @@ class GainWriter:
         while self._unanswered is not None and self._clock() - self._unanswered_since < PATIENCE:
             yield
             if not blindly:
-                self._look()
+                self._check()
 
     @property
     def certain(self) -> bool:
@@ -292,14 +292,14 @@ class GainWriter:
     def wait(self) -> Waiting[None]:
         """Wait a little, and look."""
         yield
-        self._look()
+        self._check()
 
     def _sent(self, values: dict[str, float], new: GainPair) -> Waiting[Any]:
         """Write, and wait for the answer; the only place at which anything is written."""
         if not self._allowed():
             raise WithdrawnError
         answers: list[Any] = []
-        self._news_due.append(values)
+        self._changes_due.append(values)
         self._sent_last = values
         self._latest = self._unanswered = new
         self._unanswered_since, self.written = self._clock(), True
@@ -307,7 +307,7 @@ class GainWriter:
         def answered(answer: Any) -> None:
             if self._unanswered is new and answer is not None:
                 self._unanswered = None
-            self._take(answer, answers)
+            self._process_answer(answer, answers)
 
         named = {gain_name(self._joint, kind): value for kind, value in values.items()}
         self._controller.set(named, self._clock(), answered)
@@ -322,7 +322,7 @@ class GainWriter:
         self.silent = not too_late
         return StoppedError(f"{self._controller.remote} has not answered for {PATIENCE:g} s")
 
-    def _take(self, answer: Any, answers: list[Any]) -> None:
+    def _process_answer(self, answer: Any, answers: list[Any]) -> None:
         if answer is not None:
             answers.append(answer)
             self._answered()
@@ -331,28 +331,28 @@ class GainWriter:
         self.last, self._how_known, self._known_at = gains, how, since
         return gains
 
-    def _take_others(self) -> dict[str, float]:
-        others = {kind: value for told in self._others for kind, value in told.items()}
+    def _pop_others(self) -> dict[str, float]:
+        others = {kind: value for announced in self._others for kind, value in announced.items()}
         self._others.clear()
         return others
 
-    def _on_news(self, changes: Mapping[str, Any]) -> None:
+    def _on_changes(self, changes: Mapping[str, Any]) -> None:
         """Tell our own changes, which the controller makes known like any other, from those of others."""
-        told = {}
+        announced = {}
         for name, value in changes.items():
             found = joint_and_kind(name)
             if found is not None and found[0] == self._joint and found[1] in ("p", "d"):
-                told[found[1]] = gain_value(value)
-        if not told:
+                announced[found[1]] = gain_value(value)
+        if not announced:
             return
-        for number, due in enumerate(self._news_due):
-            if due == told:
+        for number, due in enumerate(self._changes_due):
+            if due == announced:
                 for _ in range(number + 1):
-                    self._news_due.popleft()
-                if self._unanswered is not None and self._told(self._sent_last) and self.last is not None:
+                    self._changes_due.popleft()
+                if self._unanswered is not None and self._confirmed(self._sent_last) and self.last is not None:
                     # As good as an answer, which may never come.
                     self._note(self._unanswered, "as it made known", self._clock())
                     self._unanswered = None
                 return
-        if not any(math.isnan(value) for value in told.values()):
-            self._others.append(told)
+        if not any(math.isnan(value) for value in announced.values()):
+            self._others.append(announced)

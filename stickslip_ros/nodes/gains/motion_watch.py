@@ -61,7 +61,7 @@ class MotionWatch:
         self._watched, self._monitor, self._clock = watched, watched.monitor, clock
         self._before: ClosedLoopHealth | None = None
         self._seen: tuple[float, float, float] | None = None  # what was asked of last, and the answer
-        self._said = ""
+        self._objection = ""
         self._band = self._swings = math.nan
 
     def assessment(self) -> Assessment:
@@ -89,7 +89,7 @@ class MotionWatch:
         cycle = assessment.last_cycle
         longest = _CYCLES * cycle.period if cycle is not None else 0.0
         self._seen = None
-        self._before = self._vitals(min(max(_LEAST_BASELINE, self._swings, longest), _LONGEST_BASELINE))
+        self._before = self._health(min(max(_LEAST_BASELINE, self._swings, longest), _LONGEST_BASELINE))
         return "" if self._before is not None else "there are no samples of the joint to watch it by"
 
     def silence(self) -> str:
@@ -110,17 +110,17 @@ class MotionWatch:
         # It is asked once more right before each write, when there seldom is a new sample.
         seen = (self._monitor.last_time, softer, self._watched.settings.options.limits.effort)
         if seen != self._seen:
-            self._seen, self._said = seen, self._what_got_worse(softer, effort_limit=seen[2])
-        return self._said
+            self._seen, self._objection = seen, self._what_got_worse(softer, effort_limit=seen[2])
+        return self._objection
 
     def _what_got_worse(self, softer: float, effort_limit: float) -> str:
-        recent = self._vitals(WATCH)
+        recent = self._health(WATCH)
         if self._before is None or recent is None:
             return ""
         resolution = self._monitor.resolution
         return what_got_worse(self._before, recent, softer=softer, resolution=resolution, effort_limit=effort_limit)
 
-    def _vitals(self, duration: float) -> ClosedLoopHealth | None:
+    def _health(self, duration: float) -> ClosedLoopHealth | None:
         recent = self._monitor.recent(duration)
         swinging = self._monitor.recent(max(duration, self._swings))
         if recent is None or swinging is None:

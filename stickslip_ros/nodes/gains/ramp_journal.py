@@ -7,14 +7,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.state.plain_data import from_plain
+from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 from stickslip_ros.nodes.state.sealed_text import sealed, unsealed
 from stickslip_ros.regular_files import read_regular
 
@@ -33,7 +33,7 @@ class UnfinishedRamp:
 
     Attributes
     ----------
-    before, asked : gains in the controller's units.
+    before, target : gains in the controller's units.
     offset : of the damping on the way, as :class:`GainRamp` has it, in the same units.
     begun : when, as UTC in ISO 8601.
     """
@@ -41,7 +41,7 @@ class UnfinishedRamp:
     joint: str
     controller: str
     before: GainPair
-    asked: GainPair
+    target: GainPair = field(metadata={"key": "asked"})
     offset: float
     begun: str = ""
 
@@ -100,7 +100,7 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
 
     def _set(self, ramps: dict[str, UnfinishedRamp]) -> None:
         if self._path is not None:
-            content = sealed(_FORMAT, _VERSION, json.dumps([asdict(one) for one in ramps.values()]))
+            content = sealed(_FORMAT, _VERSION, json.dumps([to_plain(one) for one in ramps.values()]))
             try:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
                 write_whole(self._path, content, mode=_FOR_THE_USER, durable=True)
@@ -119,6 +119,6 @@ def _read(path: Path) -> dict[str, UnfinishedRamp]:
     ramps = [from_plain(UnfinishedRamp, one) for one in json.loads(body)]
     for ramp in ramps:
         # A number that is none would go through every comparison.
-        if not all(math.isfinite(value) for gains in (ramp.before, ramp.asked) for value in gains.values().values()):
+        if not all(math.isfinite(value) for gains in (ramp.before, ramp.target) for value in gains.values().values()):
             raise ValueError(f"the gains of {ramp.joint} are not finite")
     return {ramp.joint: ramp for ramp in ramps}

@@ -45,7 +45,7 @@ class RampService:
         ]
         self._begin: Begin | None = None
         self._answer: Answer | None = None
-        self._now = self._asked_at = 0.0
+        self._now = self._requested_at = 0.0
         self._queue: list[GainApplication] = []
         self._done: list[Outcome] = []
         self._name = ""
@@ -108,14 +108,14 @@ class RampService:
             answer(Trigger.Response(success=False, message=f"refused: already at work on {joint}"))
             return
         self._name, self._begin = name, begin
-        self._answer, self._done, self._asked_at = answer, [], self._now
+        self._answer, self._done, self._requested_at = answer, [], self._now
 
     def _try_to_begin(self) -> None:
         assert self._begin is not None
         try:
             self._queue = self._begin()
         except NotYetError as refused:
-            if self._now - self._asked_at > _PATIENCE:
+            if self._now - self._requested_at > _PATIENCE:
                 self._end(success=False, message=f"refused: {refused}")
         except RefusedError as refused:
             self._end(success=False, message=f"refused: {refused}")

@@ -42,7 +42,7 @@ class Ramps:
         self._node, self._joints, self._gains, self._not_yet = node, joints, gains, not_yet
         self._journal = RampJournal(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
         self._service = RampService(node, {APPLY: self._to_the_advice, RESTORE: self._back})
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
 
     def tick(self, now: float) -> None:
         """Take requests and carry on with what is asked for; ``now`` is a steady time [s]."""
@@ -91,11 +91,11 @@ class Ramps:
         if ramp is None or gains is None or self._service.busy or self._controller_name(joint.name) != ramp.controller:
             return
         now = GainPair.from_si(gains, joint.settings.gain_scale)
-        if now.same(ramp.before) or not now.between(ramp.before, ramp.asked):
+        if now.same(ramp.before) or not now.between(ramp.before, ramp.target):
             self._journal.end(joint.name)
             self._node.get_logger().info(f"{joint.name} has {now} now; the ramp that was cut off is forgotten")
-        elif joint.name not in self._told:
-            self._told.add(joint.name)
+        elif joint.name not in self._logged:
+            self._logged.add(joint.name)
             self._node.get_logger().warning(self._unfinished(ramp))
 
     def _unfinished(self, ramp: UnfinishedRamp) -> str:
@@ -106,7 +106,7 @@ class Ramps:
             now = f", now {GainPair.from_si(gains, joint.settings.gain_scale)}"
         return (
             f"a ramp of {ramp.joint}'s gains in {ramp.controller}, begun {ramp.begun}, did not come to a good end: "
-            f"before {ramp.before}, asked {ramp.asked}{now}; the service ~/{RESTORE} goes back to those before"
+            f"before {ramp.before}, asked {ramp.target}{now}; the service ~/{RESTORE} goes back to those before"
         )
 
     def _controller_name(self, joint: str) -> str:

@@ -71,11 +71,11 @@ class RemoteParameters:
     def list(self, prefixes: Sequence[str], now: float, then: Then) -> None:
         """Names of parameters that are, or stand below, one of some prefixes; of all for none."""
         request = ListParameters.Request(prefixes=list(prefixes), depth=_DEPTH)
-        self._ask(self._list, request, now, lambda answer: then(answer and list(answer.result.names)))
+        self._request(self._list, request, now, lambda answer: then(answer and list(answer.result.names)))
 
     def get(self, names: Sequence[str], now: float, then: Then) -> None:
         """Values of parameters, in this order."""
-        self._ask(
+        self._request(
             self._get, GetParameters.Request(names=list(names)), now, lambda answer: then(answer and answer.values)
         )
 
@@ -85,9 +85,9 @@ class RemoteParameters:
             Parameter(name, Parameter.Type.DOUBLE, value).to_parameter_msg() for name, value in values.items()
         ]
         request = SetParametersAtomically.Request(parameters=parameters)
-        self._ask(self._set, request, now, lambda answer: then(answer and answer.result))
+        self._request(self._set, request, now, lambda answer: then(answer and answer.result))
 
-    def _ask(self, client: Client, request: Any, now: float, then: Then) -> None:
+    def _request(self, client: Client, request: Any, now: float, then: Then) -> None:
         question = _Question(client, client.call_async(request), now + PATIENCE, then)
         self._waiting.append(question)
         question.future.add_done_callback(lambda _: self._hand_over(question))

@@ -81,10 +81,10 @@ class DrainedSubscription:
         """The messages waiting, oldest first, each with its sequence number and the times of sending and arrival."""
         found = []
         with self._subscription.handle:
-            take, message_type, raw = self._subscription.handle.take_message, self._type, self._raw
+            take_message, message_type, raw = self._subscription.handle.take_message, self._type, self._raw
             # No more than were kept, or a publisher that is faster than this loop would never let it end.
             for _ in range(_MOST_AT_ONCE):
-                taken = take(message_type, raw)
+                taken = take_message(message_type, raw)
                 if taken is None:
                     break
                 found.append(taken)

@@ -16,13 +16,13 @@ from stickslip_ros.nodes.intake.references import reference_type_name
 from stickslip_ros.nodes.intake.silence import SilentClock, SilentStates
 from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
-from stickslip_ros.nodes.not_understood import NotUnderstood
+from stickslip_ros.nodes.unknown_parameters import UnknownParameters
 
 _STATES = "joint_states"
 
 
 class Inputs:
-    """See the module; :meth:`look` is called now and then."""
+    """See the module; :meth:`poll` is called now and then."""
 
     def __init__(self, node: Node, joints: WatchedJoints, gains: GainIntake, reference_type: str) -> None:
         self._joints, self._gains = joints, gains
@@ -34,28 +34,28 @@ class Inputs:
                 PD_GAINS: "std_msgs/msg/Float64MultiArray",
             },
         )
-        self._not_understood = NotUnderstood(node)
+        self._unknown_parameters = UnknownParameters(node)
         self._silent_states, self._silent_clock = SilentStates(node, _STATES), SilentClock(node)
 
-    def look(self, now: float, states: JointStateTopic | None) -> None:
+    def poll(self, now: float, states: JointStateTopic | None) -> None:
         """Look at the graph and at what was given; ``now`` is a steady time [s]."""
-        self._types.look(now)
-        self._silent_clock.look(now)
+        self._types.poll(now)
+        self._silent_clock.poll(now)
         if states is not None:
-            self._silent_states.look(now, states.messages)
-        self._not_understood.look(list(self._joints), now, others_may_come=self._joints.welcomes_others)
+            self._silent_states.poll(now, states.messages)
+        self._unknown_parameters.poll(list(self._joints), now, others_may_come=self._joints.welcomes_others)
 
     @property
     def troubles(self) -> list[str]:
         """What there is to say of the node itself."""
         silences = [text for text in (self._silent_states.text, self._silent_clock.text) if text]
-        return [*self._types.troubles.values(), *silences, *self._not_understood.texts]
+        return [*self._types.troubles.values(), *silences, *self._unknown_parameters.texts]
 
     def values(self) -> list[tuple[str, object]]:
         """The same as keys and values."""
         return [
             ("topics of another type", "; ".join(self._types.troubles.values())),
-            ("parameters not understood", "; ".join(self._not_understood.texts)),
+            ("parameters not understood", "; ".join(self._unknown_parameters.texts)),
         ]
 
     def missing(self, joint: WatchedJoint, assessment: Assessment) -> str:

@@ -23,7 +23,7 @@ from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.intake.sequence_numbers import SequenceNumbers
 from stickslip_ros.visible import listed
 
-_LOOK_EVERY = 0.5  # [s] at the graph, for how many publish
+_SCAN_EVERY = 0.5  # [s] at the graph, for how many publish
 _CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
 _LONGEST_REASON = 300
 
@@ -46,7 +46,7 @@ class JointStateTopic:
 
     Attributes
     ----------
-    messages : how many came; waiting : the most that a drain found since :meth:`look_back` was called last.
+    messages : how many came; waiting : the most that a drain found since :meth:`reset_figures` was called last.
     oldest : when the oldest message since then came, in the system's time [s]; NaN if none did.
     contested : joints that several publishers tell of at once, which is no motion to follow.
     contest : names the publishers then, "" otherwise.
@@ -58,7 +58,7 @@ class JointStateTopic:
         self._decoder = JointStateDecoder()
         self._arrivals = ArrivalTimes(node)
         self._sequence = SequenceNumbers()
-        self._looked_at = 0.0
+        self._scanned_at = 0.0
         self._last_number: dict[str, int] = {}
         self._steps_back: dict[str, int] = {}
         self.backlog: Backlog[_Drained] = Backlog()
@@ -73,14 +73,14 @@ class JointStateTopic:
         """Messages that never came."""
         return self._sequence.lost
 
-    def look_back(self) -> None:
+    def reset_figures(self) -> None:
         """Begin anew to count what a drain finds."""
         self.waiting, self.oldest = 0, np.nan
 
     def keep(self) -> None:
         """Take what has arrived from the middleware, which keeps no more than its queue holds, and let it wait."""
         taken = self.subscription.take_all()
-        self._look_at_the_graph()
+        self._scan_graph()
         arrivals = self._arrivals.of([info for _, info in taken])
         if not taken:
             return
@@ -111,18 +111,18 @@ class JointStateTopic:
             self._refuse_many(reason, count)
         self._decoder.refused.clear()
         if drained.numbers is not None and self.publishers > 1:
-            self._look_for_rivals(found, np.array(drained.numbers))
+            self._count_steps_back(found, np.array(drained.numbers))
         return rows_by_joint(found, [self._times(rows, drained.arrivals) for rows in found])
 
     def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
         """Stamps, or the times of arrival where there are none."""
         return with_times(rows.time, lambda: arrivals[rows.index], self._arrivals.what, self._refuse_many)
 
-    def _look_at_the_graph(self) -> None:
+    def _scan_graph(self) -> None:
         now = monotonic()
-        if now - self._looked_at < _LOOK_EVERY:
+        if now - self._scanned_at < _SCAN_EVERY:
             return
-        self._looked_at = now
+        self._scanned_at = now
         self.publishers = self.subscription.publishers
         self.contested = frozenset(name for name, steps in self._steps_back.items() if steps >= _CONTESTED)
         self.contest = self._who_contests() if self.contested else ""
@@ -135,7 +135,7 @@ class JointStateTopic:
         names = listed(sorted(map(name_of, self.subscription.endpoints)), NAMED)
         return f"published by several nodes at once ({names}); remap all but one of them"
 
-    def _look_for_rivals(self, found: list[JointRows], numbers: Integers) -> None:
+    def _count_steps_back(self, found: list[JointRows], numbers: Integers) -> None:
         """Count the steps back in the numbers of the messages that tell of a joint: one publisher's only grow."""
         indices: dict[str, list[Integers]] = {}
         for rows in found:

@@ -14,7 +14,7 @@ from stickslip_ros.nodes.intake.references import REFERENCE_TYPES
 from stickslip_ros.visible import listed
 
 REFERENCES = "joint_references"
-_LOOK_EVERY = 1.0  # [s]
+_SCAN_EVERY = 1.0  # [s]
 
 
 class PublishedTypes:
@@ -29,15 +29,15 @@ class PublishedTypes:
 
     def __init__(self, node: Node, wanted: Mapping[str, str]) -> None:
         self._node, self._wanted = node, wanted
-        self._look_at = -math.inf
+        self._next_scan = -math.inf
         self._unnamed: set[str] = set()
         self.troubles: dict[str, str] = {}
 
-    def look(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """Look again if it is time; ``now`` is a steady time [s]."""
-        if now < self._look_at:
+        if now < self._next_scan:
             return
-        self._look_at = now + _LOOK_EVERY
+        self._next_scan = now + _SCAN_EVERY
         found = {topic: self._trouble(topic, wanted) for topic, wanted in self._wanted.items()}
         for topic, text in found.items():
             if text and topic not in self.troubles:

@@ -46,12 +46,12 @@ class ControllerStateTopic:
         arrivals = self._arrivals.of([info for _, info in taken])
         rows: dict[str, list[tuple[float, float, float]]] = {}
         for (message, _), arrival in zip(taken, arrivals.tolist(), strict=True):
-            self._take(message, arrival, rows)
+            self._process_message(message, arrival, rows)
         if rows:
             tables = {name: np.array(found) for name, found in rows.items()}
             self.backlog.add(monotonic(), tables, len(taken), sum(table.nbytes for table in tables.values()))
 
-    def _take(self, message: Any, arrival: float, rows: dict[str, list[tuple[float, float, float]]]) -> None:
+    def _process_message(self, message: Any, arrival: float, rows: dict[str, list[tuple[float, float, float]]]) -> None:
         try:
             found = reference_rows(message)
         except MessageError as error:

@@ -16,7 +16,7 @@ from stickslip_ros.visible import listed
 _PATIENCE = 10.0  # [s] without a message that are worth a warning
 _CLOCK_PATIENCE = 5.0  # [s] from the start of the node to the first message on /clock
 _INACTIVE = 2.0  # [s] between two looks, from which on the node was inactive meanwhile and could hear nothing
-_LOOK_EVERY = 1.0  # [s] at the graph
+_SCAN_EVERY = 1.0  # [s] at the graph
 _WORD = TYPE.rpartition("/")[2]
 
 
@@ -33,25 +33,25 @@ class SilentStates:
     def __init__(self, node: Node, topic: str) -> None:
         self._node, self._topic = node, topic
         self._messages = 0
-        self._heard_at = self._looked_at = -math.inf
-        self._look_at = -math.inf
+        self._heard_at = self._polled_at = -math.inf
+        self._next_scan = -math.inf
         self.text = ""
 
-    def look(self, now: float, messages: int) -> None:
+    def poll(self, now: float, messages: int) -> None:
         """Compare how many messages have come since the node was activated with how many had.
 
         Parameters
         ----------
         now : a steady time [s].
         """
-        anew = now - self._looked_at > _INACTIVE or messages < self._messages
-        self._looked_at = now
+        anew = now - self._polled_at > _INACTIVE or messages < self._messages
+        self._polled_at = now
         if anew or messages > self._messages:
             if self.text and not anew:
                 self._node.get_logger().info(f"{self._node.resolve_topic_name(self._topic)} is heard")
             self._messages, self._heard_at, self.text = messages, now, ""
-        elif now - self._heard_at >= _PATIENCE and now >= self._look_at:
-            self._look_at = now + _LOOK_EVERY
+        elif now - self._heard_at >= _PATIENCE and now >= self._next_scan:
+            self._next_scan = now + _SCAN_EVERY
             first, self.text = not self.text, self._sentence()
             if first:
                 self._node.get_logger().warning(self.text)
@@ -81,10 +81,10 @@ class SilentClock:
     def __init__(self, node: Node) -> None:
         self._node, self._clock = node, node.get_clock()
         self._began = math.nan
-        self._said = False
+        self._logged = False
         self.text = ""
 
-    def look(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """Look at the clock; ``now`` is a steady time [s]."""
         self.text = ""
         if not self._clock.ros_time_is_active or self._clock.now().nanoseconds:
@@ -94,6 +94,6 @@ class SilentClock:
         if now - self._began < _CLOCK_PATIENCE:
             return
         self.text = "use_sim_time is true and nothing is heard on /clock: what is published has the stamp zero"
-        if not self._said:
-            self._said = True
+        if not self._logged:
+            self._logged = True
             self._node.get_logger().warning(self.text)

@@ -47,11 +47,11 @@ class _Course:
     position: float
     pace: float = math.nan
     band: float = 0.0
-    looked_at: float = -math.inf
+    processed_at: float = -math.inf
 
     def go_on(self, time: float, position: float, band: float, now: float) -> None:
         """Take the last sample that was looked at."""
-        self.time, self.position, self.band, self.looked_at = time, position, band, now
+        self.time, self.position, self.band, self.processed_at = time, position, band, now
         if not 0.0 <= time - self.since < _PACE_OVER:
             self.pace = (position - self.began) / (time - self.since) if time > self.since else math.nan
             self.since, self.began = time, position
@@ -62,7 +62,7 @@ class _Course:
         return not (aside <= self.band + _BEHIND * abs(self.pace) and time >= self.time)
 
 
-class Following:
+class BatchProcessing:
     """Lets the joints' monitors follow their samples.
 
     Parameters
@@ -80,9 +80,9 @@ class Following:
         self._since: dict[str, float] = {}  # when the oldest of what waits was taken, as a steady time [s]
         self._courses: dict[str, _Course] = {}
         self._surprised: set[str] = set()
-        self._looked_at = -math.inf
-        self._followed: dict[str, None] = {}
-        self._found: list[tuple[str, Cycle]] = []
+        self._polled_at = -math.inf
+        self._processed: dict[str, None] = {}
+        self._cycles: list[tuple[str, Cycle]] = []
 
     def expect(self, samples: Mapping[str, FloatArray], references: Iterable[str], now: float) -> None:
         """Samples, rows of time and position first, or references of these joints have come at a steady time [s]."""
@@ -99,31 +99,31 @@ class Following:
             if name in self._joints:
                 self._since.setdefault(name, now)
 
-    def look(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """Follow the joints of which something may have happened, and those whose samples have waited for long."""
         hurry = self._hurry()
         later = min(_LATER + _LATER_EACH * len(self._joints), _LATEST)
         as_expected = _AS_EXPECTED + len(self._joints) / _LOOKS
-        quiet = max(_AT_ONCE, math.ceil(len(self._joints) * min((now - self._looked_at) / later, 1.0)))
-        self._looked_at = now
+        quiet = max(_AT_ONCE, math.ceil(len(self._joints) * min((now - self._polled_at) / later, 1.0)))
+        self._polled_at = now
         for name, since in list(self._since.items()):
             if hurry or self._joints[name].monitor.latest_status not in _UNEVENTFUL:
-                self.catch_up(name, now)
+                self.process_pending(name, now)
             elif quiet and now - since >= (later if name in self._surprised else as_expected):
                 quiet -= 1
-                self.catch_up(name, now)
+                self.process_pending(name, now)
 
-    def catch_up(self, name: str, now: float | None = None) -> None:
+    def process_pending(self, name: str, now: float | None = None) -> None:
         """Follow what has come of one joint; what goes wrong with it is no other joint's business."""
         if self._since.pop(name, None) is None:
             return
         joint = self._joints[name]
-        self._followed[name] = None
+        self._processed[name] = None
         now = monotonic() if now is None else now
         try:
             batch = joint.pairing.next_batch(now)
             if batch is not None:
-                self._found += [(name, cycle) for cycle in joint.monitor.process(batch)]
+                self._cycles += [(name, cycle) for cycle in joint.monitor.process(batch)]
                 self._surprised.discard(name)
                 time, position = float(batch.time[-1]), float(batch.position[-1])
                 course = self._courses.setdefault(
@@ -146,15 +146,15 @@ class Following:
             return set()
         quiet = [name for name in in_turn if name not in self._surprised and name in self._courses]
         quiet = [name for name in quiet if self._joints[name].monitor.latest_status in _UNEVENTFUL]
-        quiet.sort(key=lambda name: self._courses[name].looked_at)
+        quiet.sort(key=lambda name: self._courses[name].processed_at)
         return set(quiet[math.ceil(_LOOKS * period) :])
 
-    def followed(self) -> list[str]:
+    def processed(self) -> list[str]:
         """The joints that were looked at since this was asked last."""
-        followed, self._followed = list(self._followed), {}
-        return followed
+        processed, self._processed = list(self._processed), {}
+        return processed
 
-    def found(self) -> list[tuple[str, Cycle]]:
+    def pop_cycles(self) -> list[tuple[str, Cycle]]:
         """The cycles found since this was asked last, each with the name of its joint."""
-        found, self._found = self._found, []
-        return found
+        cycles, self._cycles = self._cycles, []
+        return cycles

@@ -15,17 +15,17 @@ _ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, 
 FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
 
 
-class Turns:
+class RoundRobin:
     """Whom to tell of now: joints that have news, often those that stick or are at risk, the others in turn."""
 
     def __init__(self) -> None:
         # The news that were told, that told longest ago first; and when, on a clock of the periods that were asked of.
-        self._told: dict[str, tuple[object, ...]] = {}
-        self._told_at: dict[str, float] = {}
+        self._reported: dict[str, tuple[object, ...]] = {}
+        self._reported_at: dict[str, float] = {}
         self._clock = 0.0  # [s]
 
     def due(
-        self, news: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
+        self, change_tokens: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
     ) -> tuple[list[str], list[str]]:
         """The joints to tell of, of all that there are; and of these those whose turn it merely is.
 
@@ -37,27 +37,33 @@ class Turns:
         """
         self._clock += period
         # The next time would be too late.
-        told_before = self._clock + 0.5 * period - _URGENT_WITHIN - _ROUNDING
-        wanted = {name for name in urgent if self._told_at.get(name, -math.inf) < told_before}
+        reported_before = self._clock + 0.5 * period - _URGENT_WITHIN - _ROUNDING
+        wanted = {name for name in urgent if self._reported_at.get(name, -math.inf) < reported_before}
         # Most of the news are the very ones that were told, which is found without a look into them.
-        told = self._told
-        wanted.update(name for name, new in news.items() if told.get(name) is not new and self._is_new(name, new))
-        others = [name for name in self._told if name in news and name not in wanted]
-        share = len(news) if len(news) <= FEW else max(_SOME, math.ceil(len(news) * period / _ALL_WITHIN))
+        reported = self._reported
+        wanted.update(
+            name for name, new in change_tokens.items() if reported.get(name) is not new and self._is_new(name, new)
+        )
+        others = [name for name in self._reported if name in change_tokens and name not in wanted]
+        share = (
+            len(change_tokens)
+            if len(change_tokens) <= FEW
+            else max(_SOME, math.ceil(len(change_tokens) * period / _ALL_WITHIN))
+        )
         turns = set(others[:share])
         wanted.update(turns)
-        chosen = [name for name in news if name in wanted]
+        chosen = [name for name in change_tokens if name in wanted]
         for name in chosen:
-            self._told.pop(name, None)
-            self._told[name] = news[name]
-            self._told_at[name] = self._clock
+            self._reported.pop(name, None)
+            self._reported[name] = change_tokens[name]
+            self._reported_at[name] = self._clock
         return chosen, [name for name in chosen if name in turns]
 
     def _is_new(self, name: str, new: tuple[object, ...]) -> bool:
-        told = self._told.get(name)
-        if told is None or any(map(is_not, told, new)):
+        reported = self._reported.get(name)
+        if reported is None or any(map(is_not, reported, new)):
             return True
-        self._told[name] = new
+        self._reported[name] = new
         return False
 
 

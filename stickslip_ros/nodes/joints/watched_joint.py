@@ -48,7 +48,7 @@ class WatchedJoint:
         self.monitor.joint, self.monitor.options = settings.joint, settings.options
         self.configured_bounds.note(self.name, settings)
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Forget the motion, and what waits for its reference."""
         self.pairing = ReferencePairing()
         self.monitor.restart()

@@ -53,7 +53,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         self._node, self._adviser, self._refuse, self._on_new = node, adviser, refuse, on_new
         self._bounds, self._own_change, self._before_new_gains = bounds, own_change, before_new_gains
         self._joints: dict[str, WatchedJoint] = {}
-        self._told: dict[str, float] = {}  # when a joint's gains were, as a steady time [s]
+        self._logged_at: dict[str, float] = {}  # when a joint's gains were, as a steady time [s]
         self.welcomes_others = not names
         self.fed_forward: tuple[str, ...] = ()  # those whose friction is to be compensated
         for name in names:
@@ -158,10 +158,10 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
             self._before_new_gains(joint)
             joint.monitor.gains = gains
             # A ramp changes them again and again, and says itself to what.
-            if monotonic() - self._told.get(joint.name, -math.inf) >= _A_LINE_EVERY:
-                self._told[joint.name] = monotonic()
-                said = "not known" if gains is None else _in_words(joint.settings.from_si(gains))
-                self._node.get_logger().info(f"{joint.name}: gains are now {said}")
+            if monotonic() - self._logged_at.get(joint.name, -math.inf) >= _A_LINE_EVERY:
+                self._logged_at[joint.name] = monotonic()
+                text = "not known" if gains is None else _in_words(joint.settings.from_si(gains))
+                self._node.get_logger().info(f"{joint.name}: gains are now {text}")
 
 
 def _in_words(gains: Gains) -> str:

@@ -32,15 +32,15 @@ def unsealed(content: bytes, kind: str, newest: int) -> tuple[int, bytes]:
     ValueError
         If it is of another kind, or damaged.
     """
-    header, _, body = content.partition(b"\n")
-    told = json.loads(header)
-    if not isinstance(told, dict) or told.get("format") != kind:
+    line, _, body = content.partition(b"\n")
+    header = json.loads(line)
+    if not isinstance(header, dict) or header.get("format") != kind:
         raise ValueError(f"it is no {kind.partition(' ')[2]} of a stickslip_monitor")
-    version = told.get("version")
+    version = header.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise ValueError(f"it has version {version!r}, not {newest}")
     if version > newest:
         raise NewerVersionError(f"it has version {version}; this release reads versions up to {newest}")
-    if told.get("crc32") != zlib.crc32(body):
+    if header.get("crc32") != zlib.crc32(body):
         raise ValueError("its checksum is wrong")
     return version, body

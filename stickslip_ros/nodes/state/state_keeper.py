@@ -60,7 +60,7 @@ class StateKeeper:
                 self._trouble(f"{path} is damaged ({error}), and cannot be set aside: {second}")
         return {}
 
-    def remind(self, joint: WatchedJoint) -> None:
+    def restore(self, joint: WatchedJoint) -> None:
         """Let a joint's monitor go on from what was known of it."""
         memory = self._known.get(joint.name)
         if memory is None:

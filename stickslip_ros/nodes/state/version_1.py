@@ -27,14 +27,14 @@ def as_of_now(joint: Any) -> Any:
 
 def _change(sentence: str) -> FrictionChange | None:
     """The change that a sentence told of; None for none, and for words that say nothing here."""
-    told = _SENTENCE.fullmatch(sentence)
-    if told is None:
+    match = _SENTENCE.fullmatch(sentence)
+    if match is None:
         return None
-    parts = [_DIFFERENCE.fullmatch(part) for part in (told["what"] or "").split(", ")]
+    parts = [_DIFFERENCE.fullmatch(part) for part in (match["what"] or "").split(", ")]
     try:
         return FrictionChange(
-            time=float(told["time"]),
-            learning_anew=told["anew"] is not None,
+            time=float(match["time"]),
+            learning_anew=match["anew"] is not None,
             differences=tuple(
                 ParameterDifference(name=part["name"].replace(" ", "_"), old=float(part["old"]), new=float(part["new"]))
                 for part in parts

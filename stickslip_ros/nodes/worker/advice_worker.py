@@ -11,8 +11,8 @@ from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Advi
 from stickslip_ros.nodes.worker.background import Background
 from stickslip_ros.nodes.worker.process import SlowWork
 
-_ASK_EVERY = 5.0  # [s] where the speed alone has changed
-_ASK_RARELY = 60.0  # [s] where it has by no more than the mean of a few cycles scatters, of which this is most
+_SUBMIT_EVERY = 5.0  # [s] where the speed alone has changed
+_SUBMIT_RARELY = 60.0  # [s] where it has by no more than the mean of a few cycles scatters, of which this is most
 _SCATTER = 0.05
 
 
@@ -21,24 +21,24 @@ class AdviceWorker:
 
     def __init__(self, work: SlowWork) -> None:
         self._background: Background[AdviceQuestion, Advice] = Background(work, "advice", advise)
-        self._asked_at: dict[str, float] = {}
+        self._submitted_at: dict[str, float] = {}
 
     def adviser(self, name: str) -> Adviser:
         """What a joint's monitor asks: answers what is known already, or begins to work it out."""
 
-        def ask(question: AdviceQuestion) -> Advice | None:
+        def latest(question: AdviceQuestion) -> Advice | None:
             known = self._background.latest(name)
             if known is not None and known[0].similar(question):
                 return known[1]
             now = monotonic()
             rest = 0.0
             if known is not None and known[0].about_the_same(question):
-                rest = _ASK_RARELY if known[0].similar(question, _SCATTER) else _ASK_EVERY
-            if now - self._asked_at.get(name, -math.inf) >= rest:
-                self._background.ask(name, question)
-                self._asked_at[name] = now
+                rest = _SUBMIT_RARELY if known[0].similar(question, _SCATTER) else _SUBMIT_EVERY
+            if now - self._submitted_at.get(name, -math.inf) >= rest:
+                self._background.submit(name, question)
+                self._submitted_at[name] = now
             # Learning changes the friction with every slip, and the speed may never be the same twice: while the
             # gains are the same, the advice of a moment ago is the best there can be.
             return known[1] if known is not None and known[0].comparable(question) else None
 
-        return ask
+        return latest

@@ -27,7 +27,7 @@ class Background(Generic[Question, Answer]):
 
     def latest(self, name: str) -> tuple[Question, Answer] | None:
         """The last question of this name that was answered, and its answer."""
-        done = self._work.take((self._kind, name))
+        done = self._work.pop_result((self._kind, name))
         if done is not None and not done.failed:
             self._answers[name] = (done.question, done.answer)
         return self._answers.get(name)
@@ -36,6 +36,6 @@ class Background(Generic[Question, Answer]):
         """Whether a question of this name is being answered."""
         return self._work.is_under_way((self._kind, name))
 
-    def ask(self, name: str, question: Question) -> None:
+    def submit(self, name: str, question: Question) -> None:
         """Begin to answer, unless a question of this name is under way: then it is to be asked again."""
-        self._work.ask((self._kind, name), self._answer, question)
+        self._work.submit((self._kind, name), self._answer, question)

@@ -18,20 +18,20 @@ _SAME_GAINS_INTERVAL = 5.0  # [s] between verdicts that only a change of speed a
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Dated:
     question: ExactQuestion
     at: float
 
 
-def _answer(asked: _Asked) -> ExactVerdict:
-    return asked.question.verdict()
+def _answer(dated: _Dated) -> ExactVerdict:
+    return dated.question.verdict()
 
 
 class ExactWorker:
     """Asks again where gains or speed have changed."""
 
     def __init__(self, work: SlowWork) -> None:
-        self._background: Background[_Asked, ExactVerdict] = Background(work, "exact verdict", _answer)
+        self._background: Background[_Dated, ExactVerdict] = Background(work, "exact verdict", _answer)
 
     def verdict(self, name: str, question: ExactQuestion, now: float) -> ExactVerdict:
         """The verdict on a joint as it is now, or :data:`NOT_COMPUTED` until it is there.
@@ -42,14 +42,14 @@ class ExactWorker:
         """
         known = self._background.latest(name)
         if known is None or not known[0].question.of_the_same_controller(question):
-            self._background.ask(name, _Asked(question, now))
+            self._background.submit(name, _Dated(question, now))
             return NOT_COMPUTED
-        asked, verdict = known
-        same_speed = asked.question.at_the_same_speed(question)
-        if not asked.question.answers(question) and (
-            asked.question.joint != question.joint or now - asked.at >= _SAME_GAINS_INTERVAL
+        dated, verdict = known
+        same_speed = dated.question.at_the_same_speed(question)
+        if not dated.question.answers(question) and (
+            dated.question.joint != question.joint or now - dated.at >= _SAME_GAINS_INTERVAL
         ):
-            self._background.ask(name, _Asked(question, now))
+            self._background.submit(name, _Dated(question, now))
         # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
         return verdict if same_speed else NOT_COMPUTED
 

@@ -34,7 +34,7 @@ class _Running:
     question: Any
     future: Future[Any]
     pool: ProcessPoolExecutor
-    asked_at: float
+    submitted_at: float
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class SlowWork:
     @property
     def lateness(self) -> float:
         """How long the oldest question has waited [s]; 0 if none does."""
-        asked = [one.asked_at for one in self._running.values() if not one.future.done()]
-        return monotonic() - min(asked) if asked else 0.0
+        submitted = [one.submitted_at for one in self._running.values() if not one.future.done()]
+        return monotonic() - min(submitted) if submitted else 0.0
 
     @property
     def process_ids(self) -> list[int]:
@@ -93,7 +93,7 @@ class SlowWork:
             return False
         return True
 
-    def ask(self, key: Key, function: Callable[[Any], Any], question: Any) -> bool:
+    def submit(self, key: Key, function: Callable[[Any], Any], question: Any) -> bool:
         """Begin to work out ``function(question)``, if there is room; returns whether it was begun."""
         if not self.has_room(key):
             return False
@@ -124,7 +124,7 @@ class SlowWork:
             return False
         return True
 
-    def take(self, key: Key) -> Done | None:
+    def pop_result(self, key: Key) -> Done | None:
         """What became of the question of this key, once: None if it is under way, or there is none."""
         running = self._running.get(key)
         if running is None or not running.future.done():

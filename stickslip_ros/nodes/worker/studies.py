@@ -13,10 +13,10 @@ _KIND = "study"
 
 def attend(work: SlowWork, name: str, learner: FrictionLearner) -> None:
     """Take over what was found of a joint, and begin what is due."""
-    done = work.take((_KIND, name))
+    done = work.pop_result((_KIND, name))
     if done is not None:
         learner.adopt(done.answer)
     if learner.study_is_due and work.has_room((_KIND, name)):
         question = learner.wanted_study()
-        if question is not None and not work.ask((_KIND, name), study, question):
+        if question is not None and not work.submit((_KIND, name), study, question):
             learner.adopt(None)

@@ -29,7 +29,7 @@ _QOS = "qos_overrides."
 _NEARLY, _LEAST_LETTERS = 0.85, 6  # of a name in a section that may be about other nodes
 
 
-class NotUnderstood:
+class UnknownParameters:
     """See the module.
 
     Parameters
@@ -47,12 +47,12 @@ class NotUnderstood:
         self._in_files += [
             text for option, path in _given(given) if option == _FILE for text in _repeated_in(Path(path))
         ]
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
         self._began = math.nan
         self._seen: object = None
         self.texts: list[str] = []
 
-    def look(self, joints: Collection[str], now: float, *, others_may_come: bool) -> None:
+    def poll(self, joints: Collection[str], now: float, *, others_may_come: bool) -> None:
         """Compare what was given with what there is; ``now`` is a steady time [s].
 
         Parameters
@@ -61,28 +61,28 @@ class NotUnderstood:
         """
         if math.isnan(self._began):
             self._began = now
-        patient = others_may_come and now - self._began < _PATIENCE
-        seen = (frozenset(joints), patient)
+        waiting = others_may_come and now - self._began < _PATIENCE
+        seen = (frozenset(joints), waiting)
         if seen == self._seen:
             return
         self._seen = seen
         where = "which has not been heard of yet" if others_may_come else "which is not watched"
-        unknown = [one for one in self._unknown(joints, where) if not (patient and one.joint)]
+        unknown = [one for one in self._unknown(joints, where) if not (waiting and one.joint)]
         self.texts = [*self._in_files, *(one.text for one in unknown)]
         for text in self.texts:
-            self._say(text, text)
+            self._log_once(text, text)
         for joint in sorted({one for one in self._waited_for() if one in joints}):
-            self._said.discard(f"joint {joint}")
+            self._logged.discard(f"joint {joint}")
             self._node.get_logger().info(f"the joint {joint!r} is heard now, and its parameters count")
-        self._said |= {f"joint {one.joint}" for one in unknown if one.joint}
+        self._logged |= {f"joint {one.joint}" for one in unknown if one.joint}
 
-    def _say(self, key: str, text: str) -> None:
-        if key not in self._said:
-            self._said.add(key)
+    def _log_once(self, key: str, text: str) -> None:
+        if key not in self._logged:
+            self._logged.add(key)
             self._node.get_logger().warning(text)
 
     def _waited_for(self) -> list[str]:
-        return [key.partition(" ")[2] for key in self._said if key.startswith("joint ")]
+        return [key.partition(" ")[2] for key in self._logged if key.startswith("joint ")]
 
     def _unknown(self, joints: Collection[str], where: str) -> Iterator[UnknownName]:
         for name in sorted(self._node._parameter_overrides):
