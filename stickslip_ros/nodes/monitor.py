@@ -18,8 +18,8 @@ from rclpy.timer import Timer
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes import monitor_parameters
-from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
+from stickslip_ros.nodes.joints.watched_joints import GainBounds
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import Session

@@ -34,12 +34,9 @@ from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, ref
 from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
-from stickslip_ros.nodes.joints.following import BatchProcessing
-from stickslip_ros.nodes.joints.gain_bounds import GainBounds
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
-from stickslip_ros.nodes.joints.turns import FEW, RoundRobin, urgent
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
+from stickslip_ros.nodes.joints.scheduling import FEW, BatchProcessing, RoundRobin, urgent
+from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.publications import Findings, Publications
 from stickslip_ros.nodes.recommended_compensation import recommended_compensation
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis

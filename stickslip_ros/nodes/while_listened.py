@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from stickslip_ros.nodes.joints.watched_joint import WORTH_CHANGING
+from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
 from stickslip_ros.nodes.publications import Findings
 from stickslip_ros.nodes.quiet_publisher import quiet_publisher
 from stickslip_ros.nodes.worker.background import Background

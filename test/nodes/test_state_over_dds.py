@@ -19,8 +19,7 @@ from support_ros import Probe, play, probe, sticking_motion
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.joints.gain_bounds import GainBounds
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint
 from stickslip_ros.nodes.state.state_file import StateFileError, as_text, default_path, read_state, write_state
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.settings.known_joints import load_joint

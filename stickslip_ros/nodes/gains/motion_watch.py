@@ -13,7 +13,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.closed_loop_health import ClosedLoopHealth, health_of, swing_of, what_got_worse
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 
 WATCH = 1.0  # [s] of motion that is looked at; gains that were in force so long ago are good
 _SILENCE = 1.0  # [s] without a sample, from which on there is no watching

@@ -16,7 +16,7 @@ from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.motion_watch import MotionWatch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.gains.ramp_service import NotYetError, RampService, RefusedError
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 
 APPLY, RESTORE = "apply_recommendation", "restore_gains"
 

@@ -14,8 +14,7 @@ from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.intake.published_types import REFERENCES, PublishedTypes
 from stickslip_ros.nodes.intake.references import reference_type_name
 from stickslip_ros.nodes.intake.silence import SilentClock, SilentStates
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoints
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.unknown_parameters import UnknownParameters
 
 _STATES = "joint_states"

@@ -13,7 +13,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stickslip_ros.files import remove_abandoned
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 from stickslip_ros.nodes.state.state_file import (
     NewerStateError,
     StateFileError,

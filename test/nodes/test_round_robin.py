@@ -14,7 +14,7 @@ from support_processes import processor_time
 from support_ros import probe
 
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.nodes.joints.turns import RoundRobin
+from stickslip_ros.nodes.joints.scheduling import RoundRobin
 
 JOINTS = [f"joint{number + 1}" for number in range(40)]
 PERIOD = 0.04  # [s] from one publication to the next

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""When each joint's samples are looked at: at once where something happens, else when it is told of.
+"""When the samples of each joint are processed, and when its status is published.
 
-To look at a joint costs about as much for a few samples as for many, and to tell of it costs more than either. So a
-joint that rests, or moves smoothly, is looked at only when it is told of, as long as it is where it was expected to be;
-and of very many such joints, not even each time. What is found does not depend on it.
+To process the samples of a joint costs about as much for a few samples as for many, and to publish its status costs
+more than either. So samples of a joint that rests, or moves smoothly, are processed only when its status is published,
+as long as the joint is where it was expected to be; of very many such joints, not even each time. The results do not
+depend on it.
 """
 
 from __future__ import annotations
@@ -12,14 +13,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from operator import is_not
 from time import monotonic
 
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.joints.turns import FEW
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING, WatchedJoint
 
+_ROUNDING = 1e-6  # [s] of sums of periods
+_ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, is told of at least so often
+FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
 # [s] for which samples of a joint that rests or moves smoothly may wait: at least, for each joint, at most
 _LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
 _LOOKS = 60.0  # [1/s] at joints that go on as they did: of more, the same is told of one until it is looked at
@@ -28,6 +32,63 @@ _AT_ONCE = 8  # quiet joints that are looked at together at least: the costs of 
 _PACE_OVER = 0.2  # [s] over which the pace of a joint is taken
 _BEHIND = 0.1  # [s] by which a joint may be behind where its pace would have it
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
+
+
+class RoundRobin:
+    """Whom to tell of now: joints that have news, often those that stick or are at risk, the others in turn."""
+
+    def __init__(self) -> None:
+        # The news that were told, that told longest ago first; and when, on a clock of the periods that were asked of.
+        self._reported: dict[str, tuple[object, ...]] = {}
+        self._reported_at: dict[str, float] = {}
+        self._clock = 0.0  # [s]
+
+    def due(
+        self, change_tokens: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
+    ) -> tuple[list[str], list[str]]:
+        """The joints to tell of, of all that there are; and of these those whose turn it merely is.
+
+        Parameters
+        ----------
+        news : of each joint objects that are others when there is something to tell at once.
+        urgent : told ten times a second.
+        period : until this is asked again [s].
+        """
+        self._clock += period
+        # The next time would be too late.
+        reported_before = self._clock + 0.5 * period - _URGENT_WITHIN - _ROUNDING
+        wanted = {name for name in urgent if self._reported_at.get(name, -math.inf) < reported_before}
+        # Most of the news are the very ones that were told, which is found without a look into them.
+        reported = self._reported
+        wanted.update(
+            name for name, new in change_tokens.items() if reported.get(name) is not new and self._is_new(name, new)
+        )
+        others = [name for name in self._reported if name in change_tokens and name not in wanted]
+        share = (
+            len(change_tokens)
+            if len(change_tokens) <= FEW
+            else max(_SOME, math.ceil(len(change_tokens) * period / _ALL_WITHIN))
+        )
+        turns = set(others[:share])
+        wanted.update(turns)
+        chosen = [name for name in change_tokens if name in wanted]
+        for name in chosen:
+            self._reported.pop(name, None)
+            self._reported[name] = change_tokens[name]
+            self._reported_at[name] = self._clock
+        return chosen, [name for name in chosen if name in turns]
+
+    def _is_new(self, name: str, new: tuple[object, ...]) -> bool:
+        reported = self._reported.get(name)
+        if reported is None or any(map(is_not, reported, new)):
+            return True
+        self._reported[name] = new
+        return False
+
+
+def urgent(joints: Mapping[str, WatchedJoint]) -> list[str]:
+    """The joints that stick or are at risk."""
+    return [name for name, joint in joints.items() if joint.monitor.latest_status in WORTH_CHANGING]
 
 
 @dataclass(kw_only=True)

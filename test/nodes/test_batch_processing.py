@@ -9,9 +9,8 @@ import pytest
 
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.joints.following import BatchProcessing
-from stickslip_ros.nodes.joints.gain_bounds import GainBounds
-from stickslip_ros.nodes.joints.watched_joint import WatchedJoint
+from stickslip_ros.nodes.joints.scheduling import BatchProcessing
+from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint
 from stickslip_ros.settings.parameters import JointSettings
 
 RATE, TICK, COUNT = 200.0, 0.04, 1e-5  # [Hz], [s], [rad]
