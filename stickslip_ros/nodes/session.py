@@ -42,10 +42,8 @@ from stickslip_ros.nodes.recommended_compensation import recommended_compensatio
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
 from stickslip_ros.nodes.stability_maps import stability_maps
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
-from stickslip_ros.nodes.worker import studies
-from stickslip_ros.nodes.worker.advice_worker import AdviceWorker
-from stickslip_ros.nodes.worker.exact_worker import ExactWorker
 from stickslip_ros.nodes.worker.process import SlowWork
+from stickslip_ros.nodes.worker.questions import AdviceWorker, ExactWorker, attend_study
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.settings.parameter_table import RECOMMENDED
 
@@ -347,7 +345,7 @@ class Session:
         self._set_advice({name: self._findings[name].advised for name in assessed if name in self._findings})
         ended = self._processing.pop_cycles()
         for name in dict.fromkeys([*processed, *reported]):
-            studies.attend(self._work, name, self.joints[name].monitor.learner)
+            attend_study(self._work, name, self.joints[name].monitor.learner)
         for name in assessed:
             if name in self._findings and self._findings[name].silent_for is not None:
                 ended += [(name, cycle) for cycle in self.joints[name].monitor.finish()]

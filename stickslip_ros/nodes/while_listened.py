@@ -14,8 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
 from stickslip_ros.nodes.publications import Findings
 from stickslip_ros.nodes.quiet_publisher import quiet_publisher
-from stickslip_ros.nodes.worker.background import Background
-from stickslip_ros.nodes.worker.process import SlowWork
+from stickslip_ros.nodes.worker.process import Background, SlowWork
 
 _REQUEST_EVERY = 10.0  # [s] a joint
 _LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -14,8 +14,7 @@ from pathlib import Path
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
-from stickslip_ros.nodes.state.sealed_text import sealed, unsealed
+from stickslip_ros.nodes.state.plain_data import from_plain, sealed, to_plain, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Dataclasses as plain data that JSON can hold, and back: strict, because what comes back was in a file."""
+"""Content of the files that a node keeps: dataclasses as plain data, under a line with kind, version and checksum.
+
+Reading is strict, because a file may have been changed by anybody.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import types
+import zlib
 from collections.abc import Mapping
 from enum import Enum
 from functools import cache
@@ -106,3 +111,41 @@ def _array(data: Any, where: str) -> Any:
     if array.dtype.kind not in "if":
         raise ValueError(f"{where} is no array of numbers")
     return array
+
+
+class NewerVersionError(ValueError):
+    """A sound file of a version that a later release writes."""
+
+
+def sealed(kind: str, version: int, body: str) -> bytes:
+    """The content of a file."""
+    encoded = body.encode()
+    return json.dumps({"format": kind, "version": version, "crc32": zlib.crc32(encoded)}).encode() + b"\n" + encoded
+
+
+def unsealed(content: bytes, kind: str, newest: int) -> tuple[int, bytes]:
+    """Version and body of a file's content.
+
+    Parameters
+    ----------
+    kind : its format, two words of which the second says what it is. newest : version that is known.
+
+    Raises
+    ------
+    NewerVersionError
+        If a later release wrote it.
+    ValueError
+        If it is of another kind, or damaged.
+    """
+    line, _, body = content.partition(b"\n")
+    header = json.loads(line)
+    if not isinstance(header, dict) or header.get("format") != kind:
+        raise ValueError(f"it is no {kind.partition(' ')[2]} of a stickslip_monitor")
+    version = header.get("version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise ValueError(f"it has version {version!r}, not {newest}")
+    if version > newest:
+        raise NewerVersionError(f"it has version {version}; this release reads versions up to {newest}")
+    if header.get("crc32") != zlib.crc32(body):
+        raise ValueError("its checksum is wrong")
+    return version, body

@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What was learnt, kept in a file: written whole or not at all, and believed only if it is as it was written."""
+"""What was learnt, kept in a file: written whole or not at all, and used only if it is as it was written."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
+from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
-from stickslip_ros.nodes.state.sealed_text import NewerVersionError, sealed, unsealed
-from stickslip_ros.nodes.state.version_1 import as_of_now
+from stickslip_ros.nodes.state.plain_data import NewerVersionError, from_plain, sealed, to_plain, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT = "stickslip_ros state"
 _VERSION = 2
 _FOR_THE_USER = 0o600
 _LARGEST = 256_000_000  # bytes; a larger file is none of ours
+# As it was written then, whatever the sentence is by now.
+_SENTENCE = re.compile(r"friction changed abruptly at (?P<time>\S+) s(?P<anew>; learning anew)?(?:: (?P<what>.*))?")
+_DIFFERENCE = re.compile(r"(?P<name>[a-z ]+) (?P<old>\S+) to (?P<new>\S+)")
 
 
 class StateFileError(StickSlipError, ValueError):
@@ -92,3 +95,32 @@ def set_aside(path: Path) -> Path:
     aside = path.with_name(f"{path.name}.damaged")
     path.replace(aside)
     return aside
+
+
+def as_of_now(joint: Any) -> Any:
+    """A joint's plain data of version 1 as this version has them; what is not as expected stays, to be refused."""
+    friction = joint.get("friction") if isinstance(joint, Mapping) else None
+    if not isinstance(friction, Mapping) or not isinstance(friction.get("notice"), str):
+        return joint
+    kept = {name: value for name, value in friction.items() if name != "notice"}
+    return {**joint, "friction": {**kept, "change": to_plain(_change(friction["notice"]))}}
+
+
+def _change(sentence: str) -> FrictionChange | None:
+    """The change that a sentence told of; None for none, and for words that say nothing here."""
+    match = _SENTENCE.fullmatch(sentence)
+    if match is None:
+        return None
+    parts = [_DIFFERENCE.fullmatch(part) for part in (match["what"] or "").split(", ")]
+    try:
+        return FrictionChange(
+            time=float(match["time"]),
+            learning_anew=match["anew"] is not None,
+            differences=tuple(
+                ParameterDifference(name=part["name"].replace(" ", "_"), old=float(part["old"]), new=float(part["new"]))
+                for part in parts
+                if part is not None
+            ),
+        )
+    except ValueError:
+        return None

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from threading import Thread
 from time import monotonic
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from stickslip_ros.interrupts import without_interrupts
 from stickslip_ros.parent_death import die_with_parent
@@ -27,6 +27,8 @@ _REST = 5.0  # [s] before a question of a key is taken again, where the last one
 _LAST_WAIT = 0.5  # [s] for the pool to close; it takes milliseconds
 
 Key = tuple[str, str]
+Question = TypeVar("Question")
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -171,3 +173,31 @@ class SlowWork:
 def _begin(parent: int) -> None:
     os.nice(_NICE)
     die_with_parent(parent)
+
+
+class Background(Generic[Question, Answer]):
+    """Questions of one kind, each under a name.
+
+    Parameters
+    ----------
+    kind : of question, in words. answer : answers it; a function of a module, as another process has to find it.
+    """
+
+    def __init__(self, work: SlowWork, kind: str, answer: Callable[[Question], Answer]) -> None:
+        self._work, self._kind, self._answer = work, kind, answer
+        self._answers: dict[str, tuple[Question, Answer]] = {}
+
+    def latest(self, name: str) -> tuple[Question, Answer] | None:
+        """The last question of this name that was answered, and its answer."""
+        done = self._work.pop_result((self._kind, name))
+        if done is not None and not done.failed:
+            self._answers[name] = (done.question, done.answer)
+        return self._answers.get(name)
+
+    def under_way(self, name: str) -> bool:
+        """Whether a question of this name is being answered."""
+        return self._work.is_under_way((self._kind, name))
+
+    def submit(self, name: str, question: Question) -> None:
+        """Begin to answer, unless a question of this name is under way: then it is to be asked again."""
+        self._work.submit((self._kind, name), self._answer, question)

@@ -1,20 +1,60 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Exact verdicts beside the node's own work: milliseconds, and seconds for some controllers, are too long there."""
+"""What the process for slow work computes of each joint: advice, exact verdicts, and studies of slips.
+
+Advice by Eq. (43) takes ten milliseconds, exact advice up to seconds; an exact verdict takes milliseconds, and seconds
+for some controllers.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from time import monotonic
 
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, advise
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion
-from stickslip_ros.nodes.worker.background import Background
-from stickslip_ros.nodes.worker.process import SlowWork
+from stickslip_ros.monitoring.friction.learner import FrictionLearner
+from stickslip_ros.monitoring.study import study
+from stickslip_ros.nodes.worker.process import Background, SlowWork
 
+_SUBMIT_EVERY = 5.0  # [s] where the speed alone has changed
+_SUBMIT_RARELY = 60.0  # [s] where it has by no more than the mean of a few cycles scatters, of which this is most
+_SCATTER = 0.05
 _SAME_GAINS_INTERVAL = 5.0  # [s] between verdicts that only a change of speed asks for
+_KIND = "study"
+
+
+class AdviceWorker:
+    """Advisers, one a joint."""
+
+    def __init__(self, work: SlowWork) -> None:
+        self._background: Background[AdviceQuestion, Advice] = Background(work, "advice", advise)
+        self._submitted_at: dict[str, float] = {}
+
+    def adviser(self, name: str) -> Adviser:
+        """What a joint's monitor asks: answers what is known already, or begins to work it out."""
+
+        def latest(question: AdviceQuestion) -> Advice | None:
+            known = self._background.latest(name)
+            if known is not None and known[0].similar(question):
+                return known[1]
+            now = monotonic()
+            rest = 0.0
+            if known is not None and known[0].about_the_same(question):
+                rest = _SUBMIT_RARELY if known[0].similar(question, _SCATTER) else _SUBMIT_EVERY
+            if now - self._submitted_at.get(name, -math.inf) >= rest:
+                self._background.submit(name, question)
+                self._submitted_at[name] = now
+            # Learning changes the friction with every slip, and the speed may never be the same twice: while the
+            # gains are the same, the advice of a moment ago is the best there can be.
+            return known[1] if known is not None and known[0].comparable(question) else None
+
+        return latest
 
 
 @dataclass(frozen=True)
@@ -74,3 +114,14 @@ class ExactWorker:
             return None
         local = replace(assessment, joint=here, uncertainty=None)
         return self.verdict_on(name, local, local.margin_gains, conditions, now)
+
+
+def attend_study(work: SlowWork, name: str, learner: FrictionLearner) -> None:
+    """Take over what was found of a joint, and begin what is due."""
+    done = work.pop_result((_KIND, name))
+    if done is not None:
+        learner.adopt(done.answer)
+    if learner.study_is_due and work.has_room((_KIND, name)):
+        question = learner.wanted_study()
+        if question is not None and not work.submit((_KIND, name), study, question):
+            learner.adopt(None)
