@@ -30,8 +30,7 @@ from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.drain import FirstMessage
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
-from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, reference_topic
-from stickslip_ros.nodes.intake.references import reference_message_type
+from stickslip_ros.nodes.intake.reference_topic import ControllerStateTopic, reference_message_type, reference_topic
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints import joint_parameters
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Subscriptions that are drained on a timer instead of calling back for every message.
+"""Subscriptions that are drained on a timer, arrival times of their messages, and a backlog of what has to wait.
 
-rclpy's executor costs 60-190 µs a message however small the callback; taking waiting messages in one
-go costs a tenth of that and loses none as long as the queue holds a drain period's worth.
+rclpy's executor costs 60 to 190 µs a message however small the callback. Draining all waiting messages at once costs a
+tenth of that, and loses none as long as the queue holds a drain period's worth.
 """
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
+from time import time
+from typing import Any, Generic, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -21,6 +26,12 @@ from rclpy.waitable import NumberOfEntities, Waitable
 from stickslip_ros.errors import StickSlipError
 
 _MOST_AT_ONCE = 10_000
+ARRIVAL = "arrival"
+_BY_THE_SYSTEM = "arrival by the system's clock (use_sim_time is true, and nothing is heard on /clock)"
+_DRAIN = 0.02  # [s] for the first messages ever
+_MOST_BYTES = 256e6
+
+Taken = TypeVar("Taken")
 
 
 class NeverExecuted(CallbackGroup):
@@ -141,3 +152,67 @@ class FirstMessage(Waitable):
     def close(self) -> None:
         """Wait for nothing any more; before the subscriptions are closed."""
         self._node.remove_waitable(self)
+
+
+class ArrivalTimes:
+    """Times of arrival by the node's clock; ``first`` is that of the oldest message given last, by the system's.
+
+    The middleware tells when a message came by the system's clock. Where the node follows simulated time, the
+    messages that waited are spread over the time since the ones before; while that time stands, all of them came at it.
+    Before the first message on /clock the system's clock counts. ``what`` names the time, for people.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+        self._before = np.nan
+        self.first = np.nan
+        self.what = ARRIVAL
+
+    def of(self, infos: Sequence[dict[str, int]]) -> NDArray[np.float64]:
+        """Times [s] of messages in the order of their arrival; to be called for every drain, also an empty one."""
+        simulated = self._clock.ros_time_is_active
+        now = 1e-9 * self._clock.now().nanoseconds
+        without_clock = simulated and now == 0.0
+        self.what = _BY_THE_SYSTEM if without_clock else ARRIVAL
+        if without_clock:
+            simulated, now = False, time()
+        before = self._before if self._before <= now else now - _DRAIN
+        self._before = np.nan if without_clock else now
+        if not infos:
+            return np.empty(0)
+        received = np.array([info.get("received_timestamp") or 0 for info in infos])
+        self.first = 1e-9 * float(received[0]) if received[0] else np.nan
+        if received.all() and not simulated:
+            return received * 1e-9
+        return np.linspace(before, now, len(infos) + 1)[1:]
+
+
+class Backlog(Generic[Taken]):
+    """What was drained, in order; the oldest goes where it becomes too much. ``dropped`` counts messages."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[float, Taken, int, int]] = deque()
+        self._bytes = 0
+        self.dropped = 0
+
+    def add(self, now: float, taken: Taken, count: int, size: int) -> None:
+        """Keep so many messages of so many bytes, drained at a steady time [s]."""
+        self._waiting.append((now, taken, count, size))
+        self._bytes += size
+        while self._bytes > _MOST_BYTES and len(self._waiting) > 1:
+            self.dropped += self._waiting[0][2]
+            self._bytes -= self._waiting.popleft()[3]
+
+    def pop_until(self, until: float) -> list[Taken]:
+        """What was drained until then, and waits no longer."""
+        found = []
+        while self._waiting and self._waiting[0][0] <= until:
+            _, taken, _, size = self._waiting.popleft()
+            self._bytes -= size
+            found.append(taken)
+        return found
+
+    @property
+    def oldest(self) -> float:
+        """When the oldest was drained [s]; infinite if none waits."""
+        return self._waiting[0][0] if self._waiting else math.inf

@@ -1,23 +1,164 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the node was told or is sent and cannot use, in words: for its own status, and as the reason in a joint's."""
+"""What the node was given or is sent and cannot use, in words: for its own status, and as the reason in a joint's."""
 
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Mapping
 
 from rclpy.node import Node
 
+from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
-from stickslip_ros.nodes.intake.published_types import REFERENCES, PublishedTypes
-from stickslip_ros.nodes.intake.references import reference_type_name
-from stickslip_ros.nodes.intake.silence import SilentClock, SilentStates
+from stickslip_ros.nodes.intake.publishers import NAMED, is_named, names_of, publishers_by_topic
+from stickslip_ros.nodes.intake.reference_topic import REFERENCE_TYPES, reference_type_name
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.unknown_parameters import UnknownParameters
+from stickslip_ros.visible import listed
 
+REFERENCES = "joint_references"
+_PATIENCE = 10.0  # [s] without a message that are worth a warning
+_CLOCK_PATIENCE = 5.0  # [s] from the start of the node to the first message on /clock
+_INACTIVE = 2.0  # [s] between two looks, from which on the node was inactive meanwhile and could hear nothing
+_SCAN_EVERY = 1.0  # [s] at the graph
+_WORD = TYPE.rpartition("/")[2]
 _STATES = "joint_states"
+
+
+class PublishedTypes:
+    """Looks at the graph now and then.
+
+    Parameters
+    ----------
+    wanted : the type that is listened to, as in sensor_msgs/msg/JointState, by topic.
+
+    ``troubles`` has a sentence for every topic on which something else is published.
+    """
+
+    def __init__(self, node: Node, wanted: Mapping[str, str]) -> None:
+        self._node, self._wanted = node, wanted
+        self._next_scan = -math.inf
+        self._unnamed: set[str] = set()
+        self.troubles: dict[str, str] = {}
+
+    def poll(self, now: float) -> None:
+        """Look again if it is time; ``now`` is a steady time [s]."""
+        if now < self._next_scan:
+            return
+        self._next_scan = now + _SCAN_EVERY
+        found = {topic: self._trouble(topic, wanted) for topic, wanted in self._wanted.items()}
+        for topic, text in found.items():
+            if text and topic not in self.troubles:
+                self._node.get_logger().warning(text)
+        self.troubles = {topic: text for topic, text in found.items() if text}
+
+    def _trouble(self, topic: str, wanted: str) -> str:
+        name = self._node.resolve_topic_name(topic)
+        others = [one for one in self._node.get_publishers_info_by_topic(name) if one.topic_type != wanted]
+        # A publisher can be known before the name of its node is; by the next look it is known, if ever.
+        unnamed = not all(map(is_named, others))
+        if unnamed and topic not in self._unnamed:
+            self._unnamed.add(topic)
+            return self.troubles.get(topic, "")
+        if not unnamed:
+            self._unnamed.discard(topic)
+        if not others:
+            return ""
+        kinds = sorted({one.topic_type for one in others})
+        nodes = listed(names_of(others), NAMED)
+        return f"{name} carries {', '.join(kinds)} from {nodes}, and {_advice(topic, wanted, kinds)}"
+
+
+def _advice(topic: str, wanted: str, kinds: list[str]) -> str:
+    if topic != REFERENCES:
+        return f"{wanted} is listened to: remap {topic}"
+    word = wanted.rpartition("/")[2]
+    fitting = next((REFERENCE_TYPES[kind] for kind in kinds if kind in REFERENCE_TYPES), "")
+    what = f"set it to {fitting}" if fitting else f"remap {topic}, as no reference_type reads that"
+    return f"reference_type is {word}: {what}"
+
+
+class SilentStates:
+    """Looks for publishers of joint states while none are heard; the log has one line for each silence.
+
+    Parameters
+    ----------
+    topic : as the node calls it, before remapping.
+
+    ``text`` says what is listened to and what there is instead, "" while messages come.
+    """
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self._node, self._topic = node, topic
+        self._messages = 0
+        self._heard_at = self._polled_at = -math.inf
+        self._next_scan = -math.inf
+        self.text = ""
+
+    def poll(self, now: float, messages: int) -> None:
+        """Compare how many messages have come since the node was activated with how many had.
+
+        Parameters
+        ----------
+        now : a steady time [s].
+        """
+        anew = now - self._polled_at > _INACTIVE or messages < self._messages
+        self._polled_at = now
+        if anew or messages > self._messages:
+            if self.text and not anew:
+                self._node.get_logger().info(f"{self._node.resolve_topic_name(self._topic)} is heard")
+            self._messages, self._heard_at, self.text = messages, now, ""
+        elif now - self._heard_at >= _PATIENCE and now >= self._next_scan:
+            self._next_scan = now + _SCAN_EVERY
+            first, self.text = not self.text, self._sentence()
+            if first:
+                self._node.get_logger().warning(self.text)
+
+    def _sentence(self) -> str:
+        own = self._node.resolve_topic_name(self._topic)
+        found = publishers_by_topic(self._node, TYPE)
+        here = found.pop(own, [])
+        others = [f"{topic} (by {listed(names, NAMED)})" for topic, names in sorted(found.items())]
+        # Who publishes there is silent; without anybody another topic was meant.
+        who = f"{listed(here, NAMED)} publishes there and sends nothing" if here else f"no node publishes {_WORD} there"
+        if others:
+            what = f"; {_WORD} is published on {listed(others, NAMED)}" + ("" if here else f": remap {self._topic}")
+        else:
+            domain = os.environ.get("ROS_DOMAIN_ID", "0")
+            what = "" if here else f", and {_WORD} is on no other topic in ROS_DOMAIN_ID {domain}"
+        since = "any more" if self._messages else "yet"
+        return f"nothing is heard on {own} ({TYPE}) {since}, for {_PATIENCE:g} s: {who}{what}"
+
+
+class SilentClock:
+    """Sees that simulated time is asked for and never comes.
+
+    ``text`` says so, "" otherwise.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._clock = node, node.get_clock()
+        self._began = math.nan
+        self._logged = False
+        self.text = ""
+
+    def poll(self, now: float) -> None:
+        """Look at the clock; ``now`` is a steady time [s]."""
+        self.text = ""
+        if not self._clock.ros_time_is_active or self._clock.now().nanoseconds:
+            self._began = math.nan
+            return
+        self._began = now if math.isnan(self._began) else self._began
+        if now - self._began < _CLOCK_PATIENCE:
+            return
+        self.text = "use_sim_time is true and nothing is heard on /clock: what is published has the stamp zero"
+        if not self._logged:
+            self._logged = True
+            self._node.get_logger().warning(self.text)
 
 
 class Inputs:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import monotonic
 
@@ -15,17 +16,41 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.messages.blocks import Block, FloatArray, Integers
 from stickslip_ros.messages.content import with_times
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
-from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
-from stickslip_ros.nodes.intake.backlog import Backlog
-from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.drain import ArrivalTimes, Backlog, DrainedSubscription
 from stickslip_ros.nodes.intake.publishers import NAMED, name_of
 from stickslip_ros.nodes.intake.refusals import Refusals
-from stickslip_ros.nodes.intake.sequence_numbers import SequenceNumbers
 from stickslip_ros.visible import listed
 
+_LONGEST_GAP = 5000  # numbers; what is further on is another publisher's
+_MOST_STREAMS = 16
 _SCAN_EVERY = 0.5  # [s] at the graph, for how many publish
 _CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
 _LONGEST_REASON = 300
+
+
+class SequenceNumbers:
+    """Follows the numbers on one topic; ``lost`` counts those that never came.
+
+    Which publisher a message is from cannot be seen. Its number tells, unless several publishers have sent about as
+    many messages: then a loss may be missed.
+    """
+
+    def __init__(self) -> None:
+        self._last: list[int] = []
+        self.lost = 0
+
+    def add_numbers(self, numbers: Sequence[int]) -> None:
+        """The numbers of messages in the order of their arrival."""
+        if len(self._last) == 1 and numbers[0] == self._last[0] + 1 and numbers[-1] == self._last[0] + len(numbers):
+            self._last[0] = numbers[-1]
+            return
+        for number in numbers:
+            before = [last for last in self._last if 0 < number - last <= _LONGEST_GAP]
+            if before:
+                nearest = max(before)
+                self.lost += number - nearest - 1
+                self._last.remove(nearest)
+            self._last = [*self._last[-_MOST_STREAMS + 1 :], number]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,21 +4,51 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from time import monotonic
 from typing import Any
 
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
 
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.messages.content import MessageError, reference_rows, seconds, with_time
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.intake.arrival_times import ArrivalTimes
-from stickslip_ros.nodes.intake.backlog import Backlog
-from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.drain import ArrivalTimes, Backlog, DrainedSubscription
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic, joined
-from stickslip_ros.nodes.intake.references import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
+
+_CONTROL_TYPES = ("JointTrajectoryControllerState", "MultiDOFStateStamped")
+# What the graph calls them, and what the parameter does.
+REFERENCE_TYPES = {
+    "sensor_msgs/msg/JointState": "JointState",
+    **{f"control_msgs/msg/{name}": name for name in _CONTROL_TYPES},
+}
+
+
+def reference_type_name(name: str) -> str:
+    """What the graph calls a reference type."""
+    return next(full for full, word in REFERENCE_TYPES.items() if word == name)
+
+
+def reference_message_type(name: str) -> type:
+    """The message class of a reference type.
+
+    Raises
+    ------
+    StickSlipError
+        If there is no such type, or control_msgs is needed and not installed.
+    """
+    if name == "JointState":
+        return JointState  # type: ignore[no-any-return]
+    if name not in _CONTROL_TYPES:
+        raise InvalidParameterError("reference_type", f"one of JointState, {', '.join(_CONTROL_TYPES)}", name)
+    try:
+        return getattr(import_module("control_msgs.msg"), name)  # type: ignore[no-any-return]
+    except ImportError as error:
+        raise StickSlipError(f"reference_type {name} needs the package control_msgs: {error}") from error
 
 
 class ControllerStateTopic:
