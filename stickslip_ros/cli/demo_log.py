@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
-from stickslip_ros.nodes.spinning import turn
+from stickslip_ros.nodes.running import turn
 from stickslip_ros.output.margin_table import MARGIN_FIELDS
 
 

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
-from stickslip_ros.nodes.spinning import turn
+from stickslip_ros.nodes.running import turn
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.visible import visible
 

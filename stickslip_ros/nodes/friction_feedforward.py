@@ -20,7 +20,7 @@ from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
-from stickslip_ros.nodes.quiet_publisher import quiet_publisher
+from stickslip_ros.nodes.publications import quiet_publisher
 from stickslip_ros.settings.parameters import Feedforward
 
 _SILENT = 0.1  # [s] after which a reference is no more

@@ -5,27 +5,69 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.validate_full_topic_name import validate_full_topic_name
+from rclpy.validate_namespace import validate_namespace
+from rclpy.validate_node_name import validate_node_name
 
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.messages.gain_layouts import why_not_taken
 from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joints.joint_parameters import declare_specs
-from stickslip_ros.nodes.node_names import other_nodes
 from stickslip_ros.nodes.state.state_file import default_path
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameter_names import EVERY_JOINT, joint_of
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE
 from stickslip_ros.visible import visible
 
+_LONGEST_SERVICE = "set_parameters_atomically"  # that is asked of another node
 Changes = Mapping[str, Parameter]
 _JOINT_NAME = re.compile(r"[^\s,.]{1,128}")  # names of parameters are parted by dots
+
+
+def other_nodes(node: Node, parameter: str, given: object) -> list[str]:
+    """Fully qualified names in a parameter that holds one name or a list; "" is none.
+
+    Raises
+    ------
+    InvalidParameterError
+        If it holds something else, a name that no node can have, or one twice.
+    """
+    # An empty list in a parameter file has no type, and comes as None.
+    words = [given] if isinstance(given, str) else [] if given is None else given
+    if not isinstance(words, Sequence) or not all(isinstance(word, str) for word in words):
+        raise InvalidParameterError(parameter, "the name of a node, or a list of names", given)
+    names = []
+    for word in (word.strip() for word in words):
+        name = word if word.startswith("/") or not word else f"{node.get_namespace().rstrip('/')}/{word}"
+        if name:
+            _check(parameter, word, name)
+            names.append(name)
+    if len(set(names)) < len(names):
+        raise InvalidParameterError(parameter, "names of different nodes", list(words))
+    return names
+
+
+def _check(parameter: str, word: str, name: str) -> None:
+    space, _, own = name.rpartition("/")
+    try:
+        validate_namespace(space or "/")
+        validate_node_name(own)
+        validate_full_topic_name(f"{name}/{_LONGEST_SERVICE}", is_service=True)
+    except NameValidationException as error:
+        why = str(error).splitlines()[0].rstrip(":")
+        why = why[:1].lower() + why[1:]
+        raise InvalidParameterError(parameter, f"a name that a node can have ({why})", f"{word[:80]!r}") from error
+    except TypeError as error:
+        # What is no text in UTF-8 is not taken at all.
+        raise InvalidParameterError(parameter, "a name that a node can have", ascii(word[:80])) from error
 
 
 def declare(node: Node) -> None:

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the node publishes of its joints: diagnostics, margins, cycles, friction, advice."""
+"""What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice."""
 
 from __future__ import annotations
 
 from array import array as array_of
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -20,12 +22,90 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.nodes.conversion import friction_message, table
-from stickslip_ros.nodes.diagnostic_bytes import StatusBytes, diagnostic_array_bytes, status_bytes
-from stickslip_ros.nodes.quiet_publisher import quiet_publisher
-from stickslip_ros.nodes.status_log import StatusLog
+from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.nodes.conversion import StatusBytes, diagnostic_array_bytes, friction_message, status_bytes, table
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.visible import visible
+
+_APART, _FURTHEST_APART = 10.0, 600.0  # [s] from one line of a joint to the next: at first, and while it goes on so
+_CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
+
+
+def quiet_publisher(node: LifecycleNode, message_type: type, topic: str, quality: Any) -> LifecyclePublisher:
+    """Make a publisher that is silent while the node is inactive, and that has no events.
+
+    By default a publisher has two events that only write a line to the log, and rclpy's executor goes through all
+    events whenever it waits: they took half of what an idle monitor takes. The subscriber at the other end, whose
+    quality of service or type does not fit, has the same line in its log.
+
+    Parameters
+    ----------
+    quality : depth of the queue [1], or a quality of service.
+    """
+    without = PublisherEventCallbacks(use_default_callbacks=False)
+    return node.create_lifecycle_publisher(message_type, topic, quality, event_callbacks=without)
+
+
+@dataclass
+class _Entry:
+    """What the log has of a joint.
+
+    Attributes
+    ----------
+    latest, before : the word at the last look, and the one before the latest change; "" for none.
+    at : of the last line, a steady time [s]. changes : since then. apart : least time to the next line [s].
+    """
+
+    at: float
+    latest: str = ""
+    before: str = ""
+    changes: int = 0
+    apart: float = 0.0
+
+
+class StatusLog:
+    """Writes a line at each change of a joint's status to or from one that is worth a warning.
+
+    A joint whose status changes again before the next line may come has one line then, with the number of changes; the
+    time to the next line doubles as long as that goes on.
+
+    Parameters
+    ----------
+    warn, inform : write to the log.
+    """
+
+    def __init__(self, warn: Callable[[str], object], inform: Callable[[str], object]) -> None:
+        self._warn, self._inform = warn, inform
+        self._joints: dict[str, _Entry] = {}
+
+    def note(self, joint: str, word: str, text: str, now: float) -> None:
+        """Take the status of a joint.
+
+        Parameters
+        ----------
+        word : of the status, or why there is none. text : the summary for a person. now : a steady time [s].
+        """
+        entry = self._joints.setdefault(joint, _Entry(now))
+        if word != entry.latest and not (_is_calm(word) and _is_calm(entry.latest)):
+            entry.before = entry.latest
+            entry.changes += 1
+        entry.latest = word
+        if not entry.changes or now - entry.at < entry.apart:
+            return
+        if entry.changes == 1:
+            entry.apart = _APART
+            more = f" (was {entry.before})" if entry.before else ""
+        else:
+            entry.apart = min(2.0 * entry.apart, _FURTHEST_APART)
+            more = f" ({entry.changes} changes in {now - entry.at:.0f} s)"
+        entry.at, entry.changes = now, 0
+        write = self._inform if _is_calm(word) else self._warn
+        write(visible(f"{joint}: {text}{more}"))
+
+
+def _is_calm(word: str) -> bool:
+    return word in ("", *_CALM)
 
 
 @dataclass(frozen=True, kw_only=True)

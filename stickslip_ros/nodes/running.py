@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Start and end of a node's process."""
+"""Start and end of a node's process, and the loops of commands that use ROS and end with Ctrl-C."""
 
 from __future__ import annotations
 
@@ -90,3 +90,15 @@ def _initialize(args: list[str] | None) -> None:
         if f"before {_LAYOUT}" in text:
             text += f" (ROS 2 has {_LAYOUT} between the name of a node and its parameters, ROS 1 had not)"
         raise StickSlipError(text) from error
+
+
+def turn(node: Node, timeout: float) -> None:
+    """As :func:`rclpy.spin_once`, for at most so long [s].
+
+    Raises
+    ------
+    Interrupted
+        If the process was asked to end meanwhile; see :func:`stickslip_ros.interrupts.check`.
+    """
+    rclpy.spin_once(node, timeout_sec=timeout)
+    check()

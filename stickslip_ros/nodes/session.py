@@ -25,8 +25,7 @@ from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
-from stickslip_ros.nodes.gains.ramp_service import RefusedError
-from stickslip_ros.nodes.gains.ramps import Ramps
+from stickslip_ros.nodes.gains.ramps import Ramps, RefusedError
 from stickslip_ros.nodes.intake.drain import FirstMessage
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
@@ -36,10 +35,9 @@ from stickslip_ros.nodes.joints import joint_parameters
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.scheduling import FEW, BatchProcessing, RoundRobin, urgent
 from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint, WatchedJoints
+from stickslip_ros.nodes.on_demand import recommended_compensation, stability_maps
 from stickslip_ros.nodes.publications import Findings, Publications
-from stickslip_ros.nodes.recommended_compensation import recommended_compensation
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
-from stickslip_ros.nodes.stability_maps import stability_maps
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.nodes.worker.questions import AdviceWorker, ExactWorker, attend_study

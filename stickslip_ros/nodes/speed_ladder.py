@@ -19,9 +19,9 @@ from stickslip_ros.messages.content import MessageError, joint_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.nodes.gains.gain_source import ControllerGains
+from stickslip_ros.nodes.gains.gain_intake import ControllerGains
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
-from stickslip_ros.nodes.spinning import turn
+from stickslip_ros.nodes.running import turn
 from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController
 
 _QUEUE = 10_000

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from stickslip_ros.nodes.lateness import Meters, why_late
+from stickslip_ros.nodes.self_diagnosis import Meters, why_late
 
 BEGIN = Meters(steady=10.0, system=1000.0, used=5.0, waited=1.0, busy=50.0, all=100.0)
 

@@ -15,7 +15,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from stickslip_ros.interrupts import Interrupted, take_signals
-from stickslip_ros.nodes.spinning import turn
+from stickslip_ros.nodes.running import turn
 
 take_signals()
 rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)

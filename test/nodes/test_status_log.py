@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from stickslip_ros.nodes.status_log import StatusLog
+from stickslip_ros.nodes.publications import StatusLog
 
 
 def lines_of(statuses: list[tuple[float, str]], joint: str = "joint1") -> list[str]:

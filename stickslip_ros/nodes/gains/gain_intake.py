@@ -4,23 +4,218 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
-from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_parameter_events
 from std_msgs.msg import Float64MultiArray
 
 from stickslip_ros.messages.content import MessageError, gains_from_message
+from stickslip_ros.messages.gain_layouts import INTERFACES, elsewhere_text, gains_elsewhere, some, why_not_taken
+from stickslip_ros.messages.gain_parameters import KINDS, HeardGains, gain_name, gain_value, joint_and_kind
+from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.nodes.gains.gain_source import ControllerGains
-from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
 
+# An event can be lost, above all while the graph is being discovered; reading again makes up for it.
+_REREAD = 1.0  # [s]
+_REREAD_AT_FIRST = 0.2
+_AT_FIRST = 5.0  # [s] since the controller appeared
+_SCAN_EVERY = 1.0  # [s] at the graph, while the controller is missing
+_SILENT_FOR_GOOD = 3  # answers missing in a row, 2 s each, after which its gains are known no more
 PD_GAINS = "pd_gains"
 _QUEUE = 1000  # messages, for each joint may have a publisher of its own
 _MOST_EARLY = 256  # joints whose gains are kept; names come from the graph
+
+
+class ControllerGains:
+    """Keeps the gains `gains.<joint>.p/.i/.d` of one controller; never blocks.
+
+    Parameters
+    ----------
+    node : does the talking.
+    controller : fully qualified name of the controller's node.
+    on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change;
+        with None once the controller is gone, or has been silent for long: gains are known as long as it lives.
+    joints : names of the joints to ask for.
+
+    ``state`` says in words how far it has got, for diagnostics; ``waiting`` whether that is a fault.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        controller: str,
+        on_gains: Callable[[str, Gains | None], None],
+        joints: Callable[[], Iterable[str]],
+    ) -> None:
+        self._node = node
+        self.name = controller
+        self._on_gains = on_gains
+        self._joints = joints
+        self._heard = HeardGains()
+        self.parameters = RemoteParameters(node, controller)
+        self._busy = False
+        self._silent = 0
+        self._requested_at = -math.inf
+        self._appeared_at = math.inf
+        self._next_scan = -math.inf
+        self._missing_since = math.nan
+        self._logged = ""
+        self.state = f"waiting for {controller}"
+        self.waiting = True
+
+    def poll(self, now: float) -> None:
+        """Ask for what is not known yet; call now and then with a steady time [s]."""
+        self.parameters.poll(now)
+        if not self.parameters.ready():
+            self.forget()
+            self._appeared_at = math.inf
+            self._requested_at = -math.inf
+            if math.isnan(self._missing_since):
+                self._missing_since = now
+            if not self.waiting or now >= self._next_scan:
+                self._next_scan = now + _SCAN_EVERY
+                # A controller that starts together with the monitor is nothing to log.
+                late = self._logged != "" or now - self._missing_since >= _AT_FIRST
+                self._set_state(f"waiting for {self.name}{self._others()}", "missing" if late else "", waiting=True)
+            return
+        self._missing_since = math.nan
+        self._appeared_at = min(self._appeared_at, now)
+        interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD
+        # Where a ramp asks already, a slow controller has enough to answer.
+        if self._busy or self.parameters.busy or now - self._requested_at < interval:
+            return
+        self._requested_at = now
+        self._busy = True
+        # Asked by name, many controllers answer nothing at all if one name is not theirs; so they are listed first.
+        self.parameters.list(["gains", *INTERFACES], now, partial(self._on_names, now))
+
+    def close(self) -> None:
+        """Leave the controller alone."""
+        self.parameters.close()
+
+    def has(self, joint: str) -> bool:
+        """Whether the controller has gains of a joint."""
+        return self._heard.of(joint) is not None
+
+    def _set_state(self, state: str, kind: str, *, waiting: bool, detail: str = "") -> None:
+        """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged.
+
+        Parameters
+        ----------
+        detail : for the log alone.
+        """
+        if kind not in ("", self._logged):
+            self._logged = kind
+            # Two lines of code: rclpy wants one severity from each.
+            if waiting:
+                self._node.get_logger().warning(state)
+            else:
+                self._node.get_logger().info(f"{state}{detail}")
+        self.state, self.waiting = state, waiting
+
+    def _others(self) -> str:
+        """Nodes that are there in the controller's stead: it may have been renamed."""
+        own = self._node.get_fully_qualified_name()
+        names = {f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()}
+        others = sorted(name for name in names - {own} if not name.rpartition("/")[2].startswith("_"))
+        if not others:
+            return "; no other node is there"
+        return f"; there are {some(others)}"
+
+    def _on_names(self, now: float, found: list[str] | None) -> None:
+        if found is None:
+            return self._no_answer()
+        wanted = {gain_name(joint, kind) for joint in self._joints() for kind in KINDS}
+        names = [name for name in found if name in wanted]
+        if not names:
+            # What there is instead is worth a question only then.
+            return self.parameters.list([], now, self._on_other_names)
+        names += [name for name in INTERFACES if name in found]
+        return self.parameters.get(names, now, partial(self._on_values, names))
+
+    def _on_other_names(self, found: list[str] | None) -> None:
+        if found is None:
+            return self._no_answer()
+        self._busy = False
+        joints = sorted({of_joint[0] for name in found if (of_joint := joint_and_kind(name))})
+        other_layout = gains_elsewhere(found)
+        others = ""
+        if joints:
+            others = f"; it has those of {some(joints)}"
+        elif other_layout:
+            others = f"; {elsewhere_text(other_layout)}"
+        return self._set_state(
+            f"{self.name} has no parameters gains.<joint>.p/.i/.d of the joints watched{others}", "none", waiting=True
+        )
+
+    def _no_answer(self) -> None:
+        self._busy = False
+        self._silent += 1
+        if self._silent >= _SILENT_FOR_GOOD:
+            self.forget()
+        self._set_state(f"{self.name} has not answered for {self._silent * PATIENCE:g} s", "silent", waiting=True)
+
+    def _on_values(self, names: list[str], values: list[ParameterValue] | None) -> None:
+        if values is None:
+            return self._no_answer()
+        self._busy = False
+        self._silent = 0
+        self._process_changes(dict(zip(names, values, strict=False)))
+        if self._heard.refusal:
+            return self._set_state(f"{self.name}: {self._heard.refusal}", "refused", waiting=True)
+        taken = [name for name in names if name not in INTERFACES]
+        return self._set_state(f"following {self.name}", "following", waiting=False, detail=f": {some(taken)}")
+
+    def on_event(self, event: ParameterEvent) -> None:
+        """Take a change of parameters, if it is the controller's."""
+        if event.node == self.name:
+            changes = {one.name: one.value for one in [*event.new_parameters, *event.changed_parameters]}
+            self.parameters.hear(changes)
+            self._process_changes(changes)
+
+    def _process_changes(self, parameters: Mapping[str, ParameterValue]) -> None:
+        """Remember what are gains of joints watched, and tell of each joint once."""
+        if any(name in parameters for name in INTERFACES):
+            self._refuse(why_not_taken(parameters))
+        watched, changed = set(self._joints()), []
+        for name, value in parameters.items():
+            found = joint_and_kind(name)
+            if found is not None and found[0] in watched:
+                self._store(*found, value)
+                changed.append(found[0])
+        for joint in dict.fromkeys(changed):
+            self._report(joint)
+
+    def _refuse(self, reason: str) -> None:
+        """Know no gains for a reason, "" for none: what the controller commands may change while it is inactive."""
+        if reason and not self._heard.refusal:
+            self.forget()
+        self._heard.refusal = reason
+
+    def forget(self) -> None:
+        """Know the gains no more, and say so."""
+        for joint in self._heard.forget():
+            self._on_gains(joint, None)
+
+    def _store(self, joint: str, kind: str, value: ParameterValue) -> None:
+        found = gain_value(value)
+        if math.isfinite(found):
+            self._heard.set(joint, kind, found)
+        elif value.type != ParameterType.PARAMETER_NOT_SET:
+            self._node.get_logger().warning(
+                f"gain {kind} of {joint} in {self.name} is not finite and less than {LARGEST:g}; ignored"
+            )
+
+    def _report(self, joint: str) -> None:
+        gains = self._heard.of(joint)
+        if gains is not None:
+            self._on_gains(joint, gains)
 
 
 class GainIntake:
