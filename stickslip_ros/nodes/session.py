@@ -14,7 +14,6 @@ from pathlib import Path
 from time import monotonic
 
 from rclpy.lifecycle import LifecycleNode
-from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
@@ -42,27 +41,28 @@ from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.nodes.worker.questions import AdviceWorker, ExactWorker, attend_study
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
-from stickslip_ros.settings.parameter_table import RECOMMENDED
 
-_STALE_AFTER = 1.0  # [s]
-_QUEUE = 5000
-_POLL_GAINS = 0.1  # [s]
-_NEARLY = 0.01  # [s] before it is due: half of the shortest time until the next tick
-_SCAN_ALL = 0.2  # [s] from one look for news of all joints to the next, of those that were not followed meanwhile
-_PUBLISHING, _OF_ONE = 2.5, 0.1  # times as long as a tick takes that publishes: how long it is until the next; its mean
-_LONGEST_TICK, _SHORTEST_TICK, _IDLE_TICK = 0.04, 0.02, 0.5  # [s]; the last while nothing comes
-_PENDING_PER_TICK = 5.0  # [s] of what has waited that are taken in one tick
-_IDLE_AFTER = 2.0  # [s] without a message, and with nothing under way
-_IDLE_PERIOD = 1.0  # [s] from one status to the next then
+_STALE_AFTER = 1.0  # time without a sample, s: a joint that has been silent for longer is reported as silent
+_QUEUE = 5000  # depth of a queue, messages: five seconds at 1 kHz without a drain lose none
+_POLL_GAINS = 0.1  # time between two polls of the controllers and the inputs, s: each asks the graph, which costs time
+_SCAN_ALL = 0.2  # time between two scans of all joints for changes, s: a person notices no later report
+_PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
+_SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint
+_LONGEST_TICK, _SHORTEST_TICK = 0.04, 0.02  # period of ticks, s: 25 Hz suffice, and 50 Hz while gains change
+_IDLE_TICK = 0.5  # period of ticks while nothing comes, s: the first message ends it at once
+_EARLY = 0.5 * _SHORTEST_TICK  # a publication that is due before the middle of the next period is made now
+_PENDING_PER_TICK = 5.0  # span of waiting messages that one tick processes, s: a tick stays short
+_IDLE_AFTER = 2.0  # time without a message and without work under way, s: a shorter pause of a publisher is usual
+_IDLE_PERIOD = 1.0  # time between two statuses of an idle node, s: nothing changes meanwhile, and each costs time
 _TOO_LATE, _NOT_LEARNT_FROM = attrgetter("pairing.too_late"), attrgetter("monitor.learner.skipped")
 
 
 class Session:
-    """See the module; the node calls :meth:`tick` while it is active.
+    """State of a configured node, see the module; the node calls :meth:`tick` while it is active.
 
     Parameters
     ----------
-    bounds : of what may be written, which outlast the session.
+    bounds : limits of the gains that may be written, which outlast the session.
 
     Raises
     ------
@@ -85,9 +85,8 @@ class Session:
         self._period = 1.0 / float(node.get_parameter("publish_rate").value)
         self._round_robin = RoundRobin()
         self._busy_at, self._came = monotonic(), 0
-        self._spent = 0.0  # by a tick that publishes, on average [s]
+        self._spent = 0.0  # mean duration of a tick that publishes [s]
         self._change_tokens: dict[str, tuple[object, ...]] = {}
-        self._contested: frozenset[str] = frozenset()
         self._wholes, self._reference_wholes = WholeTurns(self._log.info), WholeTurns()
         self._findings: dict[str, Findings] = {}
         self._compiled = CompiledParts(self._log)
@@ -121,7 +120,7 @@ class Session:
             self._closing.append(self._ramps.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
             self._closing.append(lambda: node.destroy_service(reset))
-            # What cannot be had is refused now rather than when the node is activated.
+            # A type that is not installed is refused now, rather than when the node is activated.
             reference_message_type(self._reference_type)
             self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self.follow_controllers()
@@ -132,7 +131,7 @@ class Session:
             self._keeper.restore(joint)
 
     def follow_controllers(self) -> None:
-        """Follow the gains of those that the parameters name."""
+        """Follow the gains of the controllers that the parameters name."""
         self._gains.follow(monitor_parameters.controllers(self._node))
 
     def withdraw_permission(self) -> None:
@@ -150,7 +149,7 @@ class Session:
         self._first = FirstMessage(self._node, topics, heard)
 
     def deactivate(self) -> None:
-        """Listen no more, and write no more gains; what was learnt is kept and saved."""
+        """Close the subscriptions and stop writing gains; what was learnt is kept and saved."""
         if self._states is None or self._references is None:
             return
         self._ramps.stop("the monitor was deactivated")
@@ -173,15 +172,15 @@ class Session:
             self._closing.pop()()
 
     def tick(self) -> None:
-        """Take what has arrived, let every joint's monitor follow it, and publish what is due."""
+        """Process the messages that have arrived, and publish what is due."""
         now = monotonic()
         self._compiled.poll(now)
         self._gains.hear()
-        due = now >= self._publish_at - _NEARLY
+        due = now >= self._publish_at - _EARLY
         self._intake(now)
         came = self._came_so_far()
         if came != self._came or self._ramps.busy or self._work.waiting or not self._compiled.ready:
-            # What ends a silence is told of at once, however long the next status would have waited in it.
+            # The status that ends a silence is published at once, however far the next one was away.
             if self._idle:
                 due, self._publish_at = True, now
             self._busy_at, self._came = now, came
@@ -194,16 +193,16 @@ class Session:
         self._keeper.tick(self.joints, now)
         if due:
             self._publish(now)
-            # However many joints there are, intake has most of the time. One that took long once leaves no other out.
-            self._spent += _OF_ONE * (monotonic() - now - self._spent)
-            self._publish_at = max(self._publish_at + self._publish_period, now + _PUBLISHING * self._spent)
+            # However many joints there are, intake has most of the time. One long tick delays no later status.
+            self._spent += _SMOOTHING * (monotonic() - now - self._spent)
+            self._publish_at = max(self._publish_at + self._publish_period, now + _PUBLISH_REST * self._spent)
 
     def pace(self) -> float:
-        """How long it is until the next tick [s].
+        """Time until the next tick [s].
 
-        A tick costs about as much whether few or many messages have come, so that there is one for each status, unless
-        those are rare. While gains are changed there are more; few while nothing comes, and nothing is under way: the
-        first message ends that at once.
+        A tick costs about as much for few messages as for many, so that there is one tick for each status, and several
+        where statuses are rare. There are more ticks while gains change, and few while no message comes and no work is
+        under way. The first message ends an idle time at once.
         """
         if self._first is not None:
             self._first.armed = self._idle
@@ -237,14 +236,14 @@ class Session:
             self.joints.hear_gains(joint.name, gains)
 
     def _hear_gains(self, name: str, gains: Gains | None) -> None:
-        """Take gains; they concern the samples from now on, and wait where those wait."""
+        """Apply gains to the samples from now on; where these wait, the gains wait too."""
         if self._gains_waiting or self._behind(monotonic()):
             self._gains_waiting.append((monotonic(), name, gains))
         else:
             self._apply_gains(name, gains)
 
     def _before_new_gains(self, joint: WatchedJoint) -> None:
-        """They concern the samples that come from now on."""
+        """Process the samples that came before a change of gains."""
         self._processing.process_pending(joint.name)
 
     def _apply_gains(self, name: str, gains: Gains | None) -> None:
@@ -253,17 +252,17 @@ class Session:
             self._ramps.hear_gains(self.joints[name])
 
     def _oldest(self) -> float:
-        """When the oldest of what waits arrived, as a steady time [s]; infinite if nothing waits."""
+        """Arrival of the oldest waiting message, a steady time [s]; infinite if none waits."""
         if self._states is None or self._references is None:
             return math.inf
         return min(self._states.backlog.oldest, self._references.backlog.oldest)
 
     def _behind(self, now: float) -> bool:
-        """Whether what arrived a while ago still waits."""
+        """Whether messages that arrived a while ago still wait."""
         return not self._compiled.ready or now - self._oldest() > _PENDING_PER_TICK
 
     def _intake(self, now: float) -> None:
-        """Take what has arrived, or let it wait; what has waited is taken in its order, and not all at once."""
+        """Drain the topics; messages wait while the node compiles, and are processed later in their order."""
         if self._states is None or self._references is None:
             return
         if not self._compiled.ready:
@@ -284,8 +283,7 @@ class Session:
         # References last, so that they are no older than the samples that wait for them.
         samples, references = self._states.samples_until(until), self._references.samples_until(until)
         contested = self._states.contested
-        if contested or self._contested:
-            self._note_contested(contested, self._states.contest)
+        self.joints.mark_contested(contested, self._states.contest)
         for name, rows in samples.items():
             heard = self.joints.welcome(name)
             if heard is not None:
@@ -300,16 +298,8 @@ class Session:
         self._processing.poll(now)
         self._publications.publish_cycles(self._processing.pop_cycles())
 
-    def _note_contested(self, contested: frozenset[str], contest: str) -> None:
-        for name, joint in self.joints.items():
-            if name in contested and not joint.trouble:
-                # What was taken for its motion until now was none.
-                joint.restart()
-            joint.trouble = contest if name in contested else ""
-        self._contested = contested
-
     def _restart_after_error(self, joint: WatchedJoint) -> None:
-        """Go on after an error in what follows one joint."""
+        """Log an error in the processing of one joint, and restart the joint."""
         self._refuse(f"{joint.name}: an error of the monitor itself; the joint is followed anew")
         self._log.error(f"{joint.name}: {traceback.format_exc()}", throttle_duration_sec=10.0)
         joint.restart()
@@ -320,7 +310,7 @@ class Session:
             return
         processed = self._scan_for_changes(now)
         reported, in_turn = self._round_robin.due(self._change_tokens, urgent(self.joints), self._publish_period)
-        # What is new is not kept waiting by many joints whose turn it merely is.
+        # Joints with changes do not wait for the many joints whose turn it is.
         later = in_turn if len(self.joints) > FEW else []
         assessed = [name for name in reported if name not in later]
         self._assess(assessed, now)
@@ -339,7 +329,9 @@ class Session:
         self._publications.publish_tables(self._findings, reported)
         for topic in self._on_demand:
             topic.attend(self._findings, now)
-        self._set_advice({name: self._findings[name].advised for name in assessed if name in self._findings})
+        advised = {name: self._findings[name].advised for name in assessed if name in self._findings}
+        with self._own_change:
+            joint_parameters.set_recommended(self._node, advised)
         ended = self._processing.pop_cycles()
         for name in dict.fromkeys([*processed, *reported]):
             attend_study(self._work, name, self.joints[name].monitor.learner)
@@ -362,9 +354,10 @@ class Session:
         self._publications.publish_statuses(own, self._findings, reported, assessed, warn_margin=warn_margin)
 
     def _scan_for_changes(self, now: float) -> list[str]:
-        """Note of joints objects, one of which is another when there is something to tell at once.
+        """Joints that were processed since the last scan; their change tokens are updated.
 
-        Returns those that were followed since the last time: the others are looked at less often, if they are many.
+        A change token holds objects of which one is replaced when a joint is to be reported at once. Tokens of the
+        other joints are updated less often, if these are many.
         """
         processed = self._processing.processed()
         names: Iterable[str] = processed
@@ -390,7 +383,7 @@ class Session:
         conditions = joint.settings.options.conditions
         exact = self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now)
         if exact is NOT_COMPUTED:
-            # While gains go up in steps each verdict comes too late.
+            # While gains rise in steps, each exact verdict comes too late.
             exact = replace(exact, damping_reserve=joint.monitor.damping_reserve(assessment.velocity))
         return Findings(
             assessment=assessment,
@@ -405,20 +398,6 @@ class Session:
             conditions=conditions,
         )
 
-    def _set_advice(self, advised: dict[str, Gains | None]) -> None:
-        """Let the parameters `recommended.<joint>.p` and `.d` hold the advice."""
-        changed = []
-        for name, gains in advised.items():
-            numbers = (math.nan, math.nan) if gains is None else (float(gains.stiffness), float(gains.damping))
-            for key, value in zip(RECOMMENDED, numbers, strict=True):
-                parameter = joint_parameters.recommended_name(name, key)
-                old = float(self._node.get_parameter(parameter).value)
-                if old != value and not (math.isnan(old) and math.isnan(value)):
-                    changed.append(Parameter(parameter, Parameter.Type.DOUBLE, value))
-        if changed:
-            with self._own_change:
-                self._node.set_parameters(changed)
-
     def _why_not_yet(self) -> str:
         if self._states is None:
             raise RefusedError("the monitor is not active")
@@ -427,7 +406,7 @@ class Session:
         return ""
 
     def _own_status(self) -> Diagnosis:
-        """The node's own health: what it refused, where the gains come from, how it keeps up."""
+        """Status of the node itself: what it refused, where its gains come from, and how it keeps up."""
         troubles = [
             self._compiled.state,
             self._ramps.trouble,

@@ -4,18 +4,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.parameter_table import GAIN_UNITS, PER_JOINT, RECOMMENDED, ParameterSpec
 from stickslip_ros.settings.parameters import JointSettings, settings_of
 
 
 class OwnChange:
-    """A context in which the node itself sets what others may not; ``active`` tells."""
+    """A context in which the node itself sets parameters that others may not; ``active`` within it."""
 
     def __init__(self) -> None:
         self.active = False
@@ -39,13 +41,13 @@ def declare_specs(node: Node, specs: Iterable[ParameterSpec], joint: str = "") -
 
 
 def declare(node: Node, name: str) -> None:
-    """Declare one joint's parameters; whatever is not set stays open (NaN or empty)."""
+    """Declare one joint's parameters; a parameter that is not set stays open (NaN or empty)."""
     declare_specs(node, PER_JOINT, name)
     for key in RECOMMENDED:
         if not node.has_parameter(recommended_name(name, key)):
             node.declare_parameter(
                 recommended_name(name, key),
-                float("nan"),
+                math.nan,
                 _recommended_descriptor(node, name, key),
                 ignore_override=True,
             )
@@ -57,20 +59,34 @@ def recommended_name(name: str, key: str) -> str:
 
 
 def describe_recommended(node: Node, name: str) -> None:
-    """Let the advice's descriptors say the present limits."""
+    """Set the present limits in the descriptors of the advice."""
     for key in RECOMMENDED:
         node.set_descriptor(recommended_name(name, key), _recommended_descriptor(node, name, key))
 
 
 def _recommended_descriptor(node: Node, name: str, key: str) -> ParameterDescriptor:
     least, largest = (node.get_parameter(f"limits.{name}.{key}_{end}").value for end in ("min", "max"))
-    # A floating_point_range would forbid nan, which says that there is no advice.
+    # A floating_point_range would forbid nan, which stands for no advice.
     return ParameterDescriptor(
         name=recommended_name(name, key),
         type=ParameterType.PARAMETER_DOUBLE,
         description=f"recommended {RECOMMENDED[key]} [{GAIN_UNITS[key]}]; range {least:g} to {largest:g}; nan: none",
         additional_constraints="written by the monitor alone; set the controller's gains instead",
     )
+
+
+def set_recommended(node: Node, advised: Mapping[str, Gains | None]) -> None:
+    """Set the parameters `recommended.<joint>.p` and `.d` to the advice, where it has changed."""
+    changed = []
+    for name, gains in advised.items():
+        numbers = (math.nan, math.nan) if gains is None else (float(gains.stiffness), float(gains.damping))
+        for key, value in zip(RECOMMENDED, numbers, strict=True):
+            parameter = recommended_name(name, key)
+            old = float(node.get_parameter(parameter).value)
+            if old != value and not (math.isnan(old) and math.isnan(value)):
+                changed.append(Parameter(parameter, Parameter.Type.DOUBLE, value))
+    if changed:
+        node.set_parameters(changed)
 
 
 def read(node: Node, name: str, changes: Mapping[str, Parameter] | None = None) -> JointSettings:

@@ -21,24 +21,26 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING, WatchedJoint
 
-_ROUNDING = 1e-6  # [s] of sums of periods
-_ALL_WITHIN, _URGENT_WITHIN = 1.0, 0.1  # [s] every joint, and one that sticks, is told of at least so often
-FEW, _SOME = 8, 4  # so few joints are all told of each time, as an arm's are; of more at least some
-# [s] for which samples of a joint that rests or moves smoothly may wait: at least, for each joint, at most
-_LATER, _LATER_EACH, _LATEST = 0.1, 0.002, 0.5
-_LOOKS = 60.0  # [1/s] at joints that go on as they did: of more, the same is told of one until it is looked at
-_AS_EXPECTED = 1.5  # [s] likewise, of a joint that goes on as it did: usually it is told of before, and looked at then
-_AT_ONCE = 8  # quiet joints that are looked at together at least: the costs of more are spread over time
-_PACE_OVER = 0.2  # [s] over which the pace of a joint is taken
-_BEHIND = 0.1  # [s] by which a joint may be behind where its pace would have it
+_ROUNDING = 1e-6  # error of a sum of periods, s
+_ALL_WITHIN = 1.0  # time between two reports on any joint, s: a listener that begins has all joints within it
+_URGENT_WITHIN = 0.1  # time between two reports on a joint that sticks or is at risk, s: its figures change
+FEW = 8  # number of joints, 1: so few are reported each time, as an arm's are
+_SOME = 4  # number of joints reported in turn each time, 1: of many, these at least
+_LATER = 0.1  # time that samples of a quiet joint may wait, s: several batches are processed as one
+_LATER_EACH, _LATEST = 0.002, 0.5  # extension of that time for each joint, and its limit, s: each costs time
+_QUIET_RATE = 60.0  # rate of processing joints that go on as before, Hz: of more, the last report is repeated
+_AS_EXPECTED = 1.5  # time that samples of a joint that goes on as before may wait, s: its report comes first
+_AT_ONCE = 8  # number of quiet joints processed together, 1: these at least, while more are spread over time
+_PACE_OVER = 0.2  # span over which the pace of a joint is measured, s: a count of its encoder matters little
+_BEHIND = 0.1  # lag behind the expected position that is no surprise, s at the joint's pace
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
 
 
 class RoundRobin:
-    """Whom to tell of now: joints that have news, often those that stick or are at risk, the others in turn."""
+    """Round-robin scheduler of reports: changed joints at once, urgent ones often, the others in turn."""
 
     def __init__(self) -> None:
-        # The news that were told, that told longest ago first; and when, on a clock of the periods that were asked of.
+        # Change tokens that were reported, the oldest report first; and the times, on a clock that sums the periods.
         self._reported: dict[str, tuple[object, ...]] = {}
         self._reported_at: dict[str, float] = {}
         self._clock = 0.0  # [s]
@@ -46,29 +48,26 @@ class RoundRobin:
     def due(
         self, change_tokens: Mapping[str, tuple[object, ...]], urgent: Iterable[str], period: float
     ) -> tuple[list[str], list[str]]:
-        """The joints to tell of, of all that there are; and of these those whose turn it merely is.
+        """The joints to report now, and those among them that are reported in turn only.
 
         Parameters
         ----------
-        news : of each joint objects that are others when there is something to tell at once.
-        urgent : told ten times a second.
-        period : until this is asked again [s].
+        change_tokens : objects of each joint, of which one is replaced when the joint is to be reported at once.
+        urgent : joints that are reported ten times a second.
+        period : time until the next call [s].
         """
         self._clock += period
-        # The next time would be too late.
+        # A report at the next call would be too late.
         reported_before = self._clock + 0.5 * period - _URGENT_WITHIN - _ROUNDING
         wanted = {name for name in urgent if self._reported_at.get(name, -math.inf) < reported_before}
-        # Most of the news are the very ones that were told, which is found without a look into them.
+        # Most tokens are the very tuples that were reported, and need no comparison of their objects.
         reported = self._reported
         wanted.update(
             name for name, new in change_tokens.items() if reported.get(name) is not new and self._is_new(name, new)
         )
         others = [name for name in self._reported if name in change_tokens and name not in wanted]
-        share = (
-            len(change_tokens)
-            if len(change_tokens) <= FEW
-            else max(_SOME, math.ceil(len(change_tokens) * period / _ALL_WITHIN))
-        )
+        count = len(change_tokens)
+        share = count if count <= FEW else max(_SOME, math.ceil(count * period / _ALL_WITHIN))
         turns = set(others[:share])
         wanted.update(turns)
         chosen = [name for name in change_tokens if name in wanted]
@@ -93,13 +92,14 @@ def urgent(joints: Mapping[str, WatchedJoint]) -> list[str]:
 
 @dataclass(kw_only=True)
 class _Course:
-    """Where a joint is expected to be, if it goes on as it did.
+    """Expected course of a joint that goes on as before.
 
     Attributes
     ----------
-    since, began : time [s] and position [rad] from which its pace is taken.
-    time, position : of the last sample that was looked at. pace : [rad/s]. band : that is no motion [rad].
-    looked_at : when it was looked at last, as a steady time [s].
+    since, began : time [s] and position [rad] from which the pace is measured.
+    time, position : time [s] and position [rad] of the last processed sample. pace : velocity [rad/s].
+    band : largest displacement that is no motion [rad].
+    processed_at : when the joint was processed last, a steady time [s].
     """
 
     since: float
@@ -111,24 +111,24 @@ class _Course:
     processed_at: float = -math.inf
 
     def go_on(self, time: float, position: float, band: float, now: float) -> None:
-        """Take the last sample that was looked at."""
+        """Update the course with the last processed sample."""
         self.time, self.position, self.band, self.processed_at = time, position, band, now
         if not 0.0 <= time - self.since < _PACE_OVER:
             self.pace = (position - self.began) / (time - self.since) if time > self.since else math.nan
             self.since, self.began = time, position
 
     def surprised(self, time: float, position: float) -> bool:
-        """Whether a sample is elsewhere; also where that cannot be said."""
+        """Whether a sample is off the expected course, or the course is not known."""
         aside = abs(position - self.position - self.pace * (time - self.time))
         return not (aside <= self.band + _BEHIND * abs(self.pace) and time >= self.time)
 
 
 class BatchProcessing:
-    """Lets the joints' monitors follow their samples.
+    """Batch processing of the joints' samples by their monitors.
 
     Parameters
     ----------
-    hurry : whether all joints are looked at at once. on_error : what to do about a joint when following it raises.
+    hurry : whether all samples are processed at once. on_error : called with a joint whose processing raised.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class BatchProcessing:
         on_error: Callable[[WatchedJoint], None],
     ) -> None:
         self._joints, self._hurry, self._on_error = joints, hurry, on_error
-        self._since: dict[str, float] = {}  # when the oldest of what waits was taken, as a steady time [s]
+        self._since: dict[str, float] = {}  # arrival of the oldest waiting sample, a steady time [s]
         self._courses: dict[str, _Course] = {}
         self._surprised: set[str] = set()
         self._polled_at = -math.inf
@@ -146,7 +146,7 @@ class BatchProcessing:
         self._cycles: list[tuple[str, Cycle]] = []
 
     def expect(self, samples: Mapping[str, FloatArray], references: Iterable[str], now: float) -> None:
-        """Samples, rows of time and position first, or references of these joints have come at a steady time [s]."""
+        """Note samples (rows of time and position first) or references of these joints, come at a steady time [s]."""
         joints, surprised, courses, since = self._joints, self._surprised, self._courses, self._since
         for name, rows in samples.items():
             if name not in joints:
@@ -161,10 +161,10 @@ class BatchProcessing:
                 self._since.setdefault(name, now)
 
     def poll(self, now: float) -> None:
-        """Follow the joints of which something may have happened, and those whose samples have waited for long."""
+        """Process joints that stick or may have stopped, and joints whose samples have waited long enough."""
         hurry = self._hurry()
         later = min(_LATER + _LATER_EACH * len(self._joints), _LATEST)
-        as_expected = _AS_EXPECTED + len(self._joints) / _LOOKS
+        as_expected = _AS_EXPECTED + len(self._joints) / _QUIET_RATE
         quiet = max(_AT_ONCE, math.ceil(len(self._joints) * min((now - self._polled_at) / later, 1.0)))
         self._polled_at = now
         for name, since in list(self._since.items()):
@@ -175,7 +175,7 @@ class BatchProcessing:
                 self.process_pending(name, now)
 
     def process_pending(self, name: str, now: float | None = None) -> None:
-        """Follow what has come of one joint; what goes wrong with it is no other joint's business."""
+        """Process the waiting samples of one joint; an error concerns no other joint."""
         if self._since.pop(name, None) is None:
             return
         joint = self._joints[name]
@@ -195,27 +195,27 @@ class BatchProcessing:
             self._on_error(joint)
 
     def may_wait(self, in_turn: Iterable[str], period: float) -> set[str]:
-        """Of joints whose turn it merely is, those of which may be told again what was told.
+        """Joints among those in turn whose last report may be repeated without processing.
 
-        They go on as they did; all but those that were looked at longest ago.
+        These joints go on as before; the joints that were processed longest ago are not among them.
 
         Parameters
         ----------
-        period : until this is asked again [s].
+        period : time until the next call [s].
         """
         if len(self._joints) <= FEW:
             return set()
         quiet = [name for name in in_turn if name not in self._surprised and name in self._courses]
         quiet = [name for name in quiet if self._joints[name].monitor.latest_status in _UNEVENTFUL]
         quiet.sort(key=lambda name: self._courses[name].processed_at)
-        return set(quiet[math.ceil(_LOOKS * period) :])
+        return set(quiet[math.ceil(_QUIET_RATE * period) :])
 
     def processed(self) -> list[str]:
-        """The joints that were looked at since this was asked last."""
+        """The joints that were processed since the last call."""
         processed, self._processed = list(self._processed), {}
         return processed
 
     def pop_cycles(self) -> list[tuple[str, Cycle]]:
-        """The cycles found since this was asked last, each with the name of its joint."""
+        """The cycles detected since the last call, each with the name of its joint."""
         cycles, self._cycles = self._cycles, []
         return cycles

@@ -29,31 +29,31 @@ from stickslip_ros.settings.parameters import JointSettings
 
 RANGES = ("stiffness_range", "damping_range")
 WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
-_MOST_JOINTS = 256  # names come from the graph; their number is bounded
+_MOST_JOINTS = 256  # number of joints, 1: their names come from the graph, and no robot has so many
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")
-_A_LINE_EVERY = 1.0  # [s] of a joint's gains
+_LOG_EVERY = 1.0  # time between two lines on a joint's gains, s: a ramp changes them many times a second
 _COMMON = frozenset(spec.name for spec in COMMON)
 
 
 class GainBounds:
     """The first limits of a joint that have an upper end, in the controller's units.
 
-    They hold for as long as the node runs. Whoever can set parameters can ask for narrower ones, or for other advice,
-    but not have anything written outside what the robot's owner configured.
+    These limits hold as long as the node runs. Whoever can set parameters can request narrower limits or other advice,
+    but no gains outside the limits that the robot's owner configured are written.
     """
 
     def __init__(self) -> None:
         self._first: dict[tuple[str, str], tuple[float, float]] = {}
 
     def note(self, name: str, settings: JointSettings) -> None:
-        """Remember a joint's limits, if they are the first."""
+        """Store a joint's limits, if they are the first."""
         for which in RANGES:
             limits = _limits(settings, which)
             if math.isfinite(limits[1]):
                 self._first.setdefault((name, which), limits)
 
     def of(self, name: str, settings: JointSettings, which: str) -> tuple[float, float]:
-        """What may be written, of one of :data:`RANGES`: the limits of now, within the first ones."""
+        """Limits of gains that may be written, for one of :data:`RANGES`: the present limits within the first ones."""
         now = _limits(settings, which)
         first = self._first.get((name, which), now)
         return max(now[0], first[0]), min(now[1], first[1])
@@ -66,12 +66,12 @@ def _limits(settings: JointSettings, which: str) -> tuple[float, float]:
 
 @dataclass
 class WatchedJoint:
-    """See the module.
+    """One joint as the node watches it: its monitor, samples that wait for their reference, and settings.
 
     Attributes
     ----------
-    heard : when a sample came last, as a steady time [s].
-    trouble : why nothing can be said of it, "" as long as something can.
+    heard : arrival of the last sample, a steady time [s].
+    trouble : why the joint cannot be judged, "" as long as it can.
     """
 
     name: str
@@ -86,18 +86,18 @@ class WatchedJoint:
         self.configured_bounds.note(self.name, self.settings)
 
     def follow(self, settings: JointSettings) -> None:
-        """Go on with other settings."""
+        """Apply other settings."""
         self.settings = settings
         self.monitor.joint, self.monitor.options = settings.joint, settings.options
         self.configured_bounds.note(self.name, settings)
 
     def restart(self) -> None:
-        """Forget the motion, and what waits for its reference."""
+        """Discard the motion, and samples that wait for their reference."""
         self.pairing = ReferencePairing()
         self.monitor.restart()
 
     def bounds(self, which: str) -> tuple[float, float]:
-        """What may be written, of "stiffness_range" or "damping_range", in the controller's units."""
+        """Limits of gains that may be written, "stiffness_range" or "damping_range", in the controller's units."""
         return self.configured_bounds.of(self.name, self.settings, which)
 
     @cached_property
@@ -106,7 +106,7 @@ class WatchedJoint:
         return frozenset(spec.name.format(joint=self.name) for spec in PER_JOINT)
 
     def add_samples(self, rows: FloatArray) -> None:
-        """Rows of time, position, velocity and effort, the effort in its publisher's units; of shape (n, 4)."""
+        """Add rows of time, position, velocity and effort, shape (n, 4), the effort in its publisher's units."""
         self.pairing.add_samples(self.settings.samples_to_si(rows))
 
     def advised(self, assessment: Assessment) -> Gains | None:
@@ -117,7 +117,7 @@ class WatchedJoint:
         return self.settings.from_si(recommended.gains)
 
     def being_advised(self, assessment: Assessment) -> bool:
-        """Whether advice that would be applied is being worked out."""
+        """Whether advice that would be applied is being computed."""
         status = assessment.finding.status
         return status in WORTH_CHANGING and assessment.margin is not None and assessment.advice is None
 
@@ -141,14 +141,14 @@ class WatchedJoint:
 
 
 class WatchedJoints(Mapping[str, WatchedJoint]):
-    """See the module.
+    """The watched joints by name: those configured, or every one that is heard of.
 
     Parameters
     ----------
-    node : has the parameters. names : to watch from the beginning; () for every joint heard of.
-    own_change : entered to declare what others may not set.
+    node : has the parameters. names : joints to watch from the beginning; () for every joint heard of.
+    own_change : context in which parameters are declared that others may not set.
     adviser : makes the adviser of a joint's monitor. on_new : called with every joint that is heard of first.
-    before_new_gains : called with a joint whose gains are about to be others.
+    before_new_gains : called with a joint whose gains are about to change.
     """
 
     def __init__(
@@ -165,9 +165,10 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         self._node, self._adviser, self._refuse, self._on_new = node, adviser, refuse, on_new
         self._bounds, self._own_change, self._before_new_gains = bounds, own_change, before_new_gains
         self._joints: dict[str, WatchedJoint] = {}
-        self._logged_at: dict[str, float] = {}  # when a joint's gains were, as a steady time [s]
+        self._contested: frozenset[str] = frozenset()
+        self._logged_at: dict[str, float] = {}  # last line on a joint's gains, a steady time [s]
         self.welcomes_others = not names
-        self.fed_forward: tuple[str, ...] = ()  # those whose friction is to be compensated
+        self.fed_forward: tuple[str, ...] = ()  # joints whose friction is to be compensated
         for name in names:
             self._add(name)
 
@@ -180,7 +181,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     def __len__(self) -> int:
         return len(self._joints)
 
-    # A Mapping asks for every joint by its name, many thousand times a second.
+    # The methods of a Mapping would get every joint by its name, many thousand times a second.
 
     def __contains__(self, name: object) -> bool:
         """Whether a joint is watched."""
@@ -206,11 +207,11 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         return joint
 
     def _note_fed_forward(self) -> None:
-        # Asked for much more often than settings change.
+        # The names are read much more often than settings change.
         self.fed_forward = tuple(name for name, one in self._joints.items() if one.settings.feedforward.share > 0)
 
     def welcome(self, name: str) -> WatchedJoint | None:
-        """The joint of a name that was heard, None if it is not watched."""
+        """The joint of a name that was heard, added if it is new; None if it is not watched."""
         known = self._joints.get(name)
         if known is not None or not self.welcomes_others:
             return known
@@ -228,8 +229,19 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         self._on_new(joint)
         return joint
 
+    def mark_contested(self, contested: frozenset[str], contest: str) -> None:
+        """Restart joints that several publishers move, and say so in their status; the others are heard again."""
+        if not contested and not self._contested:
+            return
+        for name, joint in self._joints.items():
+            if name in contested and not joint.trouble:
+                # The samples until now were of two motions.
+                joint.restart()
+            joint.trouble = contest if name in contested else ""
+        self._contested = contested
+
     def check(self, changes: Mapping[str, Parameter]) -> None:
-        """Check what would become of the joints.
+        """Check the joints' settings as they would be after the changes.
 
         Raises
         ------
@@ -240,7 +252,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
             joint_parameters.read(self._node, joint.name, changes)
 
     def apply(self, changes: Mapping[str, Parameter]) -> None:
-        """Let the joints follow parameters that have changed."""
+        """Apply parameters that have changed."""
         for joint in self._concerned(changes):
             before = joint.settings
             joint.follow(joint_parameters.read(self._node, joint.name))
@@ -253,30 +265,30 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         self._note_fed_forward()
 
     def _concerned(self, changes: Mapping[str, Parameter]) -> list[WatchedJoint]:
-        """Joints that changes of parameters are about."""
+        """Joints whose settings depend on the changed parameters."""
         if not _COMMON.isdisjoint(changes):
             return list(self._joints.values())
         return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
 
     def hear_gains(self, name: str, gains: Gains | None) -> None:
-        """Take gains in the controller's units, None where they are known no more: then what is configured counts."""
+        """Apply gains in the controller's units; None, where they are known no more, stands for the configured ones."""
         joint = self._joints.get(name)
         if joint is not None:
             self.set_gains(joint, joint.settings.to_si(gains) if gains is not None else joint.settings.gains)
 
     def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
-        """Let a joint's monitor know its gains, in SI units."""
+        """Set the gains of a joint's monitor, in SI units."""
         if joint.monitor.gains != gains:
             self._before_new_gains(joint)
             joint.monitor.gains = gains
-            # A ramp changes them again and again, and says itself to what.
-            if monotonic() - self._logged_at.get(joint.name, -math.inf) >= _A_LINE_EVERY:
+            # A ramp changes the gains again and again, and logs them itself.
+            if monotonic() - self._logged_at.get(joint.name, -math.inf) >= _LOG_EVERY:
                 self._logged_at[joint.name] = monotonic()
                 text = "not known" if gains is None else _in_words(joint.settings.from_si(gains))
                 self._node.get_logger().info(f"{joint.name}: gains are now {text}")
 
 
 def _in_words(gains: Gains) -> str:
-    """In the controller's units."""
+    """Gains in the controller's units, as words."""
     integral = f", i {float(gains.integral):.6g}" if gains.integral else ""
     return f"p {float(gains.stiffness):.6g}{integral}, d {float(gains.damping):.6g}"
