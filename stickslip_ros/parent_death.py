@@ -8,6 +8,7 @@ import ctypes
 import os
 import signal
 
+NICENESS = 10  # niceness of processes in the background, steps: everything else on the robot comes first
 _PR_SET_PDEATHSIG = 1
 
 

@@ -30,16 +30,15 @@ from numba.core import event
 from stickslip_ros.compilation import cache_folder, forget_earlier_sources, marker, without_linear_algebra
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.interrupts import check
-from stickslip_ros.parent_death import die_with_parent
+from stickslip_ros.parent_death import NICENESS, die_with_parent
 
 if TYPE_CHECKING:
     from stickslip_ros.model.friction import Gains, Joint
 
 _LOCK, _PROGRESS = "lock", "progress.json"
-_REPORT_EVERY = 0.5  # [s]
-_NICE = 10
-_ENOUGH_TO_ESTIMATE = 0.1  # of all, from which on the time that it took says how long the rest takes
-_AT_LEAST = 0.2  # of what was left when something was done last: the last function is the longest
+_REPORT_EVERY = 0.5  # time between two reports, s: a person sees the progress
+_ENOUGH_TO_ESTIMATE = 0.1  # share of the work, 1: from here on its duration gives that of the rest
+_AT_LEAST = 0.2  # least share of the time left at the last progress, 1: the last function is the longest
 _COMPILED = "compiled"
 
 
@@ -49,7 +48,7 @@ class Progress:
 
     Attributes
     ----------
-    share : 0 to 1. left : how long it takes on [s], as far as can be told. elsewhere : whether another process does it.
+    share : done, 0 to 1. left : estimate of the time left [s]. other_process : whether another process compiles.
     """
 
     share: float = 0.0
@@ -202,7 +201,7 @@ class Compilation:
 
     @property
     def progress(self) -> Progress:
-        """How far it has come by now."""
+        """Present progress."""
         assert self._process.stdout is not None
         *lines, self._rest = (self._rest + (self._process.stdout.read() or b"")).split(b"\n")
         for line in lines:
@@ -215,19 +214,19 @@ class Compilation:
 
     @property
     def running(self) -> bool:
-        """Whether it is still at work."""
+        """Whether the process still runs."""
         return self._process.poll() is None
 
     @property
     def failure(self) -> str:
-        """Why nothing came of it, "" if something did or it is still at work."""
+        """Why compiling failed, "" if it succeeded or still runs."""
         if self.running or self._process.returncode == 0:
             return ""
         assert self.progress is not None
         return self._message.decode(errors="replace") or f"it ended with status {self._process.returncode}"
 
     def close(self) -> None:
-        """End it, whatever it does; what it has compiled by then is kept."""
+        """End the process; functions that it has compiled by then are kept."""
         if self.running:
             self._process.kill()
         self._process.wait()
@@ -240,7 +239,7 @@ def compile_ahead(report: Callable[[Progress], None], jobs: int | None = None) -
 
     Parameters
     ----------
-    tell : called now and then.
+    report : called now and then.
 
     Raises
     ------
@@ -258,7 +257,7 @@ def compile_ahead(report: Callable[[Progress], None], jobs: int | None = None) -
 
 
 def _seconds(shares: Mapping[str, float], jobs: int) -> float:
-    """How long these shares of the parts take with so many parts at once, by what they took once."""
+    """Duration [s] of these shares of the parts with ``jobs`` parts at once, by the durations of the table."""
     each = [share * PARTS[name].seconds for name, share in shares.items()]
     return max(*each, sum(each) / jobs)
 
@@ -282,7 +281,7 @@ def _compile_all(jobs: int) -> None:
 
 
 def _relay(progress: Path) -> None:
-    """Say how far the other process has come."""
+    """Print the progress of the other process."""
     with contextlib.suppress(OSError, ValueError, TypeError):
         _print_progress(replace(Progress(**json.loads(progress.read_text())), other_process=True))
 
@@ -304,7 +303,7 @@ def _compile_parts(jobs: int, progress: Path) -> None:
             share = 1.0 - remaining / nominal
             if share > known_share:
                 known_share, known_at = share, passed
-            # As fast as until something was done last, once that can be told; what is under way since counts down.
+            # The pace is that until the last progress, once enough is done; the time left counts down from there.
             pace = known_at / (known_share * nominal) if known_share > _ENOUGH_TO_ESTIMATE else 1.0
             rest = pace * remaining
             now = Progress(share=share, left=max(rest - (passed - known_at), _AT_LEAST * rest))
@@ -332,7 +331,7 @@ def _compile_part(name: str, left: dict[str, float]) -> None:
 
 
 class _CompilationListener(event.Listener):  # type: ignore[misc]
-    """Says every function that numba has compiled."""
+    """Listener that prints a line for every function that numba has compiled."""
 
     def on_start(self, event: event.Event) -> None:
         """Nothing yet."""
@@ -349,7 +348,7 @@ def _command(what: str | int) -> list[str]:
 
 def _main(parent: str, what: str) -> int:
     die_with_parent(int(parent))
-    os.nice(_NICE)  # what else runs on the robot comes first
+    os.nice(NICENESS)
     try:
         if what in PARTS:
             without_linear_algebra()

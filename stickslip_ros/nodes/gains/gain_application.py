@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Gains changed in a controller while its joint moves: step by step, read back, watched, taken back.
+"""Gains changed in a controller while its joint moves: step by step, read back, watched, and restored.
 
-While anything is waited for, permission, the joint's motion and what others set are looked at, and once more
-immediately before each write. Permission withdrawn stops everything: nothing is written after it, not even to go back.
-The way back leads to gains that were in force, so that no bounds are in its way.
+During each wait, and once more immediately before each write, a ramp checks the permission, the joint's motion and
+gains that others set. Withdrawn permission stops everything: nothing is written after it, not even to go back. The way
+back leads to gains that were in force, so that no bounds prevent it.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from stickslip_ros.nodes.gains.gain_writer import (
 from stickslip_ros.nodes.gains.motion_watch import WATCH, Watch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 
-_LOG_EVERY = 1.0  # [s] of the gains on their way, in the log
-_STEP_PERIOD = 0.1  # [s] at least from one step to the next
-_RETREAT_PERIOD = 0.05  # [s]
-_LONGEST_ADVICE = 10.0  # [s] for advice on the gains in force
-_REST = 10.0  # [s] at rest, after which the ramp is given up
-_JUDGEMENT = 10.0  # [s] for the status after the ramp, and as many cycles as follow
-_CYCLES = 3.0
-_LONGEST_JUDGEMENT = 60.0
+_LOG_EVERY = 1.0  # time between two lines on the gains of a ramp, s: a ramp of minutes fills no log
+_STEP_PERIOD = 0.1  # least time between two steps, s: the motion after a step is seen before the next
+_RETREAT_PERIOD = 0.05  # time between two steps back, s: going back is urgent
+_LONGEST_ADVICE = 10.0  # time until there is advice on the gains in force, s: exact advice takes seconds
+_REST = 10.0  # time at rest after which a ramp ends, s: a joint at rest does not show what gains do
+_JUDGEMENT = 10.0  # time until the status after a ramp is known, s, beside the cycles below
+_CYCLES = 3.0  # number of cycles until that status is known, 1: stick slip is a repeated motion
+_LONGEST_JUDGEMENT = 60.0  # limit of that time, s: somebody waits for the answer
 _RANK = {Status.SMOOTH: 0, Status.AT_RISK: 1, Status.STICK_SLIP: 2}
 
 Bounds = Callable[[], tuple[tuple[float, float], tuple[float, float]]]
@@ -47,26 +47,26 @@ class Log(Protocol):
     """A node's log."""
 
     def info(self, message: str) -> object:
-        """Log what is as it should be."""
+        """Log a regular event."""
 
     def warning(self, message: str) -> object:
-        """Log what is not."""
+        """Log an irregular event."""
 
     def error(self, message: str) -> object:
         """Log a failure."""
 
 
 class _WorseError(StoppedError):
-    """Something speaks against the gains in force."""
+    """The motion became worse with the gains in force."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How it ended, for the answer and the diagnostics.
+    """Outcome of a ramp, for the answer and the diagnostics.
 
     Attributes
     ----------
-    success : whether the joint is better, or has its former gains where these were asked for.
+    success : whether the joint is better, or has its former gains where these were requested.
     """
 
     success: bool
@@ -75,7 +75,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """Where a ramp leads: the gains, the way to them, and why."""
+    """Target of a ramp: the gains, the way to them, and the reason."""
 
     gains: GainPair
     ramp: GainRamp
@@ -83,7 +83,7 @@ class Target:
 
 
 class GainApplication:
-    """One joint's ramp to the advised gains, or back to former ones. :meth:`tick` carries it on; it never waits.
+    """One joint's ramp to the advised gains, or back to former ones. :meth:`tick` continues it and never waits.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class GainApplication:
     rate : relative change a second [1/s].
     allowed : whether gains may be written.
     clock : a steady time [s].
-    back_to : a ramp that was cut off, to go back to where it began; None for a ramp to the advice.
+    back_to : a ramp that was cut off, whose first gains are to be restored; None for a ramp to the advice.
     """
 
     def __init__(
@@ -117,28 +117,28 @@ class GainApplication:
         self._allowed, self._clock, self._log, self._back_to = allowed, clock, log, back_to
         self._was = watch.status
         self._withdrawn = self._running = False
-        self._logged_at = -math.inf  # when the log was told of the gains last
+        self._logged_at = -math.inf  # last line on the gains, on the clock
         self._writer = GainWriter(
             joint, controller, clock=clock, allowed=self._may_write, check=self._check, answered=self._go_on
         )
         self._target_gains: GainPair | None = None
         self._good: list[tuple[float, GainPair]] = []  # gains as read back, and when they came into force
         self._sent: GainPair | None = None
-        self._bounded: GainPair | None = None  # on their way, and to be within the limits of now
+        self._bounded: GainPair | None = None  # gains being written, which have to be within the present limits
         self._watching = False  # the motion can be compared with that before
-        self._returning = False  # the motion has had its say
+        self._returning = False  # the motion is no longer watched
         self.state = f"{joint}: beginning"
         self.outcome: Outcome | None = None
         self._script = self._run()
 
     def tick(self) -> Outcome | None:
-        """Carry on. Returns the outcome once there is one."""
+        """Continue the ramp. Returns the outcome once there is one."""
         self._controller.poll(self._clock())
         self._go_on()
         return self.outcome
 
     def withdraw(self) -> None:
-        """Take the permission away for good, even if it is given again at once."""
+        """Withdraw the permission for good, even if it is given again at once."""
         self._withdrawn = True
 
     def stop(self, why: str) -> Outcome:
@@ -160,7 +160,7 @@ class GainApplication:
         except StopIteration:
             pass
         except Exception as error:
-            # The script is over, and its end must be known.
+            # The script has ended, and the outcome must be reported.
             self._finish(
                 success=False,
                 message=f"an error of the monitor itself: {type(error).__name__}: {error}; {self._gains_text()}",
@@ -205,7 +205,7 @@ class GainApplication:
         self._finish(success=success, message=f"{text}; {self._writer.in_force() if success else self._gains_text()}")
 
     def _leaves_something_undone(self, success: bool) -> bool:
-        """Whether the joint has gains that are neither its former ones nor good ones, and nobody else's."""
+        """Whether the joint has gains of this ramp that are neither its former gains nor the target."""
         last, begin = self._writer.last, self._good[0][1] if self._good else None
         if success:
             return False
@@ -217,7 +217,7 @@ class GainApplication:
         return last.between(begin, self._target_gains) and not last.same(goal)
 
     def _gains_text(self) -> str:
-        """Before, asked, in force."""
+        """Sentence on the gains before, those asked for, and those in force."""
         report = []
         if self._writer.written and self._good and self._target_gains is not None:
             report.append(f"before {self._good[0][1]}, asked {self._target_gains}")
@@ -227,7 +227,7 @@ class GainApplication:
         return "; ".join(report)
 
     def _lead(self) -> Waiting[tuple[bool, str]]:
-        """The ramp; returns whether it was worth it, and what to say."""
+        """Run the ramp; returns whether the joint is better, and the report."""
         begin = yield from self._writer.read()
         target = self._former(begin) if self._back_to is not None else (yield from self._advised(begin))
         self._target_gains = target.gains
@@ -264,7 +264,7 @@ class GainApplication:
         return _RANK[after] < _RANK.get(before, 0), f"{way}; it was {before.value}, it is {after.value}"
 
     def _climb(self, target: Target) -> Waiting[int]:
-        """All steps; returns how many there were."""
+        """Write all steps; returns their number."""
         share, steps, last = 0.0, 0, self._clock()
         while share < 1.0:
             yield from self._pause(last + _STEP_PERIOD - self._clock())
@@ -286,21 +286,21 @@ class GainApplication:
         return steps
 
     def _judged(self) -> Waiting[Status | None]:
-        """The status with the new gains, None if it cannot be told in time."""
+        """The status with the new gains, None if it is not known in time."""
         begun, cycles = self._clock(), self._watch.cycles
         cycle = self._watch.assessment().last_cycle
         patience = min(_JUDGEMENT + (_CYCLES * cycle.period if cycle is not None else 0.0), _LONGEST_JUDGEMENT)
         while self._clock() - begun < patience:
             yield from self._pause(_STEP_PERIOD)
             status = self._watch.status
-            # What sticks must have stuck with the new gains.
+            # Two more cycles are stick slip with the new gains, and not with those before.
             sticks = status is Status.STICK_SLIP and self._watch.cycles >= cycles + 2
             if self._clock() - begun >= 2.0 * WATCH and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
                 return status
         return None
 
     def _advised(self, begin: GainPair) -> Waiting[Target]:
-        """The advice for the gains in force, once the monitor has heard of these."""
+        """The advice for the gains in force, once the monitor has these."""
         until = self._clock() + _LONGEST_ADVICE
         while True:
             assessment = self._watch.assessment()
@@ -316,7 +316,7 @@ class GainApplication:
         return Target(gains=GainPair.from_si(advised.gains, self._scale), ramp=ramp, reason=advised.reason)
 
     def _former(self, begin: GainPair) -> Target:
-        """The gains before a ramp that was cut off."""
+        """The target of a ramp back: the gains before the ramp that was cut off."""
         assert self._back_to is not None
         former = self._back_to.before
         ramp = GainRamp(begin=self._si(begin), end=self._si(former), offset=self._back_to.offset * self._scale)
@@ -328,7 +328,7 @@ class GainApplication:
             raise StoppedError(outside)
 
     def _outside(self, gains: GainPair) -> str:
-        """How gains are outside the limits of now, "" if they are within."""
+        """How gains are outside the present limits, "" if they are within."""
         for (kind, value), (least, largest) in zip(gains.values().items(), self._bounds(), strict=True):
             if not (least <= value <= largest or math.isclose(value, least) or math.isclose(value, largest)):
                 return (
@@ -338,7 +338,7 @@ class GainApplication:
         return ""
 
     def _step(self, gains: GainPair, why: str) -> Waiting[None]:
-        """Write gains in the place of those that are in force."""
+        """Replace the gains in force."""
         old = self._good[-1][1]
         if gains.same(old) and self._sent is None:
             return
@@ -356,12 +356,12 @@ class GainApplication:
         return self._allowed() and not self._withdrawn
 
     def _check(self) -> None:
-        """Look at everything that may end the ramp.
+        """Check everything that may end the ramp.
 
         Raises
         ------
         StoppedError
-            If something does.
+            If the ramp has to end.
         """
         if not self._may_write():
             raise WithdrawnError
@@ -369,7 +369,7 @@ class GainApplication:
         if self._bounded is not None and not self._returning:
             self._check_bounds(self._bounded)
         if self._watching and not self._returning:
-            # Gains that were in force may well be those that the joint stuck with.
+            # A ramp back may lead to gains with which the joint stuck.
             why = (
                 self._watch.objection(softer=self._good[0][1].p / self._good[-1][1].p)
                 if self._back_to is None
@@ -379,7 +379,7 @@ class GainApplication:
                 raise _WorseError(why)
 
     def _after(self, stopped: StoppedError, report: str) -> Waiting[str]:
-        """What is done after the ramp was stopped; returns what to say."""
+        """Restore good gains after the ramp was stopped; returns the report."""
         returning, self._returning = self._returning, True
         report = f"{report}; " if report else ""
         if isinstance(stopped, SetByOthersError):
@@ -395,12 +395,12 @@ class GainApplication:
         return f"{report}{stopped}"
 
     def _settled_before(self) -> int:
-        """Which were the last gains under which all was well for long enough."""
+        """Number of the last gains with which the joint moved well for long enough."""
         settled = [number for number, (since, _) in enumerate(self._good) if self._clock() - since >= WATCH]
         return settled[-1] if settled else 0
 
     def _go_back(self, why: str, number: int) -> Waiting[str]:
-        """Back by the steps that led away from the gains of that number."""
+        """Go back to the gains of a number, by the steps that led away from them; returns the report."""
         if len(self._good) - 1 > number or self._sent is not None:
             self._log.warning(f"{self.joint}: {why}; going back to {self._good[number][1]}")
         steps = [gains for _, gains in self._good[number : None if self._sent is not None else -1]]
@@ -415,7 +415,7 @@ class GainApplication:
         return why
 
     def _pause(self, duration: float) -> Waiting[None]:
-        """Look on for a while, at least once."""
+        """Check for a while, at least once."""
         until = self._clock() + duration
         while True:
             yield from self._writer.wait()
@@ -423,7 +423,7 @@ class GainApplication:
                 return
 
     def _wait_for_motion(self) -> Waiting[None]:
-        """A joint at rest shows nothing: wait until it moves again."""
+        """Wait until the joint moves: a joint at rest does not show what gains do."""
         until = self._clock() + _REST
         while self._watch.status is Status.AT_REST:
             if self._clock() > until:

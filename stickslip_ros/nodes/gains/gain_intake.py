@@ -20,30 +20,28 @@ from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.publishers import SCAN_EVERY
+from stickslip_ros.nodes.joints.watched_joints import MOST_JOINTS
 
-# An event can be lost, above all while the graph is being discovered; reading again makes up for it.
-_REREAD = 1.0  # [s]
-_REREAD_AT_FIRST = 0.2
-_AT_FIRST = 5.0  # [s] since the controller appeared
-_SCAN_EVERY = 1.0  # [s] at the graph, while the controller is missing
-_SILENT_FOR_GOOD = 3  # answers missing in a row, 2 s each, after which its gains are known no more
 PD_GAINS = "pd_gains"
-_QUEUE = 1000  # messages, for each joint may have a publisher of its own
-_MOST_EARLY = 256  # joints whose gains are kept; names come from the graph
+_REREAD = 1.0  # time between two readings, s: an event of a change can be lost, and a reading makes up for it
+_REREAD_AT_FIRST = 0.2  # time between two readings at first, s: events are lost while the graph is discovered
+_AT_FIRST = 5.0  # time since the controller appeared, s: the graph is discovered then
+_SILENT_FOR_GOOD = 3  # number of missing answers in a row, 1: a controller may be slow once
+_QUEUE = 1000  # depth of a queue, messages: each joint may have a publisher of its own
 
 
 class ControllerGains:
-    """Keeps the gains `gains.<joint>.p/.i/.d` of one controller; never blocks.
+    """The gains `gains.<joint>.p/.i/.d` of one controller, read from its parameters and followed by their events.
 
     Parameters
     ----------
-    node : does the talking.
-    controller : fully qualified name of the controller's node.
+    node : has the clients. controller : fully qualified name of the controller's node.
     on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change;
         with None once the controller is gone, or has been silent for long: gains are known as long as it lives.
-    joints : names of the joints to ask for.
+    joints : names of the joints.
 
-    ``state`` says in words how far it has got, for diagnostics; ``waiting`` whether that is a fault.
+    ``state`` has a sentence for diagnostics; ``waiting`` is whether it is a fault.
     """
 
     def __init__(
@@ -70,7 +68,7 @@ class ControllerGains:
         self.waiting = True
 
     def poll(self, now: float) -> None:
-        """Ask for what is not known yet; call now and then with a steady time [s]."""
+        """Request gains that are not known yet; call now and then with a steady time [s]."""
         self.parameters.poll(now)
         if not self.parameters.ready():
             self.forget()
@@ -79,24 +77,24 @@ class ControllerGains:
             if math.isnan(self._missing_since):
                 self._missing_since = now
             if not self.waiting or now >= self._next_scan:
-                self._next_scan = now + _SCAN_EVERY
-                # A controller that starts together with the monitor is nothing to log.
+                self._next_scan = now + SCAN_EVERY
+                # A controller that starts together with the monitor is not logged.
                 late = self._logged != "" or now - self._missing_since >= _AT_FIRST
                 self._set_state(f"waiting for {self.name}{self._others()}", "missing" if late else "", waiting=True)
             return
         self._missing_since = math.nan
         self._appeared_at = min(self._appeared_at, now)
         interval = _REREAD_AT_FIRST if now - self._appeared_at < _AT_FIRST else _REREAD
-        # Where a ramp asks already, a slow controller has enough to answer.
+        # A slow controller that a ramp reads already gets no further question.
         if self._busy or self.parameters.busy or now - self._requested_at < interval:
             return
         self._requested_at = now
         self._busy = True
-        # Asked by name, many controllers answer nothing at all if one name is not theirs; so they are listed first.
+        # Many controllers give no values at all if one name is not theirs, so the names are listed first.
         self.parameters.list(["gains", *INTERFACES], now, partial(self._on_names, now))
 
     def close(self) -> None:
-        """Leave the controller alone."""
+        """Drop questions to the controller."""
         self.parameters.close()
 
     def has(self, joint: str) -> bool:
@@ -104,11 +102,11 @@ class ControllerGains:
         return self._heard.of(joint) is not None
 
     def _set_state(self, state: str, kind: str, *, waiting: bool, detail: str = "") -> None:
-        """Keep what there is to say for the diagnostics, and log it where it is of a new kind; "" is not logged.
+        """Set the sentence for the diagnostics, and log it where its kind is new; the kind "" is not logged.
 
         Parameters
         ----------
-        detail : for the log alone.
+        detail : end of the line in the log.
         """
         if kind not in ("", self._logged):
             self._logged = kind
@@ -120,7 +118,7 @@ class ControllerGains:
         self.state, self.waiting = state, waiting
 
     def _others(self) -> str:
-        """Nodes that are there in the controller's stead: it may have been renamed."""
+        """Names of the other nodes: the controller may have been renamed."""
         own = self._node.get_fully_qualified_name()
         names = {f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()}
         others = sorted(name for name in names - {own} if not name.rpartition("/")[2].startswith("_"))
@@ -134,7 +132,7 @@ class ControllerGains:
         wanted = {gain_name(joint, kind) for joint in self._joints() for kind in KINDS}
         names = [name for name in found if name in wanted]
         if not names:
-            # What there is instead is worth a question only then.
+            # Only then the names of all parameters are requested.
             return self.parameters.list([], now, self._on_other_names)
         names += [name for name in INTERFACES if name in found]
         return self.parameters.get(names, now, partial(self._on_values, names))
@@ -173,14 +171,14 @@ class ControllerGains:
         return self._set_state(f"following {self.name}", "following", waiting=False, detail=f": {some(taken)}")
 
     def on_event(self, event: ParameterEvent) -> None:
-        """Take a change of parameters, if it is the controller's."""
+        """Process an event of changed parameters, if it is the controller's."""
         if event.node == self.name:
             changes = {one.name: one.value for one in [*event.new_parameters, *event.changed_parameters]}
             self.parameters.hear(changes)
             self._process_changes(changes)
 
     def _process_changes(self, parameters: Mapping[str, ParameterValue]) -> None:
-        """Remember what are gains of joints watched, and tell of each joint once."""
+        """Store gains of watched joints, and report each joint once."""
         if any(name in parameters for name in INTERFACES):
             self._refuse(why_not_taken(parameters))
         watched, changed = set(self._joints()), []
@@ -193,13 +191,13 @@ class ControllerGains:
             self._report(joint)
 
     def _refuse(self, reason: str) -> None:
-        """Know no gains for a reason, "" for none: what the controller commands may change while it is inactive."""
+        """Refuse the gains for a reason, "" for none: the interfaces of an inactive controller may change."""
         if reason and not self._heard.refusal:
             self.forget()
         self._heard.refusal = reason
 
     def forget(self) -> None:
-        """Know the gains no more, and say so."""
+        """Discard the gains, and report it."""
         for joint in self._heard.forget():
             self._on_gains(joint, None)
 
@@ -219,14 +217,14 @@ class ControllerGains:
 
 
 class GainIntake:
-    """Hears gains and passes them on, in the controller's units; those on the topic when :meth:`hear` is called.
+    """Gains of all sources, in the controller's units; those on the topic are drained by :meth:`hear`.
 
     Parameters
     ----------
-    node : does the talking. joints : names of those watched; welcomes : whether others may join them, whose gains are
-        kept until then.
+    node : has the subscriptions. joints : names of the watched joints; welcomes : whether others may join them, whose
+        gains are kept until then.
     on_gains : called with a joint's name and its gains, None once they are known no more.
-    refuse : called with the reason for what is not taken.
+    refuse : called with the reason why gains are refused.
     """
 
     def __init__(
@@ -241,12 +239,12 @@ class GainIntake:
         self._welcomes = welcomes
         self._early: dict[str, Gains] = {}
         self._controllers: list[ControllerGains] = []
-        qos = QoSProfile(depth=1000, reliability=qos_profile_parameter_events.reliability)
+        qos = QoSProfile(depth=_QUEUE, reliability=qos_profile_parameter_events.reliability)
         self.topic = DrainedSubscription(node, Float64MultiArray, PD_GAINS, QoSProfile(depth=_QUEUE))
         self._events = node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos)
 
     def follow(self, names: Sequence[str]) -> None:
-        """Follow these controllers from now on; the earlier in the list, the more it has to say."""
+        """Follow these controllers from now on; an earlier one in the list has precedence."""
         if names == [controller.name for controller in self._controllers]:
             return
         before, self._controllers = self._controllers, []
@@ -258,7 +256,7 @@ class GainIntake:
         ]
 
     def close(self) -> None:
-        """Hear no more."""
+        """Close the subscriptions and clients."""
         for controller in self._controllers:
             controller.close()
         self._controllers = []
@@ -266,12 +264,12 @@ class GainIntake:
         self._node.destroy_subscription(self._events)
 
     def hear(self) -> None:
-        """Take what has come on the topic; before the samples that have come with it, which are of these gains."""
+        """Process the messages on the topic; to be called before the samples, which are of these gains."""
         for message, _ in self.topic.take_all():
             self._on_message(message)
 
     def poll(self, now: float) -> None:
-        """Ask for what is not known yet; call now and then with a steady time [s]."""
+        """Request gains that are not known yet; call now and then with a steady time [s]."""
         for controller in self._controllers:
             controller.poll(now)
 
@@ -280,17 +278,17 @@ class GainIntake:
         return next((one.parameters for one in self._controllers if one.has(joint)), None)
 
     def heard_of(self, joint: str) -> Gains | None:
-        """Gains on the topic that came before the joint did."""
+        """Gains on the topic that came before the joint, None if none did; they are removed."""
         return self._early.pop(joint, None)
 
     @property
     def early(self) -> list[str]:
-        """Joints whose gains were heard, and which have not been heard of themselves."""
+        """Joints whose gains were heard, and no samples."""
         return sorted(self._early)
 
     @property
     def state(self) -> str:
-        """How far it has got with each controller, in words."""
+        """Sentence on each controller."""
         return "; ".join(controller.state for controller in self._controllers) or "none configured"
 
     @property
@@ -308,7 +306,7 @@ class GainIntake:
 
     def _on_controller(self, name: str, joint: str, gains: Gains | None) -> None:
         if gains is None:
-            # Of another controller that has the joint's gains too, the next reading tells.
+            # The next reading reports another controller that has the joint's gains too.
             if not any(one.has(joint) for one in self._controllers):
                 self._on_gains(joint, None)
             return
@@ -332,7 +330,7 @@ class GainIntake:
         for joint, value in gains.items():
             if joint in known:
                 self._on_gains(joint, value)
-            elif self._welcomes() and len(self._early) < _MOST_EARLY:
+            elif self._welcomes() and len(self._early) < MOST_JOINTS:
                 self._early[joint] = value
             else:
                 self._refuse(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""One joint's gains in its controller, read and written: nothing is written but through here.
+"""One joint's gains in its controller, read and written; no other module writes gains.
 
-A controller's parameters can be read and set, but not compared and set in one: between the answer to the last question
-and the arrival of what is written somebody else may set gains. What the controller tells of its changes shows it then.
+A controller's parameters can be read and set, but not compared and set in one step: between the answer to the last
+question and the arrival of new gains somebody else may set gains. The controller's events of changes reveal it then.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from typing import Any, Protocol, TypeVar
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair, gain_name, gain_value, joint_and_kind
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE
 
-PATIENCE = 2.0  # [s] for an answer
-_REQUEST_AGAIN = 1.4  # [s]; an answer can be lost, and a slow controller is not helped by more questions
-_OLD = 1.0  # [s]
-_EVENT_DELAY = 0.2  # [s] for a change of parameters to be told
-_RESTORATIONS = 3  # in a row
+_REQUEST_AGAIN = 1.4  # time until a question is repeated, s: an answer can be lost, and few controllers are slower
+_OLD = 1.0  # age of gains from which it is reported, s
+_EVENT_DELAY = 0.2  # time until the event of a change has come, s: the answer to the change comes first
+_RESTORATIONS = 3  # number of restorations in a row, 1: somebody who goes on setting gains is left alone
 _AS_READ = "as read"
-_MOST_SENT = 64  # writes whose news may be missing
+_MOST_SENT = 64  # number of writes whose events are awaited, 1: events can be lost
 
 T = TypeVar("T")
 Waiting = Generator[None, None, T]
 
 
 class StoppedError(StickSlipError):
-    """A change of gains cannot go on; the text says why."""
+    """A change of gains that cannot go on; the text has the reason."""
 
 
 class WithdrawnError(StoppedError):
@@ -44,7 +44,7 @@ class SetByOthersError(StoppedError):
 
     Attributes
     ----------
-    values : what they set, of "p" and "d".
+    values : the gains that they set, by "p" and "d".
     """
 
     def __init__(self, values: Mapping[str, float]) -> None:
@@ -59,29 +59,29 @@ class Controller(Protocol):
     listeners: list[Callable[[Mapping[str, Any]], None]]
 
     def get(self, names: Sequence[str], now: float, then: Callable[[Any], None]) -> None:
-        """Ask for values, of rcl_interfaces/ParameterValue; None if there is no answer."""
+        """Request values, of rcl_interfaces/ParameterValue; None if there is no answer."""
 
     def set(self, values: Mapping[str, float], now: float, then: Callable[[Any], None]) -> None:
         """Set all or none; the answer is a SetParametersResult, or None."""
 
     def poll(self, now: float) -> None:
-        """Give up what is overdue."""
+        """Drop questions that are overdue."""
 
 
 class GainWriter:
-    """See the module. What may take a while is a generator that waits at each ``yield``.
+    """Reader and writer of one joint's gains. Methods that wait are generators, which wait at each ``yield``.
 
     Parameters
     ----------
     joint : its name. controller : has its gains. clock : a steady time [s].
-    allowed : whether gains may be written now; asked immediately before each write.
-    look : called whenever something was waited for; what it raises ends the wait.
+    allowed : whether gains may be written now; called immediately before each write.
+    check : called during each wait; its exception ends the wait.
     answered : called when an answer has come, to go on at once.
 
     Attributes
     ----------
-    last : gains as read or confirmed last, None before any. written : whether anything was.
-    silent : whether the controller was given up on, without any answer.
+    last : gains as read or confirmed last, None before any. written : whether any gains were written.
+    silent : whether the controller did not answer the last question at all.
     """
 
     def __init__(
@@ -112,17 +112,17 @@ class GainWriter:
         controller.listeners.append(self._on_changes)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         if self._on_changes in self._controller.listeners:
             self._controller.listeners.remove(self._on_changes)
 
     def check_for_others(self) -> None:
-        """Raise if somebody else has set gains.
+        """Check whether somebody else has set gains.
 
         Raises
         ------
         SetByOthersError
-            While a write is on its way nothing is raised: then what comes of it has to be read first.
+            If somebody has. While a write is on its way nothing is raised: its result has to be read first.
         """
         if self._others and not self._checking:
             raise SetByOthersError(self._pop_others())
@@ -132,23 +132,23 @@ class GainWriter:
 
         Parameters
         ----------
-        blindly : whether to look at nothing meanwhile, since nothing is to be written.
+        blindly : whether nothing is checked meanwhile, because nothing is to be written.
 
         Raises
         ------
         StoppedError
-            If the controller does not tell them.
+            If the controller does not answer, or has no such gains.
         """
         requests = 1
         if not blindly or self._requested_at <= self._unanswered_since or self._reading:
             self._reading, self._requested_at, requests = [], self._clock(), 0
-        # Else the last question may yet be answered: a slow controller is not asked twice.
+        # Else the last question may still be answered, and a slow controller gets no second one.
         answers, begun = self._reading, self._requested_at
         while True:
             waited = self._clock() - begun
             if answers and (blindly or waited < PATIENCE):
                 break
-            # To write by an answer that lay about while this process had no time is to write by none.
+            # An answer that came in time and waited here, while this process had no time, is too old to write by.
             if waited >= PATIENCE:
                 raise self._silence(answers)
             if waited >= requests * _REQUEST_AGAIN:
@@ -161,20 +161,20 @@ class GainWriter:
         p, d = [*(gain_value(value) for value in answers[0]), math.nan, math.nan][:2]
         if math.isnan(p):
             raise StoppedError(f"{self._controller.remote} has no gain {self._names[0]}")
-        # When the controller looked is not told: no earlier than it was asked.
+        # The answer has no time of its own; the gains were read no earlier than the question was sent.
         return self._note(GainPair(p, 0.0 if math.isnan(d) else d), _AS_READ, begun)
 
     def write(self, new: GainPair, expected: Sequence[GainPair]) -> Waiting[None]:
-        """Write gains where expected ones are in force, and read them back.
+        """Write gains where expected gains are in force, and read them back.
 
         Raises
         ------
         SetByOthersError
-            If others are in force, or were set meanwhile.
+            If other gains are in force, or were set meanwhile.
         WithdrawnError
-            If it is not allowed.
+            If gains may not be written.
         StoppedError
-            If the controller does not take them as they are.
+            If the controller refuses or changes the gains.
         """
         yield from self._last_answer()
         if self._unanswered is not None:
@@ -182,7 +182,7 @@ class GainWriter:
         old = yield from self.read()
         if not any(old.same(one) for one in expected):
             raise SetByOthersError(old.values())
-        # The answer has just come: what was read cannot be younger. So once more, now.
+        # The answer has just come, and gains read are never younger: check once more, now.
         self._check()
         if old.same(new):
             return
@@ -201,7 +201,7 @@ class GainWriter:
         found = yield from self.read()
         if found.same(new):
             return
-        # What became of it is told a little later than it is answered.
+        # The event of a change comes a little later than the answer.
         until = self._clock() + _EVENT_DELAY
         while self._clock() < until and not (self._confirmed(sent) or self._others):
             yield from self.wait()
@@ -217,18 +217,18 @@ class GainWriter:
         raise StoppedError(f"{remote} refused {new}: {result.reason or 'no reason given'}")
 
     def _confirmed(self, sent: dict[str, float]) -> bool:
-        """Whether the controller has made a write known."""
+        """Whether the controller has published an event of a write."""
         return not any(due is sent for due in self._changes_due)
 
     def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Waiting[None]:
-        """The controller made something else of the gains: go back to those that it took."""
+        """Restore the gains that the controller accepted last, after it changed the new ones."""
         yield from self._sent(found.changes(old), old)
         after = yield from self.read()
         made = f"{self._controller.remote} made {found} of {new}"
         raise StoppedError(made if after.same(old) else f"{made}, and {after} of {old}")
 
     def restore(self, values: Mapping[str, float]) -> Waiting[str]:
-        """Put back what somebody else set and a write of ours may have undone; returns what was done, for people.
+        """Restore gains that somebody else set and a write of ours undid; returns a sentence on it.
 
         Raises
         ------
@@ -243,7 +243,7 @@ class GainWriter:
                 raise self._silence(())
             values = {**values, **self._pop_others()}
             theirs = ", ".join(f"{kind} {value:.6g}" for kind, value in values.items())
-            # What is neither theirs nor ours was set later, by whomever.
+            # A value that is neither theirs nor ours was set later, by somebody else.
             ours = self._latest.values() if self._latest is not None else {}
             wanted = found.changes(found.with_values(values))
             undone = {kind: value for kind, value in wanted.items() if found.values()[kind] == ours.get(kind)}
@@ -255,19 +255,19 @@ class GainWriter:
             except WithdrawnError:
                 return f"{report}; it was not put back, as allow_apply was set to false"
             report += "; it was put back"
-            # They may have set more meanwhile, which is told a little later.
+            # The events of changes made meanwhile come a little later.
             until = self._clock() + _EVENT_DELAY
             while self._clock() < until:
                 yield
         return report
 
     def settled(self) -> Waiting[GainPair]:
-        """The gains in force once what was sent is answered, or overdue; nothing is looked at meanwhile."""
+        """The gains in force once the last write is answered or overdue; nothing is checked meanwhile."""
         yield from self._last_answer(blindly=True)
         return (yield from self.read(blindly=True))
 
     def _last_answer(self, *, blindly: bool = False) -> Waiting[None]:
-        """Wait until what was sent is answered, or overdue: read before that, it may come into force after it."""
+        """Wait until the last write is answered or overdue: gains read earlier may be replaced by it."""
         while self._unanswered is not None and self._clock() - self._unanswered_since < PATIENCE:
             yield
             if not blindly:
@@ -275,11 +275,11 @@ class GainWriter:
 
     @property
     def certain(self) -> bool:
-        """Whether the gains last known were read after all that was sent."""
+        """Whether the last known gains were read after every write."""
         return self._unanswered is None and self._how_known == _AS_READ
 
     def in_force(self) -> str:
-        """The gains in force, as far as is known, for people."""
+        """Sentence on the gains in force, as far as they are known."""
         if self.last is None:
             return "the gains in force are not known"
         ago = self._clock() - self._known_at
@@ -290,12 +290,12 @@ class GainWriter:
         return text
 
     def wait(self) -> Waiting[None]:
-        """Wait a little, and look."""
+        """Wait a little, and check."""
         yield
         self._check()
 
     def _sent(self, values: dict[str, float], new: GainPair) -> Waiting[Any]:
-        """Write, and wait for the answer; the only place at which anything is written."""
+        """Write gains, and wait for the answer; no other method writes."""
         if not self._allowed():
             raise WithdrawnError
         answers: list[Any] = []
@@ -337,7 +337,7 @@ class GainWriter:
         return others
 
     def _on_changes(self, changes: Mapping[str, Any]) -> None:
-        """Tell our own changes, which the controller makes known like any other, from those of others."""
+        """Distinguish our own changes, of which the controller publishes events too, from those of others."""
         announced = {}
         for name, value in changes.items():
             found = joint_and_kind(name)
@@ -350,7 +350,7 @@ class GainWriter:
                 for _ in range(number + 1):
                     self._changes_due.popleft()
                 if self._unanswered is not None and self._confirmed(self._sent_last) and self.last is not None:
-                    # As good as an answer, which may never come.
+                    # The event is as good as an answer, which may never come.
                     self._note(self._unanswered, "as it made known", self._clock())
                     self._unanswered = None
                 return

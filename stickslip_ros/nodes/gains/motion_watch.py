@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Whether a joint's motion speaks against going on while its gains are changed, and how it moves."""
+"""The motion of a joint while its gains change: its status, and objections to going on."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from stickslip_ros.monitoring.closed_loop_health import ClosedLoopHealth, health
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 
-WATCH = 1.0  # [s] of motion that is looked at; gains that were in force so long ago are good
-_SILENCE = 1.0  # [s] without a sample, from which on there is no watching
-_LEAST_BASELINE = 2.0  # [s]
-_LONGEST_BASELINE = 20.0
-_CYCLES = 2.0  # of stick slip that the baseline has to cover
-_BAND = 5.0  # times the natural frequency, up to which the motion is the joint's own
-_SWINGS = 2.0  # natural periods in which an unstable joint is seen to go to and fro
-_LONGEST_SWINGS = 5.0  # [s]
+WATCH = 1.0  # span of motion that is judged, s: gains that were in force for so long without objection are good
+_SILENCE = 1.0  # time without a sample, s: a joint that is silent for longer cannot be watched
+_LEAST_BASELINE, _LONGEST_BASELINE = 2.0, 20.0  # span of the motion before the ramp, s: enough for a mean; still recent
+_CYCLES = 2.0  # number of stick-slip cycles in that span, 1: their largest errors are then in it
+_BAND = 5.0  # bandwidth of the joint's own motion, natural frequencies: faster motion is noise
+_SWINGS = 2.0  # number of natural periods, 1: an unstable joint swings to and fro within them
+_LONGEST_SWINGS = 5.0  # limit of their duration, s: instability has to be noticed soon
 
 
 class Watch(Protocol):
@@ -30,27 +29,27 @@ class Watch(Protocol):
 
     @property
     def status(self) -> Status:
-        """Of now."""
+        """Present status."""
 
     @property
     def cycles(self) -> int:
-        """Counted so far."""
+        """Number of cycles so far."""
 
     def assessment(self) -> Assessment:
-        """What is known of the joint now."""
+        """Present assessment of the joint."""
 
     def begin(self, begin: Gains, target: Gains) -> str:
-        """Take the motion of now as the measure of that to come; returns why that cannot be, or ""."""
+        """Measure the present motion, as the reference of later motion; returns why it cannot be measured, or ""."""
 
     def silence(self) -> str:
-        """That the joint is not heard any more, or ""."""
+        """Sentence that no samples come any more, "" if they do."""
 
     def objection(self, softer: float) -> str:
-        """Why the gains should not be changed further, silence among it, or ""."""
+        """Why the gains should not be changed further, silence included, or ""."""
 
 
 class MotionWatch:
-    """See the module.
+    """Motion of a watched joint.
 
     Parameters
     ----------
@@ -60,26 +59,26 @@ class MotionWatch:
     def __init__(self, watched: WatchedJoint, clock: Callable[[], float]) -> None:
         self._watched, self._monitor, self._clock = watched, watched.monitor, clock
         self._before: ClosedLoopHealth | None = None
-        self._seen: tuple[float, float, float] | None = None  # what was asked of last, and the answer
+        self._seen: tuple[float, float, float] | None = None  # inputs of the last objection
         self._objection = ""
         self._band = self._swings = math.nan
 
     def assessment(self) -> Assessment:
-        """What is known of the joint now."""
+        """Present assessment of the joint."""
         return self._monitor.assessment()
 
     @property
     def status(self) -> Status:
-        """Of now."""
+        """Present status."""
         return self._monitor.finding().status
 
     @property
     def cycles(self) -> int:
-        """Counted so far."""
+        """Number of cycles so far."""
         return self._monitor.cycle_count
 
     def begin(self, begin: Gains, target: Gains) -> str:
-        """Take the motion of now as the measure of that to come; returns why that cannot be, or ""."""
+        """Measure the present motion, as the reference of later motion; returns why it cannot be measured, or ""."""
         assessment = self._monitor.assessment()
         stiffnesses = [float(gains.stiffness) for gains in (begin, target)]
         inertia = float(assessment.joint.inertia) if assessment.joint is not None else math.nan
@@ -93,21 +92,21 @@ class MotionWatch:
         return "" if self._before is not None else "there are no samples of the joint to watch it by"
 
     def silence(self) -> str:
-        """That the joint is not heard any more, or ""."""
+        """Sentence that no samples come any more, "" if they do."""
         if self._clock() - self._watched.heard > _SILENCE:
             return f"the joint has not been heard for {_SILENCE:g} s"
         return ""
 
     def objection(self, softer: float) -> str:
-        """Why the gains should not be changed further, silence among it, or "".
+        """Why the gains should not be changed further, silence included, or "".
 
         Parameters
         ----------
-        softer : stiffness before over that of now.
+        softer : stiffness before the ramp over the present one.
         """
         if silent := self.silence():
             return silent
-        # It is asked once more right before each write, when there seldom is a new sample.
+        # This is called once more right before each write, seldom with a new sample.
         seen = (self._monitor.last_time, softer, self._watched.settings.options.limits.effort)
         if seen != self._seen:
             self._seen, self._objection = seen, self._what_got_worse(softer, effort_limit=seen[2])

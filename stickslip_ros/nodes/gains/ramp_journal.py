@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Ramps that are under way or were cut off, in a file beside the state: a monitor that was killed finds them again."""
+"""Journal of ramps that are under way or were cut off, in a file beside the state, for a monitor that was killed."""
 
 from __future__ import annotations
 
@@ -14,27 +14,26 @@ from pathlib import Path
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.state.plain_data import from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.plain_data import USER_ONLY, from_plain, sealed, to_plain, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1
-_FOR_THE_USER = 0o600
-_LARGEST = 1_000_000  # bytes
+_LARGEST = 1_000_000  # size of the file, bytes: it has a line for each of at most 256 joints
 
 
 class JournalError(StickSlipError):
-    """A journal that cannot be written; the text says why."""
+    """A journal that cannot be written; the text has the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UnfinishedRamp:
-    """One of them.
+    """A ramp that has not come to a good end.
 
     Attributes
     ----------
     before, target : gains in the controller's units.
-    offset : of the damping on the way, as :class:`GainRamp` has it, in the same units.
-    begun : when, as UTC in ISO 8601.
+    offset : offset of the damping on the way, as in :class:`GainRamp`, in the same units.
+    begun : beginning, UTC in ISO 8601.
     """
 
     joint: str
@@ -46,13 +45,13 @@ class UnfinishedRamp:
 
 
 class RampJournal(Mapping[str, UnfinishedRamp]):
-    """The ramps by their joints' names.
+    """Unfinished ramps by joint.
 
     Parameters
     ----------
-    path : of the file; None to remember no longer than the process runs.
+    path : path of the file; None to keep the ramps in this process alone.
 
-    ``trouble`` says why the file could not be read, "" if it could.
+    ``trouble`` is why the file cannot be read or written, "" if it can.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -74,12 +73,12 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         return len(self._ramps)
 
     def begin(self, ramp: UnfinishedRamp) -> None:
-        """Remember a ramp before its first step. If an earlier one was cut off, its beginning is kept.
+        """Record a ramp before its first step. If an earlier ramp was cut off, its beginning is kept.
 
         Raises
         ------
         JournalError
-            If it cannot be written.
+            If the file cannot be written.
         """
         earlier = self._ramps.get(ramp.joint)
         now = datetime.now(timezone.utc).isoformat(timespec="seconds")
@@ -89,7 +88,7 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         self._set({**self._ramps, ramp.joint: ramp})
 
     def end(self, joint: str) -> None:
-        """Forget a ramp; that the file cannot be written is no harm then, as it tells too much and not too little."""
+        """Remove a ramp; a file that cannot be written does no harm, because it has too much and not too little."""
         if joint in self._ramps:
             rest = {name: ramp for name, ramp in self._ramps.items() if name != joint}
             try:
@@ -102,7 +101,7 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
             content = sealed(_FORMAT, _VERSION, json.dumps([to_plain(one) for one in ramps.values()]))
             try:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
-                write_whole(self._path, content, mode=_FOR_THE_USER, durable=True)
+                write_whole(self._path, content, mode=USER_ONLY, durable=True)
             except OSError as error:
                 raise JournalError(
                     f"what is to be changed cannot be noted in {self._path} first: {error.strerror or error}"
@@ -117,7 +116,7 @@ def _read(path: Path) -> dict[str, UnfinishedRamp]:
         return {}
     ramps = [from_plain(UnfinishedRamp, one) for one in json.loads(body)]
     for ramp in ramps:
-        # A number that is none would go through every comparison.
+        # NaN would pass every comparison.
         if not all(math.isfinite(value) for gains in (ramp.before, ramp.target) for value in gains.values().values()):
             raise ValueError(f"the gains of {ramp.joint} are not finite")
     return {ramp.joint: ramp for ramp in ramps}

@@ -26,19 +26,19 @@ from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.intake.drain import NeverExecuted
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 
-Answer = Callable[[Any], None]
-_PATIENCE = 10.0  # [s] for advice that is being worked out
-
-Begin = Callable[[], list[GainApplication]]
 APPLY, RESTORE = "apply_recommendation", "restore_gains"
+_PATIENCE = 10.0  # time until advice has been computed, s: a client waits no longer for an answer
+
+Answer = Callable[[Any], None]
+Begin = Callable[[], list[GainApplication]]
 
 
 class DeferredService:
-    """A service whose requests wait until they are taken, and then for their answer.
+    """A service whose requests wait until they are drained, and then for their answer.
 
     Parameters
     ----------
-    on_request : called with a request and the means to answer it, once.
+    on_request : called with a request and a function that sends its answer, once.
     """
 
     def __init__(self, node: Node, service_type: Any, name: str, on_request: Callable[[Any, Answer], None]) -> None:
@@ -49,7 +49,7 @@ class DeferredService:
         )
 
     def take_all(self) -> None:
-        """Hand over the requests waiting, oldest first."""
+        """Drain the waiting requests, oldest first."""
         while True:
             with self._service.handle:
                 request, header = self._service.handle.service_take_request(self._type.Request)
@@ -66,22 +66,22 @@ class DeferredService:
 
 
 class RefusedError(StickSlipError):
-    """There is nothing to apply, or it is not allowed; the text says why."""
+    """A request without anything to apply, or without permission; the text has the reason."""
 
 
 class NotYetError(RefusedError):
-    """The advice is being worked out; it is worth asking again in a moment."""
+    """A request that is too early, because the advice is being computed."""
 
 
 class RampService:
-    """Answers when the gains have been written, or why they have not.
+    """Services that run ramps one after the other, and answer when these have ended or are refused.
 
     Parameters
     ----------
-    services : their names, and what makes the ramps of each; this may raise :class:`RefusedError`, and
+    services : name of each service, and a function that creates its ramps; it may raise :class:`RefusedError`, and
         :class:`NotYetError` for some seconds.
 
-    ``state`` and ``failed`` are for the diagnostics; ``outcomes`` hold the last message on each joint.
+    ``state`` and ``failed`` are for the diagnostics; ``outcomes`` has the last message on each joint.
     """
 
     def __init__(self, node: Node, services: Mapping[str, Begin]) -> None:
@@ -105,7 +105,7 @@ class RampService:
         return self._answer is not None
 
     def tick(self, now: float) -> None:
-        """Take requests and carry on with the ramps; ``now`` is a steady time [s]."""
+        """Drain requests and continue the ramps; ``now`` is a steady time [s]."""
         self._now = now
         for service in self._services:
             service.take_all()
@@ -128,7 +128,7 @@ class RampService:
         self._end(success=outcome.success, message="; ".join(messages))
 
     def stop(self, why: str) -> None:
-        """End what is under way; the gains stay as they are."""
+        """End the ramps; the gains stay as they are."""
         if self._answer is not None:
             left = [
                 ramp.stop(why).message if n == 0 else f"{ramp.joint}: left as it is"
@@ -138,7 +138,7 @@ class RampService:
             self._end(success=False, message="; ".join(left) or f"refused: {why}")
 
     def withdraw(self) -> None:
-        """Take the permission away from what is under way, for good."""
+        """Withdraw the permission of the present ramps, for good."""
         for ramp in self._queue:
             ramp.withdraw()
 
@@ -174,13 +174,13 @@ class RampService:
 
 
 class Ramps:
-    """See the module.
+    """Ramps of the watched joints' gains, by request and permission.
 
     Parameters
     ----------
-    node : has the services and the parameters. joints : those watched. gains : knows their controllers.
+    node : has the services and the parameters. joints : watched joints. gains : has their controllers.
     not_yet : why nothing can be judged yet, "" if it can; it may raise :class:`RefusedError`.
-    state_path : of the state file, beside which the journal lies; None for no journal.
+    state_path : path of the state file, beside which the journal is kept; None for no journal.
     """
 
     def __init__(
@@ -197,11 +197,11 @@ class Ramps:
         self._logged: set[str] = set()
 
     def tick(self, now: float) -> None:
-        """Take requests and carry on with what is asked for; ``now`` is a steady time [s]."""
+        """Drain requests and continue their ramps; ``now`` is a steady time [s]."""
         self._service.tick(now)
 
     def stop(self, why: str) -> None:
-        """End what is under way; the gains stay as they are."""
+        """End the ramps; the gains stay as they are."""
         self._service.stop(why)
 
     def close(self) -> None:
@@ -210,12 +210,12 @@ class Ramps:
 
     @property
     def busy(self) -> bool:
-        """Whether gains are being changed, and motion must be seen at once."""
+        """Whether gains are being changed, so that samples have to be processed at once."""
         return self._service.busy
 
     @property
     def state(self) -> str:
-        """What is done, or how it ended."""
+        """Sentence on the present or last ramp."""
         return self._service.state
 
     @property
@@ -225,7 +225,7 @@ class Ramps:
 
     @property
     def trouble(self) -> str:
-        """What a person should know, "" if there is nothing."""
+        """Faults for the diagnostics, "" if there are none."""
         troubles = [self._journal.trouble]
         if not self._service.busy:
             troubles += [self._service.state if self._service.failed else ""]
@@ -233,11 +233,11 @@ class Ramps:
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def withdraw(self) -> None:
-        """Write nothing more of what was asked for until now: the permission has been taken away."""
+        """Write nothing more of the present requests: the permission was withdrawn."""
         self._service.withdraw()
 
     def hear_gains(self, joint: WatchedJoint) -> None:
-        """Look whether a ramp that was cut off still is of concern, now that the joint's gains are known."""
+        """Remove a ramp that was cut off from the journal, if the joint's gains show that others replaced it."""
         ramp = self._journal.get(joint.name)
         gains = joint.monitor.gains
         if ramp is None or gains is None or self._service.busy or self._controller_name(joint.name) != ramp.controller:
@@ -273,7 +273,7 @@ class Ramps:
             raise RefusedError("allow_apply is false; set it to true where gains may be written")
 
     def _to_the_advice(self) -> list[GainApplication]:
-        """The ramps that lead to the advice, for every joint that needs it."""
+        """Ramps to the advice, for every joint that needs it."""
         self._require_permission()
         ramps, reasons = [], []
         for joint in self._joints.values():
@@ -291,7 +291,7 @@ class Ramps:
         return ramps
 
     def _back(self) -> list[GainApplication]:
-        """The ramps that lead back to where ramps began that did not come to a good end."""
+        """Ramps back to the first gains of ramps that did not come to a good end."""
         self._require_permission()
         ramps, reasons = [], []
         for name, unfinished in self._journal.items():

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The parameters of another node, asked without waiting: every question has its answer, or None, in bounded time.
+"""The parameters of another node, requested without waiting: every request has its answer, or None, in bounded time.
 
-An answer is handed over as soon as it is here, so that what is read can be acted on before it is old.
+An answer is passed on as soon as it comes, so that values are used before they are old.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-PATIENCE = 2.0  # [s] for an answer
-_DEPTH = 10  # words of a name
+PATIENCE = 2.0  # time until an answer, s: gains in a later answer are too old to write by
+_DEPTH = 10  # depth of parameter names, words: more than names of gains have
 
 Then = Callable[[Any], None]
 Listener = Callable[[Mapping[str, ParameterValue]], None]
@@ -27,7 +27,7 @@ Listener = Callable[[Mapping[str, ParameterValue]], None]
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """One that waits for its answer until a steady time [s]."""
+    """A request that waits for its answer until a steady time [s]."""
 
     client: Client
     future: Future
@@ -36,13 +36,13 @@ class _Question:
 
 
 class RemoteParameters:
-    """Asks one node; call :meth:`poll` now and then.
+    """Client of one node's parameters; call :meth:`poll` now and then.
 
     Parameters
     ----------
-    node : does the talking. remote : fully qualified name of the other one.
+    node : has the clients. remote : fully qualified name of the other node.
 
-    ``listeners`` are told of changes that the other one makes known; see :meth:`hear`.
+    ``listeners`` are called with changes of which the other node published events; see :meth:`hear`.
     """
 
     def __init__(self, node: Node, remote: str) -> None:
@@ -55,7 +55,7 @@ class RemoteParameters:
         self._waiting: list[_Question] = []
 
     def hear(self, changes: Mapping[str, ParameterValue]) -> None:
-        """Tell the listeners what the other node says that it has changed, all at once."""
+        """Call the listeners with changed parameters of the other node, all at once."""
         for listener in list(self.listeners):
             listener(changes)
 
@@ -65,7 +65,7 @@ class RemoteParameters:
 
     @property
     def busy(self) -> bool:
-        """Whether a question waits for its answer."""
+        """Whether a request waits for its answer."""
         return bool(self._waiting)
 
     def list(self, prefixes: Sequence[str], now: float, then: Then) -> None:
@@ -93,21 +93,21 @@ class RemoteParameters:
         question.future.add_done_callback(lambda _: self._hand_over(question))
 
     def _hand_over(self, question: _Question) -> None:
-        # One that was overdue, or dropped, has had its answer.
+        # A request that was overdue or dropped has had its answer.
         if question in self._waiting:
             self._waiting.remove(question)
             future = question.future
             question.then(None if future.cancelled() or future.exception() is not None else future.result())
 
     def poll(self, now: float) -> None:
-        """Hand over None for the answers that are overdue; ``now`` is a steady time [s]."""
+        """Answer overdue requests by None; ``now`` is a steady time [s]."""
         for question in [one for one in self._waiting if now > one.until]:
             self._waiting.remove(question)
             question.client.remove_pending_request(question.future)
             question.then(None)
 
     def close(self) -> None:
-        """Drop every question."""
+        """Drop every request."""
         self._waiting.clear()
         self.listeners.clear()
         for client in (self._list, self._get, self._set):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Who publishes on a topic, by the names of nodes."""
+"""Publishers on a topic, by the names of their nodes."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from collections.abc import Iterable
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-NAMED = 3  # that are listed
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what the graph says before the name of a node is known
+NAMED = 3  # number of names in a sentence, 1: a longer list is not read
+SCAN_EVERY = 1.0  # time between two scans of the graph for missing publishers and nodes, s: each goes through all nodes
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph before the name of a node is known
 
 
 def is_named(publisher: TopicEndpointInfo) -> bool:
@@ -26,7 +27,7 @@ def names_of(publishers: Iterable[TopicEndpointInfo]) -> list[str]:
 def publishers_by_topic(node: Node, message_type: str) -> dict[str, list[str]]:
     """Topics on which other nodes publish messages of a type, each with their fully qualified names.
 
-    What the graph is asked for a topic goes through the node's own remappings, which are others' no business.
+    A query of the graph by topic would apply the node's own remappings, which other nodes do not have.
     """
     found: dict[str, list[str]] = {}
     for name, space in sorted(node.get_node_names_and_namespaces()):

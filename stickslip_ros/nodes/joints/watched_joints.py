@@ -29,7 +29,7 @@ from stickslip_ros.settings.parameters import JointSettings
 
 RANGES = ("stiffness_range", "damping_range")
 WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
-_MOST_JOINTS = 256  # number of joints, 1: their names come from the graph, and no robot has so many
+MOST_JOINTS = 256  # number of joints, 1: their names come from the graph, and no robot has so many
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")
 _LOG_EVERY = 1.0  # time between two lines on a joint's gains, s: a ramp changes them many times a second
 _COMMON = frozenset(spec.name for spec in COMMON)
@@ -218,8 +218,8 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         if not _JOINT_NAME.fullmatch(name):
             self._refuse("joint_states: a joint name has characters other than letters, digits, _ - /")
             return None
-        if len(self._joints) >= _MOST_JOINTS:
-            self._refuse(f"joint_states: more than {_MOST_JOINTS} joints")
+        if len(self._joints) >= MOST_JOINTS:
+            self._refuse(f"joint_states: more than {MOST_JOINTS} joints")
             return None
         try:
             joint = self._add(name)

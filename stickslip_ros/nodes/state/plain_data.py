@@ -18,11 +18,13 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+USER_ONLY = 0o600  # permissions of a file, mode bits: the user alone reads and writes it
+
 Kind = TypeVar("Kind")
 
 
 def to_plain(value: Any) -> Any:
-    """A value made of dataclasses, arrays of numbers, enumerations, tuples, numbers and texts, as plain data."""
+    """Plain data of a value made of dataclasses, arrays of numbers, enumerations, tuples, numbers and texts."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {_key(field): to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, np.ndarray):
@@ -37,12 +39,12 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(kind: type[Kind], data: Any) -> Kind:
-    """The dataclass that plain data stand for.
+    """Dataclass of plain data.
 
     Raises
     ------
     ValueError
-        If they stand for none; the text names the field.
+        If the data do not fit the dataclass; the text names the field.
     """
     found: Kind = _read(kind, data, kind.__name__)
     return found
@@ -57,7 +59,7 @@ def _read(hint: Any, data: Any, where: str) -> Any:
     if get_origin(hint) in (Union, types.UnionType):
         if data is None and type(None) in get_args(hint):
             return None
-        # Of several kinds of number any will do.
+        # Of several kinds of number, the first one fits all.
         return _read(next(one for one in get_args(hint) if one is not type(None)), data, where)
     if dataclasses.is_dataclass(hint):
         return _dataclass(hint, data, where)
@@ -82,13 +84,13 @@ def _is_array(hint: Any) -> bool:
 
 
 def _key(field: dataclasses.Field[Any]) -> str:
-    """Key of a field in files: its name, or the one that files have had before the field was renamed."""
+    """Key of a field in files: its name, or the name before the field was renamed."""
     return str(field.metadata.get("key", field.name))
 
 
 def _dataclass(kind: Any, data: Any, where: str) -> Any:
     names = {_key(field): field.name for field in dataclasses.fields(kind)}
-    # What has a default came later than some files that were written without it.
+    # Fields with a default are newer than some files, which lack them.
     later = {_key(field) for field in dataclasses.fields(kind) if field.default is not dataclasses.MISSING}
     if not isinstance(data, Mapping) or not set(names) - later <= set(data) <= set(names):
         raise ValueError(f"{where} must have exactly {', '.join(sorted(names))}")
@@ -96,7 +98,7 @@ def _dataclass(kind: Any, data: Any, where: str) -> Any:
 
 
 def _tuple(hint: Any, data: Any, where: str) -> Any:
-    """A tuple of any length, of one kind."""
+    """Tuple of any length, of one kind of element."""
     if not isinstance(data, list):
         raise ValueError(f"{where} cannot be {data!r:.60}")
     kind = get_args(hint)[0]
@@ -118,7 +120,7 @@ class NewerVersionError(ValueError):
 
 
 def sealed(kind: str, version: int, body: str) -> bytes:
-    """The content of a file."""
+    """Content of a file: a line with kind, version and checksum, and the body."""
     encoded = body.encode()
     return json.dumps({"format": kind, "version": version, "crc32": zlib.crc32(encoded)}).encode() + b"\n" + encoded
 
@@ -128,14 +130,14 @@ def unsealed(content: bytes, kind: str, newest: int) -> tuple[int, bytes]:
 
     Parameters
     ----------
-    kind : its format, two words of which the second says what it is. newest : version that is known.
+    kind : format of the file, two words, the second for error messages. newest : newest version that can be read.
 
     Raises
     ------
     NewerVersionError
-        If a later release wrote it.
+        If a later release wrote the file.
     ValueError
-        If it is of another kind, or damaged.
+        If the file is of another kind, or damaged.
     """
     line, _, body = content.partition(b"\n")
     header = json.loads(line)

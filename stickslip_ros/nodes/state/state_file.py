@@ -15,20 +15,19 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state.plain_data import NewerVersionError, from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.plain_data import USER_ONLY, NewerVersionError, from_plain, sealed, to_plain, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT = "stickslip_ros state"
 _VERSION = 2
-_FOR_THE_USER = 0o600
-_LARGEST = 256_000_000  # bytes; a larger file is none of ours
-# As it was written then, whatever the sentence is by now.
+_LARGEST = 256_000_000  # size of the file, bytes: a larger file is no state
+# Sentence of version 1, whatever the sentence in diagnostics is today.
 _SENTENCE = re.compile(r"friction changed abruptly at (?P<time>\S+) s(?P<anew>; learning anew)?(?:: (?P<what>.*))?")
 _DIFFERENCE = re.compile(r"(?P<name>[a-z ]+) (?P<old>\S+) to (?P<new>\S+)")
 
 
 class StateFileError(StickSlipError, ValueError):
-    """A file that is none of ours, or damaged; the text says how."""
+    """A file that is no state, or damaged; the text has the reason."""
 
 
 class NewerStateError(StateFileError):
@@ -36,24 +35,24 @@ class NewerStateError(StateFileError):
 
 
 def default_path(node_name: str) -> Path:
-    """Where the state of a node of this fully qualified name belongs: in ROS_HOME, or ~/.ros."""
+    """Path of the state of a node of this fully qualified name, in ROS_HOME or ~/.ros."""
     home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
-    # Node names have letters, digits and underscores alone; whatever else there is stays out of the path.
+    # Node names have letters, digits and underscores alone; other characters are left out of the path.
     words = ["".join(c for c in word if c.isalnum() or c == "_") for word in node_name.split("/")]
     return home / "stickslip_ros" / f"{'.'.join(word for word in words if word)}.json"
 
 
 def read_state(path: Path) -> dict[str, JointMemory]:
-    """What is remembered of each joint; empty where there is no file.
+    """State of each joint; empty where there is no file.
 
     Raises
     ------
     NewerStateError
-        If a later release wrote it.
+        If a later release wrote the file.
     StateFileError
-        If the file is damaged or none of ours.
+        If the file is damaged or no state.
     OSError
-        If it cannot be read, or is no regular file.
+        If the file cannot be read, or is no regular file.
     """
     try:
         text = read_regular(path, _LARGEST)
@@ -72,25 +71,25 @@ def read_state(path: Path) -> dict[str, JointMemory]:
 
 
 def as_text(joints: Mapping[str, JointMemory]) -> bytes:
-    """The content of the file."""
+    """Content of the file."""
     return sealed(_FORMAT, _VERSION, json.dumps({name: to_plain(memory) for name, memory in joints.items()}))
 
 
 def write_state(path: Path, text: bytes) -> None:
-    """Put a file in place of the one before, in one step, for the user alone to read; a link to it stays.
+    """Replace the file in one step; the user alone may read it, and a link to it stays.
 
     Raises
     ------
     OSError
-        If there is no room, or no permission; the file before is then as it was.
+        If there is no room, or no permission; the old file is then unchanged.
     """
     Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, text, mode=_FOR_THE_USER, durable=True)
+    write_whole(path, text, mode=USER_ONLY, durable=True)
 
 
 def set_aside(path: Path) -> Path:
-    """Keep a damaged file beside the next one, in place of an earlier damaged one; returns where."""
-    # A link to the file stays, and leads to the next one.
+    """Rename a damaged file, in place of an earlier damaged one; returns the new path."""
+    # A link to the file stays, and leads to the next file.
     path = Path(os.path.realpath(path))
     aside = path.with_name(f"{path.name}.damaged")
     path.replace(aside)
@@ -98,7 +97,10 @@ def set_aside(path: Path) -> Path:
 
 
 def as_of_now(joint: Any) -> Any:
-    """A joint's plain data of version 1 as this version has them; what is not as expected stays, to be refused."""
+    """A joint's plain data of version 1 in the present layout; unexpected data stay, and are refused later.
+
+    Version 1 had an abrupt change of friction as a sentence.
+    """
     friction = joint.get("friction") if isinstance(joint, Mapping) else None
     if not isinstance(friction, Mapping) or not isinstance(friction.get("notice"), str):
         return joint
@@ -107,7 +109,7 @@ def as_of_now(joint: Any) -> Any:
 
 
 def _change(sentence: str) -> FrictionChange | None:
-    """The change that a sentence told of; None for none, and for words that say nothing here."""
+    """The change that a sentence describes, None if it describes none."""
     match = _SENTENCE.fullmatch(sentence)
     if match is None:
         return None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Saves what was learnt of the joints every minute and at the end, and gives it back at the start."""
+"""State of the joints, saved every minute and at the end, and restored at the start."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from stickslip_ros.nodes.state.state_file import (
     write_state,
 )
 
-_EVERY = 60.0  # [s]
-_LONGEST_WAIT = 0.5  # [s] at the end for a file that is being written
+_EVERY = 60.0  # time between two files, s: a crash loses a minute of learning
+_LONGEST_WAIT = 0.5  # wait for the last file at the end, s: whoever ends the node waits no longer
 
 
 class StateKeeper:
-    """See the module. A state that cannot be read or written is said in the log and in ``trouble``, and tried again.
+    """Keeper of the state. An error of reading or writing is logged and in ``trouble``; writing is tried again.
 
     Parameters
     ----------
-    path : of the file, None to keep nothing.
+    path : path of the file, None to keep nothing.
     """
 
     def __init__(self, path: Path | None, log: RcutilsLogger) -> None:
@@ -48,11 +48,11 @@ class StateKeeper:
         try:
             return read_state(path)
         except NewerStateError as error:
-            # It is sound, and of use to the release that wrote it.
+            # The file is sound, and of use to the release that wrote it.
             self._path = None
             self._trouble(f"{path} is newer than this release ({error}); it is left as it is, and nothing is kept")
         except (StateFileError, OSError) as error:
-            # What cannot be read now must not be written over either.
+            # A file that cannot be read must not be replaced either.
             try:
                 aside = set_aside(path)
                 self._log.warning(f"{path} is damaged ({error}); it is kept as {aside}, and learning begins anew")
@@ -61,7 +61,7 @@ class StateKeeper:
         return {}
 
     def restore(self, joint: WatchedJoint) -> None:
-        """Let a joint's monitor go on from what was known of it."""
+        """Restore a joint's monitor from the state of its name."""
         memory = self._known.get(joint.name)
         if memory is None:
             return
@@ -73,7 +73,7 @@ class StateKeeper:
             )
 
     def forget(self, name: str) -> None:
-        """Drop what is known of a joint."""
+        """Drop the state of a joint."""
         self._known.pop(name, None)
 
     def tick(self, joints: Mapping[str, WatchedJoint], now: float) -> None:
@@ -88,14 +88,14 @@ class StateKeeper:
 
     def save(self, joints: Mapping[str, WatchedJoint]) -> None:
         """Save now: at the end."""
-        # What is being written already is not the last word.
+        # A file that is being written already lacks the last samples.
         if self._path is None or not self._wait():
             return
         self._begin(joints)
         self._wait()
 
     def _wait(self) -> bool:
-        """Wait for what is being written; returns whether that is done."""
+        """Wait for the file that is being written; returns whether it is complete."""
         if self._writing is None:
             return True
         wait([self._writing], _LONGEST_WAIT)
@@ -109,7 +109,7 @@ class StateKeeper:
         """Write in a thread of its own, as disks can be slow; a daemon, as some hang."""
         if self._path is None:
             return
-        # Joints that are not there now may come again.
+        # The state of joints that are absent now is kept.
         self._known |= {name: joint.monitor.memory() for name, joint in joints.items() if joint.monitor.cycle_count}
         self._writing = Future()
         arguments = (self._path, dict(self._known), self._saved, self._writing)
@@ -130,7 +130,7 @@ class StateKeeper:
 
 
 def _write(path: Path, joints: dict[str, JointMemory], saved: bytes, writing: Future[bytes]) -> None:
-    """Write unless it is what was written last; the future holds what is in the file then."""
+    """Write the file unless its content is unchanged; the future then holds the content."""
     try:
         text = as_text(joints)
         if text != saved:

@@ -18,13 +18,11 @@ from time import monotonic
 from typing import Any, Generic, TypeVar
 
 from stickslip_ros.interrupts import without_interrupts
-from stickslip_ros.parent_death import die_with_parent
+from stickslip_ros.parent_death import NICENESS, die_with_parent
 
-_NICE = 10  # what else runs on the robot comes first
-_MOST_WAITING = 64  # questions; further ones are skipped until there is room
-_REST = 5.0  # [s] before a question of a key is taken again, where the last one could not be answered
-
-_LAST_WAIT = 0.5  # [s] for the pool to close; it takes milliseconds
+_MOST_WAITING = 64  # number of questions under way, 1: further ones would be answered too late
+_REST = 5.0  # time after a failure of a question, s: the next one of its key is likely to fail too
+_LAST_WAIT = 0.5  # wait for the pool to close, s: it takes milliseconds
 
 Key = tuple[str, str]
 Question = TypeVar("Question")
@@ -41,7 +39,7 @@ class _Running:
 
 @dataclass(frozen=True)
 class Done:
-    """A question that was dealt with; the answer is None, and ``failed`` set, if that went wrong."""
+    """A question and its answer, which is None, with ``failed`` set, after an error."""
 
     question: Any
     answer: Any
@@ -53,9 +51,9 @@ class SlowWork:
 
     Parameters
     ----------
-    warn : told what went wrong.
+    warn : called with a sentence on each failure.
 
-    ``skipped`` counts questions that found no room, ``failures`` those that came to nothing.
+    ``skipped`` counts questions for which there was no room, ``failures`` questions that were not answered.
     """
 
     def __init__(self, warn: Callable[[str], None]) -> None:
@@ -79,7 +77,7 @@ class SlowWork:
 
     @property
     def process_ids(self) -> list[int]:
-        """Of the process, if it runs."""
+        """Identifier of the process, if it runs."""
         return [process.pid for process in self._processes if process.pid is not None]
 
     def is_under_way(self, key: Key) -> bool:
@@ -87,7 +85,7 @@ class SlowWork:
         return key in self._running and not self._running[key].future.done()
 
     def has_room(self, key: Key) -> bool:
-        """Whether a question of this key would be taken; if it is for want of room that it would not, that counts."""
+        """Whether a question of this key can be submitted; a want of room is counted in ``skipped``."""
         if key in self._running or self._rests.get(key, 0.0) > monotonic():
             return False
         if len(self._running) >= _MOST_WAITING:
@@ -96,7 +94,7 @@ class SlowWork:
         return True
 
     def submit(self, key: Key, function: Callable[[Any], Any], question: Any) -> bool:
-        """Begin to work out ``function(question)``, if there is room; returns whether it was begun."""
+        """Begin to compute ``function(question)``, if there is room; returns whether it was begun."""
         if not self.has_room(key):
             return False
         if self._pool is None:
@@ -111,10 +109,10 @@ class SlowWork:
                 future = self._pool.submit(function, question)
             self._running[key] = _Running(question, future, self._pool, monotonic())
             if not self._processes:
-                # Begun by the first question; nobody else begins one meanwhile.
+                # The first question begins the process; no other process is begun meanwhile.
                 self._processes = [one for one in multiprocessing.active_children() if one not in others]
         except BrokenProcessPool:
-            # Killed a moment ago, by a shortage of memory perhaps: the next question begins another.
+            # The process was killed a moment ago; the next question begins another.
             self._lose(self._pool)
             return False
         except (OSError, RuntimeError) as error:
@@ -127,7 +125,7 @@ class SlowWork:
         return True
 
     def pop_result(self, key: Key) -> Done | None:
-        """What became of the question of this key, once: None if it is under way, or there is none."""
+        """The result of this key, once; None if its question is under way, or there is none."""
         running = self._running.get(key)
         if running is None or not running.future.done():
             return None
@@ -137,7 +135,7 @@ class SlowWork:
         except BrokenProcessPool:
             self._lose(running.pool)
         except Exception as error:
-            # Whatever it was, the joints are watched on without an answer.
+            # Whatever the error is, the joints are watched on without an answer.
             self.failures += 1
             self._rests[key] = monotonic() + _REST
             self._warn(f"{' of '.join(key)} failed: {type(error).__name__}: {error}")
@@ -150,7 +148,7 @@ class SlowWork:
             self._end()
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """End the process, even while it works."""
         self._end()
         self._running.clear()
 
@@ -161,7 +159,7 @@ class SlowWork:
             with contextlib.suppress(OSError, ValueError):
                 process.kill()
         if sys.version_info < (3, 12):
-            # A question that is being sent would wait for ever for the rest of it to be read; newer ones see to it.
+            # A question that is being sent would wait for its reader for ever; newer Pythons close the pipe themselves.
             self._pool._call_queue._reader.close()  # type: ignore[attr-defined]
         # While the pool closes its pipes, the end of Python would stumble over them, and hang.
         closing = Thread(target=self._pool.shutdown, kwargs={"cancel_futures": True}, daemon=True)
@@ -171,16 +169,16 @@ class SlowWork:
 
 
 def _begin(parent: int) -> None:
-    os.nice(_NICE)
+    os.nice(NICENESS)
     die_with_parent(parent)
 
 
 class Background(Generic[Question, Answer]):
-    """Questions of one kind, each under a name.
+    """Questions of one kind, each under a name, and the last answers.
 
     Parameters
     ----------
-    kind : of question, in words. answer : answers it; a function of a module, as another process has to find it.
+    kind : name of the kind. answer : answers a question; a function of a module, which another process can import.
     """
 
     def __init__(self, work: SlowWork, kind: str, answer: Callable[[Question], Answer]) -> None:
@@ -199,5 +197,5 @@ class Background(Generic[Question, Answer]):
         return self._work.is_under_way((self._kind, name))
 
     def submit(self, name: str, question: Question) -> None:
-        """Begin to answer, unless a question of this name is under way: then it is to be asked again."""
+        """Begin to answer a question, unless one of this name is under way: it is then to be submitted again."""
         self._work.submit((self._kind, name), self._answer, question)

@@ -22,22 +22,21 @@ from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.study import study
 from stickslip_ros.nodes.worker.process import Background, SlowWork
 
-_SUBMIT_EVERY = 5.0  # [s] where the speed alone has changed
-_SUBMIT_RARELY = 60.0  # [s] where it has by no more than the mean of a few cycles scatters, of which this is most
-_SCATTER = 0.05
-_SAME_GAINS_INTERVAL = 5.0  # [s] between verdicts that only a change of speed asks for
+_CHANGED_SPEED = 5.0  # time between two questions that differ in speed alone, s: a speed that ramps is no new case
+_SCATTER = 0.05  # change of the speed, 1: the mean speed of a few cycles scatters by no more
+_SCATTERED_SPEED = 60.0  # time between two questions whose speeds differ by the scatter, s: the advice is the same
 _KIND = "study"
 
 
 class AdviceWorker:
-    """Advisers, one a joint."""
+    """Advisers of the joints."""
 
     def __init__(self, work: SlowWork) -> None:
         self._background: Background[AdviceQuestion, Advice] = Background(work, "advice", advise)
         self._submitted_at: dict[str, float] = {}
 
     def adviser(self, name: str) -> Adviser:
-        """What a joint's monitor asks: answers what is known already, or begins to work it out."""
+        """Adviser of a joint's monitor: returns the latest advice, and begins to compute new advice where it is due."""
 
         def latest(question: AdviceQuestion) -> Advice | None:
             known = self._background.latest(name)
@@ -46,12 +45,12 @@ class AdviceWorker:
             now = monotonic()
             rest = 0.0
             if known is not None and known[0].about_the_same(question):
-                rest = _SUBMIT_RARELY if known[0].similar(question, _SCATTER) else _SUBMIT_EVERY
+                rest = _SCATTERED_SPEED if known[0].similar(question, _SCATTER) else _CHANGED_SPEED
             if now - self._submitted_at.get(name, -math.inf) >= rest:
                 self._background.submit(name, question)
                 self._submitted_at[name] = now
-            # Learning changes the friction with every slip, and the speed may never be the same twice: while the
-            # gains are the same, the advice of a moment ago is the best there can be.
+            # Learning changes the friction with every slip, and the speed may never be the same twice. While the
+            # gains are the same, the latest advice is the best there can be.
             return known[1] if known is not None and known[0].comparable(question) else None
 
         return latest
@@ -59,6 +58,8 @@ class AdviceWorker:
 
 @dataclass(frozen=True)
 class _Dated:
+    """A question and when it was submitted, a steady time [s]."""
+
     question: ExactQuestion
     at: float
 
@@ -68,7 +69,7 @@ def _answer(dated: _Dated) -> ExactVerdict:
 
 
 class ExactWorker:
-    """Asks again where gains or speed have changed."""
+    """Exact verdicts by name, computed again where joint, gains or speed have changed."""
 
     def __init__(self, work: SlowWork) -> None:
         self._background: Background[_Dated, ExactVerdict] = Background(work, "exact verdict", _answer)
@@ -78,7 +79,7 @@ class ExactWorker:
 
         Parameters
         ----------
-        name : under which the joint asks. now : a steady time [s].
+        name : name of the question. now : a steady time [s].
         """
         known = self._background.latest(name)
         if known is None or not known[0].question.of_the_same_controller(question):
@@ -87,20 +88,20 @@ class ExactWorker:
         dated, verdict = known
         same_speed = dated.question.at_the_same_speed(question)
         if not dated.question.answers(question) and (
-            dated.question.joint != question.joint or now - dated.at >= _SAME_GAINS_INTERVAL
+            dated.question.joint != question.joint or now - dated.at >= _CHANGED_SPEED
         ):
             self._background.submit(name, _Dated(question, now))
-        # Learning changes the friction with every slip: the verdict of a moment ago is the best there can be.
+        # Learning changes the friction with every slip; the latest verdict is the best there can be.
         return verdict if same_speed else NOT_COMPUTED
 
     def verdict_on(
         self, name: str, assessment: Assessment, gains: Gains | None, conditions: OperatingConditions, now: float
     ) -> ExactVerdict:
-        """The verdict on a joint as it is assessed, with gains that need not be the present ones.
+        """The verdict on an assessed joint, with gains that need not be the present ones.
 
         Parameters
         ----------
-        name : under which the joint asks. now : a steady time [s].
+        name : name of the question. now : a steady time [s].
         """
         question = ExactQuestion.on(assessment, gains, conditions)
         return NOT_COMPUTED if question is None else self.verdict(name, question, now)
@@ -108,7 +109,7 @@ class ExactWorker:
     def verdict_here(
         self, name: str, assessment: Assessment, conditions: OperatingConditions, now: float
     ) -> ExactVerdict | None:
-        """Where friction is known to vary with place or load, the verdict at the present one; else None."""
+        """The verdict at the present place or load, None where friction is not known to vary with these."""
         here = assessment.here
         if here is None:
             return None
@@ -117,7 +118,7 @@ class ExactWorker:
 
 
 def attend_study(work: SlowWork, name: str, learner: FrictionLearner) -> None:
-    """Take over what was found of a joint, and begin what is due."""
+    """Pass a finished study to a joint's learner, and begin the next one that is due."""
     done = work.pop_result((_KIND, name))
     if done is not None:
         learner.adopt(done.answer)
