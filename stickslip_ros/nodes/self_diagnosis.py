@@ -15,27 +15,27 @@ from pathlib import Path
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.worker.process import SlowWork
 
-_MOST_OF_A_CORE = 0.8
-_BUSY = 0.9  # of all cores
-_WAITED = 0.2  # of the time, for a processor
-_CLOCK_STEP = 0.1  # [s]
-_OVER = 2.0  # [s] that figures are of
-_METERED_EVERY = 0.25  # [s]
-_LATE = 0.25  # [s] from a message to the status that it is part of, which is too late
-_WORK_LATE = 30.0  # [s] of waiting, likewise
-_RECENT = 10.0  # [s] for which a loss is worth a warning
+_MOST_OF_A_CORE = 0.8  # use of a core by this process, 1: it has little time left then
+_BUSY = 0.9  # use of all cores, 1: the machine has little time left then
+_WAITED = 0.2  # share of the time that the process waited for a core, 1: other processes delay it then
+_CLOCK_STEP = 0.1  # step of the system's clock, s: a clock that is only slewed steps less
+_OVER = 2.0  # span of the figures, s: they follow the present, and several statuses are in it
+_METERED_EVERY = 0.25  # time between two readings, s: each reads files of the system
+_LATE = 0.25  # latency from message to status, s: a person notices a longer one
+_WORK_LATE = 30.0  # age of the oldest question, s: a single one takes seconds
+_RECENT = 10.0  # time after a loss, s: the warning stays long enough to be read
 _TICKS = os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Meters:
-    """Readings at one time.
+    """Meter readings at one time.
 
     Attributes
     ----------
     steady, system : clocks [s]. used : processor time of this process [s].
-    waited : time that its main thread was ready to run and did not [s]. busy, all : time of all cores [s].
+    waited : time that its main thread was ready and did not run [s]. busy, all : busy and total time of all cores [s].
     """
 
     steady: float
@@ -47,7 +47,7 @@ class Meters:
 
     @staticmethod
     def read() -> Meters:
-        """Read them now; what the system does not tell stands still."""
+        """Present readings; a figure that the system does not have stays constant."""
         busy, total = _cores()
         return Meters(
             steady=time.monotonic(),
@@ -60,12 +60,12 @@ class Meters:
 
 
 def why_late(begin: Meters, end: Meters, *, late: float, delays: int, joints: int, load: float, cores: int) -> str:
-    """A sentence for people.
+    """Sentence on the cause of late statuses.
 
     Parameters
     ----------
-    begin, end : readings. late : the longest that a status took between them [s]. delays : how many were late.
-    load : average number of processes that want to run [1].
+    begin, end : readings. late : largest latency of a status between these [s]. delays : number of late statuses.
+    load : mean number of processes that are ready to run [1].
     """
     duration = max(end.steady - begin.steady, 1e-9)
     own, waited = (end.used - begin.used) / duration, (end.waited - begin.waited) / duration
@@ -83,7 +83,7 @@ def why_late(begin: Meters, end: Meters, *, late: float, delays: int, joints: in
 
 
 def machine() -> tuple[float, int]:
-    """The load of the last minute, and how many cores there are."""
+    """Load of the last minute, and number of cores."""
     try:
         load = os.getloadavg()[0]
     except OSError:
@@ -99,7 +99,7 @@ def _waited() -> float:
 
 
 def _cores() -> tuple[float, float]:
-    """Time that all cores were busy, and all of their time, since the system began [s]."""
+    """Busy and total time of all cores since the system began [s]."""
     try:
         with open("/proc/stat") as file:
             counts = [int(word) for word in file.readline().split()[1:9]]
@@ -115,13 +115,13 @@ class SelfDiagnosis:
     def __init__(self, states: JointStateTopic, work: SlowWork, joints: Sized) -> None:
         self._states, self._work, self._joints = states, work, joints
         self._meters: deque[Meters] = deque()
-        self._notes: deque[tuple[float, float, int]] = deque()  # when [s], latency [s], messages waiting
-        self._counts: deque[tuple[float, float, int]] = deque()  # when [s], processor time [s], messages
-        self._memory: list[float] = [math.nan]  # [MB], of this process and its own
+        self._notes: deque[tuple[float, float, int]] = deque()  # time [s], latency [s], messages waiting
+        self._counts: deque[tuple[float, float, int]] = deque()  # time [s], processor time [s], messages
+        self._memory: list[float] = [math.nan]  # of this process and its worker [MB]
         self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
 
     def note(self) -> None:
-        """Remember how things are, statuses having been published just now."""
+        """Read the figures, immediately after statuses were published."""
         now = time.monotonic()
         latency = time.time() - self._states.oldest
         self._notes.append((now, latency, self._states.waiting))
@@ -142,12 +142,12 @@ class SelfDiagnosis:
 
     @property
     def latency(self) -> float:
-        """From the arrival of the oldest message in the last status to its publication [s]; NaN if there was none."""
+        """Time from the arrival of the oldest message to the last status [s]; NaN if there was none."""
         return self._notes[-1][1] if self._notes else math.nan
 
     @property
     def trouble(self) -> str:
-        """What there is to worry about, "" if nothing."""
+        """Sentence on losses, late statuses or late work, "" if there are none."""
         if self._notes and self._notes[-1][0] - self._lost_at < _RECENT:
             return f"{self._lost} messages lost, {self._skipped} questions skipped so far"
         late = [latency for _, latency, _ in self._notes if latency > _LATE]
@@ -190,7 +190,7 @@ class SelfDiagnosis:
 
 
 def _processor_time(pid: int) -> float:
-    """Of another process [s]; 0 if it has gone."""
+    """Processor time of another process [s]; 0 if it has ended."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -199,7 +199,7 @@ def _processor_time(pid: int) -> float:
 
 
 def _resident_memory(pid: int) -> float:
-    """Of a process [MB]; 0 if it has gone."""
+    """Memory of a process [MB]; 0 if it has ended."""
     try:
         return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE / 1e6
     except OSError:

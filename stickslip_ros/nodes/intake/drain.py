@@ -25,17 +25,17 @@ from rclpy.waitable import NumberOfEntities, Waitable
 
 from stickslip_ros.errors import StickSlipError
 
-_MOST_AT_ONCE = 10_000
 ARRIVAL = "arrival"
 _BY_THE_SYSTEM = "arrival by the system's clock (use_sim_time is true, and nothing is heard on /clock)"
-_DRAIN = 0.02  # [s] for the first messages ever
-_MOST_BYTES = 256e6
+_MOST_AT_ONCE = 10_000  # number of messages in one drain, 1: more than any queue holds
+_DRAIN = 0.02  # span over which the first messages are spread, s: a drain period
+_MOST_BYTES = 256e6  # size of a backlog, bytes: minutes of messages while the node compiles
 
 Taken = TypeVar("Taken")
 
 
 class NeverExecuted(CallbackGroup):
-    """Keeps the executor's hands off a subscription or service."""
+    """Callback group that no executor executes, for a subscription or service that is drained."""
 
     def can_execute(self, entity: Any) -> bool:
         """Never."""
@@ -46,20 +46,20 @@ class NeverExecuted(CallbackGroup):
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Nothing to do: nothing began."""
+        """Do nothing, because nothing began."""
 
 
 class DrainedSubscription:
-    """A subscription whose messages wait until they are taken.
+    """A subscription whose messages wait until they are drained.
 
     Parameters
     ----------
-    raw : whether messages are taken as the bytes that came.
+    raw : whether messages are returned as bytes.
 
     Raises
     ------
     StickSlipError
-        If the parameters that override its quality of service make none.
+        If the parameters that override the quality of service are invalid.
     """
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, *, raw: bool = False) -> None:
@@ -74,18 +74,18 @@ class DrainedSubscription:
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
         except (RuntimeError, InvalidQosOverridesError) as error:
-            # What the defaults make is sound, so it is the overrides.
+            # The defaults are sound, so the overrides are the cause.
             where = f"qos_overrides.{node.resolve_topic_name(topic)}.subscription"
             raise StickSlipError(f"{where}: {' '.join(str(error).split())}") from error
 
     @property
     def publishers(self) -> int:
-        """How many publish on the topic."""
+        """Number of publishers on the topic."""
         return int(self._node.count_publishers(self._subscription.topic_name))
 
     @property
     def endpoints(self) -> list[TopicEndpointInfo]:
-        """What the graph knows of them."""
+        """Publishers on the topic, as the graph has them."""
         return list(self._node.get_publishers_info_by_topic(self._subscription.topic_name))
 
     def take_all(self) -> list[tuple[Any, dict[str, int]]]:
@@ -93,7 +93,7 @@ class DrainedSubscription:
         found = []
         with self._subscription.handle:
             take_message, message_type, raw = self._subscription.handle.take_message, self._type, self._raw
-            # No more than were kept, or a publisher that is faster than this loop would never let it end.
+            # A publisher that is faster than this loop would never let it end.
             for _ in range(_MOST_AT_ONCE):
                 taken = take_message(message_type, raw)
                 if taken is None:
@@ -102,24 +102,23 @@ class DrainedSubscription:
         return found
 
     def add_to(self, wait_set: Any) -> int:
-        """Have the executor wait for the next message too; returns the place in its wait set."""
+        """Add the subscription to a wait set of the executor; returns its place."""
         with self._subscription.handle:
             return int(wait_set.add_subscription(self._subscription.handle))
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the subscription."""
         self._node.destroy_subscription(self._subscription)
 
 
 class FirstMessage(Waitable):
-    """Lets the executor call back as soon as a message waits in one of some subscriptions, while it is armed.
+    """Callback of the executor as soon as a message waits in one of the subscriptions, while it is armed.
 
-    The message stays where it is until it is taken. With it a node that nothing is sent to can sleep long, and is awake
-    at once.
+    The message stays in its subscription until it is drained. An idle node can sleep long and still wake at once.
 
     Parameters
     ----------
-    heard : what is called, once; it may arm this anew.
+    heard : called once; it may arm the callback again.
     """
 
     def __init__(self, node: Node, subscriptions: Sequence[DrainedSubscription], heard: Callable[[], None]) -> None:
@@ -130,36 +129,36 @@ class FirstMessage(Waitable):
         node.add_waitable(self)
 
     def get_num_entities(self) -> NumberOfEntities:
-        """How many subscriptions are waited for."""
+        """Number of subscriptions in the wait set."""
         return NumberOfEntities(num_subs=len(self._subscriptions) if self.armed else 0)
 
     def add_to_wait_set(self, wait_set: Any) -> None:
-        """Wait for them."""
+        """Add the subscriptions."""
         self._places = [one.add_to(wait_set) for one in self._subscriptions] if self.armed else []
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether a message waits in any."""
+        """Whether a message waits in any subscription."""
         return any(wait_set.is_ready("subscription", place) for place in self._places)
 
     def take_data(self) -> None:
-        """Take no message: that is for those who drain them."""
+        """Leave the message in its subscription, which is drained later."""
         self.armed = False
 
     async def execute(self, taken_data: None) -> None:
-        """Say so."""
+        """Call back."""
         self._heard()
 
     def close(self) -> None:
-        """Wait for nothing any more; before the subscriptions are closed."""
+        """Stop waiting; to be called before the subscriptions are closed."""
         self._node.remove_waitable(self)
 
 
 class ArrivalTimes:
-    """Times of arrival by the node's clock; ``first`` is that of the oldest message given last, by the system's.
+    """Arrival times by the node's clock; ``first`` is that of the oldest message of the last drain, by the system's.
 
-    The middleware tells when a message came by the system's clock. Where the node follows simulated time, the
-    messages that waited are spread over the time since the ones before; while that time stands, all of them came at it.
-    Before the first message on /clock the system's clock counts. ``what`` names the time, for people.
+    The middleware has the arrival of a message by the system's clock. Where the node follows simulated time, the
+    messages of a drain are spread over the time since the drain before; while simulated time stands, all of them came
+    at that time. Before the first message on /clock the system's clock counts. ``what`` names the clock, for people.
     """
 
     def __init__(self, node: Node) -> None:
@@ -169,7 +168,7 @@ class ArrivalTimes:
         self.what = ARRIVAL
 
     def of(self, infos: Sequence[dict[str, int]]) -> NDArray[np.float64]:
-        """Times [s] of messages in the order of their arrival; to be called for every drain, also an empty one."""
+        """Arrival times [s] of messages, in their order; to be called for every drain, also an empty one."""
         simulated = self._clock.ros_time_is_active
         now = 1e-9 * self._clock.now().nanoseconds
         without_clock = simulated and now == 0.0
@@ -188,7 +187,7 @@ class ArrivalTimes:
 
 
 class Backlog(Generic[Taken]):
-    """What was drained, in order; the oldest goes where it becomes too much. ``dropped`` counts messages."""
+    """Drained messages in order; the oldest are dropped where they become too many. ``dropped`` counts them."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[float, Taken, int, int]] = deque()
@@ -196,7 +195,7 @@ class Backlog(Generic[Taken]):
         self.dropped = 0
 
     def add(self, now: float, taken: Taken, count: int, size: int) -> None:
-        """Keep so many messages of so many bytes, drained at a steady time [s]."""
+        """Add ``count`` messages of ``size`` bytes, drained at a steady time [s]."""
         self._waiting.append((now, taken, count, size))
         self._bytes += size
         while self._bytes > _MOST_BYTES and len(self._waiting) > 1:
@@ -204,7 +203,7 @@ class Backlog(Generic[Taken]):
             self._bytes -= self._waiting.popleft()[3]
 
     def pop_until(self, until: float) -> list[Taken]:
-        """What was drained until then, and waits no longer."""
+        """The messages that were drained until a steady time [s]; they are removed."""
         found = []
         while self._waiting and self._waiting[0][0] <= until:
             _, taken, _, size = self._waiting.popleft()
@@ -214,5 +213,5 @@ class Backlog(Generic[Taken]):
 
     @property
     def oldest(self) -> float:
-        """When the oldest was drained [s]; infinite if none waits."""
+        """When the oldest messages were drained, a steady time [s]; infinite if none wait."""
         return self._waiting[0][0] if self._waiting else math.inf

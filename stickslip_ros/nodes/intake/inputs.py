@@ -14,29 +14,28 @@ from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
-from stickslip_ros.nodes.intake.publishers import NAMED, is_named, names_of, publishers_by_topic
+from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, names_of, publishers_by_topic
 from stickslip_ros.nodes.intake.reference_topic import REFERENCE_TYPES, reference_type_name
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.unknown_parameters import UnknownParameters
 from stickslip_ros.visible import listed
 
 REFERENCES = "joint_references"
-_PATIENCE = 10.0  # [s] without a message that are worth a warning
-_CLOCK_PATIENCE = 5.0  # [s] from the start of the node to the first message on /clock
-_INACTIVE = 2.0  # [s] between two looks, from which on the node was inactive meanwhile and could hear nothing
-_SCAN_EVERY = 1.0  # [s] at the graph
+_PATIENCE = 10.0  # time without a message, s: drivers start within it
+_CLOCK_PATIENCE = 5.0  # time until the first message on /clock, s: a simulation that runs publishes within it
+_INACTIVE = 2.0  # time between two polls, s: the node was inactive meanwhile, and could hear nothing
 _WORD = TYPE.rpartition("/")[2]
 _STATES = "joint_states"
 
 
 class PublishedTypes:
-    """Looks at the graph now and then.
+    """Types published on the node's topics: messages of another type than the subscription's never arrive.
 
     Parameters
     ----------
-    wanted : the type that is listened to, as in sensor_msgs/msg/JointState, by topic.
+    wanted : type of the subscription, as in sensor_msgs/msg/JointState, by topic.
 
-    ``troubles`` has a sentence for every topic on which something else is published.
+    ``troubles`` has a sentence for every topic on which another type is published.
     """
 
     def __init__(self, node: Node, wanted: Mapping[str, str]) -> None:
@@ -46,10 +45,10 @@ class PublishedTypes:
         self.troubles: dict[str, str] = {}
 
     def poll(self, now: float) -> None:
-        """Look again if it is time; ``now`` is a steady time [s]."""
+        """Scan the graph if it is time; ``now`` is a steady time [s]."""
         if now < self._next_scan:
             return
-        self._next_scan = now + _SCAN_EVERY
+        self._next_scan = now + SCAN_EVERY
         found = {topic: self._trouble(topic, wanted) for topic, wanted in self._wanted.items()}
         for topic, text in found.items():
             if text and topic not in self.troubles:
@@ -83,13 +82,13 @@ def _advice(topic: str, wanted: str, kinds: list[str]) -> str:
 
 
 class SilentStates:
-    """Looks for publishers of joint states while none are heard; the log has one line for each silence.
+    """Scan for publishers of joint states while no message comes; the log has one line for each silence.
 
     Parameters
     ----------
-    topic : as the node calls it, before remapping.
+    topic : name of the topic in the node, before remapping.
 
-    ``text`` says what is listened to and what there is instead, "" while messages come.
+    ``text`` names the topic and those with publishers, "" while messages come.
     """
 
     def __init__(self, node: Node, topic: str) -> None:
@@ -100,7 +99,7 @@ class SilentStates:
         self.text = ""
 
     def poll(self, now: float, messages: int) -> None:
-        """Compare how many messages have come since the node was activated with how many had.
+        """Compare the number of messages since the node was activated with that of the last poll.
 
         Parameters
         ----------
@@ -113,7 +112,7 @@ class SilentStates:
                 self._node.get_logger().info(f"{self._node.resolve_topic_name(self._topic)} is heard")
             self._messages, self._heard_at, self.text = messages, now, ""
         elif now - self._heard_at >= _PATIENCE and now >= self._next_scan:
-            self._next_scan = now + _SCAN_EVERY
+            self._next_scan = now + SCAN_EVERY
             first, self.text = not self.text, self._sentence()
             if first:
                 self._node.get_logger().warning(self.text)
@@ -123,7 +122,7 @@ class SilentStates:
         found = publishers_by_topic(self._node, TYPE)
         here = found.pop(own, [])
         others = [f"{topic} (by {listed(names, NAMED)})" for topic, names in sorted(found.items())]
-        # Who publishes there is silent; without anybody another topic was meant.
+        # A publisher on this topic is silent; without a publisher another topic was meant.
         who = f"{listed(here, NAMED)} publishes there and sends nothing" if here else f"no node publishes {_WORD} there"
         if others:
             what = f"; {_WORD} is published on {listed(others, NAMED)}" + ("" if here else f": remap {self._topic}")
@@ -135,9 +134,9 @@ class SilentStates:
 
 
 class SilentClock:
-    """Sees that simulated time is asked for and never comes.
+    """Detection of simulated time that is requested and never comes.
 
-    ``text`` says so, "" otherwise.
+    ``text`` has the sentence, "" while there is time.
     """
 
     def __init__(self, node: Node) -> None:
@@ -147,7 +146,7 @@ class SilentClock:
         self.text = ""
 
     def poll(self, now: float) -> None:
-        """Look at the clock; ``now`` is a steady time [s]."""
+        """Read the clock; ``now`` is a steady time [s]."""
         self.text = ""
         if not self._clock.ros_time_is_active or self._clock.now().nanoseconds:
             self._began = math.nan
@@ -162,7 +161,7 @@ class SilentClock:
 
 
 class Inputs:
-    """See the module; :meth:`poll` is called now and then."""
+    """Troubles with the inputs of the node, in words; :meth:`poll` is called now and then."""
 
     def __init__(self, node: Node, joints: WatchedJoints, gains: GainIntake, reference_type: str) -> None:
         self._joints, self._gains = joints, gains
@@ -178,7 +177,7 @@ class Inputs:
         self._silent_states, self._silent_clock = SilentStates(node, _STATES), SilentClock(node)
 
     def poll(self, now: float, states: JointStateTopic | None) -> None:
-        """Look at the graph and at what was given; ``now`` is a steady time [s]."""
+        """Scan the graph and the given parameters; ``now`` is a steady time [s]."""
         self._types.poll(now)
         self._silent_clock.poll(now)
         if states is not None:
@@ -187,19 +186,19 @@ class Inputs:
 
     @property
     def troubles(self) -> list[str]:
-        """What there is to say of the node itself."""
+        """Sentences for the status of the node itself."""
         silences = [text for text in (self._silent_states.text, self._silent_clock.text) if text]
         return [*self._types.troubles.values(), *silences, *self._unknown_parameters.texts]
 
     def values(self) -> list[tuple[str, object]]:
-        """The same as keys and values."""
+        """The same sentences as keys and values."""
         return [
             ("topics of another type", "; ".join(self._types.troubles.values())),
             ("parameters not understood", "; ".join(self._unknown_parameters.texts)),
         ]
 
     def missing(self, joint: WatchedJoint, assessment: Assessment) -> str:
-        """Why something is not known of a joint that it was configured for, "" if that is not so."""
+        """Why states, gains or references of a joint are missing, "" if none are."""
         reasons = []
         if math.isinf(joint.heard):
             reasons += [text for text in (self._types.troubles.get(_STATES, ""), self._silent_states.text) if text]

@@ -21,18 +21,18 @@ from stickslip_ros.nodes.intake.publishers import NAMED, name_of
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.visible import listed
 
-_LONGEST_GAP = 5000  # numbers; what is further on is another publisher's
-_MOST_STREAMS = 16
-_SCAN_EVERY = 0.5  # [s] at the graph, for how many publish
-_CONTESTED = 4  # steps back in a joint's numbers between two looks, from which on it has several publishers
-_LONGEST_REASON = 300
+_LONGEST_GAP = 5000  # gap in the sequence numbers, messages: after a larger one another publisher is assumed
+_MOST_STREAMS = 16  # number of publishers that are distinguished, 1: few topics have more than two
+_SCAN_EVERY = 0.5  # time between two counts of publishers, s: several publishers of a joint are reported within it
+_CONTESTED = 4  # steps back in a joint's sequence numbers between two scans, 1: a restart of its publisher makes one
+_LONGEST_REASON = 300  # length of a reason, characters: it may quote names from the graph
 
 
 class SequenceNumbers:
-    """Follows the numbers on one topic; ``lost`` counts those that never came.
+    """Sequence numbers of the publishers on one topic; ``lost`` counts messages that never came.
 
-    Which publisher a message is from cannot be seen. Its number tells, unless several publishers have sent about as
-    many messages: then a loss may be missed.
+    A message does not name its publisher. The number distinguishes publishers, unless several have sent about as many
+    messages; a loss may then be missed.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class SequenceNumbers:
         self.lost = 0
 
     def add_numbers(self, numbers: Sequence[int]) -> None:
-        """The numbers of messages in the order of their arrival."""
+        """Process sequence numbers in the order of arrival."""
         if len(self._last) == 1 and numbers[0] == self._last[0] + 1 and numbers[-1] == self._last[0] + len(numbers):
             self._last[0] = numbers[-1]
             return
@@ -55,7 +55,7 @@ class SequenceNumbers:
 
 @dataclass(frozen=True, kw_only=True)
 class _Drained:
-    """Messages that came together; times of arrival [s], and their sequence numbers, None where there are none."""
+    """Messages of one drain, their arrival times [s], and their sequence numbers, None where there are none."""
 
     messages: Block
     arrivals: FloatArray
@@ -63,18 +63,18 @@ class _Drained:
 
 
 class JointStateTopic:
-    """See the module.
+    """Subscription of JointStates, and the rows of each joint.
 
     Parameters
     ----------
-    refuse : called with the reason for what is not taken.
+    refuse : called with the reason why a message is refused.
 
     Attributes
     ----------
-    messages : how many came; waiting : the most that a drain found since :meth:`reset_figures` was called last.
-    oldest : when the oldest message since then came, in the system's time [s]; NaN if none did.
-    contested : joints that several publishers tell of at once, which is no motion to follow.
-    contest : names the publishers then, "" otherwise.
+    messages : number of messages; waiting : largest number in a drain since the last :meth:`reset_figures`.
+    oldest : arrival of the oldest message since then, in the system's time [s]; NaN if none came.
+    contested : joints that several publishers move at once, which gives no single motion.
+    contest : sentence with the names of the publishers then, "" otherwise.
     """
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
@@ -95,15 +95,15 @@ class JointStateTopic:
 
     @property
     def lost(self) -> int:
-        """Messages that never came."""
+        """Number of messages that never came."""
         return self._sequence.lost
 
     def reset_figures(self) -> None:
-        """Begin anew to count what a drain finds."""
+        """Reset the figures of drains."""
         self.waiting, self.oldest = 0, np.nan
 
     def keep(self) -> None:
-        """Take what has arrived from the middleware, which keeps no more than its queue holds, and let it wait."""
+        """Drain the messages that have arrived into the backlog; the middleware keeps no more than its queue holds."""
         taken = self.subscription.take_all()
         self._scan_graph()
         arrivals = self._arrivals.of([info for _, info in taken])
@@ -125,7 +125,7 @@ class JointStateTopic:
             self.backlog.dropped = 0
 
     def samples_until(self, until: float) -> dict[str, FloatArray]:
-        """Rows of time, position, velocity and effort of each joint, from what arrived until a steady time [s]."""
+        """Rows of time, position, velocity and effort of each joint, of messages until a steady time [s]."""
         self.keep()
         return joined([self._rows(drained) for drained in self.backlog.pop_until(until)])
 
@@ -140,7 +140,7 @@ class JointStateTopic:
         return rows_by_joint(found, [self._times(rows, drained.arrivals) for rows in found])
 
     def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
-        """Stamps, or the times of arrival where there are none."""
+        """Stamps, or arrival times where there are none."""
         return with_times(rows.time, lambda: arrivals[rows.index], self._arrivals.what, self._refuse_many)
 
     def _scan_graph(self) -> None:
@@ -156,12 +156,12 @@ class JointStateTopic:
         self._steps_back.clear()
 
     def _who_contests(self) -> str:
-        # Messages do not say who sent them: of more than two publishers any two may be meant.
+        # Messages do not name their publisher; of more than two publishers any two may be the cause.
         names = listed(sorted(map(name_of, self.subscription.endpoints)), NAMED)
         return f"published by several nodes at once ({names}); remap all but one of them"
 
     def _count_steps_back(self, found: list[JointRows], numbers: Integers) -> None:
-        """Count the steps back in the numbers of the messages that tell of a joint: one publisher's only grow."""
+        """Count steps back in the sequence numbers of each joint's messages: one publisher's numbers only grow."""
         indices: dict[str, list[Integers]] = {}
         for rows in found:
             for name in rows.names:
@@ -174,16 +174,15 @@ class JointStateTopic:
                 self._steps_back[name] = self._steps_back.get(name, 0) + steps
 
     def _refuse_many(self, reason: str, count: int) -> None:
-        # Reasons may quote names from the graph.
         self._refuse(f"{self._topic}: {reason[:_LONGEST_REASON]}", count)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the subscription."""
         self.subscription.close()
 
 
 def joined(parts: list[dict[str, FloatArray]]) -> dict[str, FloatArray]:
-    """Rows of each joint from several drains, in their order."""
+    """Rows of each joint, joined from several drains in their order."""
     if len(parts) == 1:
         return parts[0]
     return {

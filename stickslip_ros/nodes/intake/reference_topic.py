@@ -21,7 +21,7 @@ from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic, joined
 from stickslip_ros.nodes.intake.refusals import Refusals
 
 _CONTROL_TYPES = ("JointTrajectoryControllerState", "MultiDOFStateStamped")
-# What the graph calls them, and what the parameter does.
+# Names of the types in the graph, and in the parameter `reference_type`.
 REFERENCE_TYPES = {
     "sensor_msgs/msg/JointState": "JointState",
     **{f"control_msgs/msg/{name}": name for name in _CONTROL_TYPES},
@@ -29,12 +29,12 @@ REFERENCE_TYPES = {
 
 
 def reference_type_name(name: str) -> str:
-    """What the graph calls a reference type."""
+    """Name of a reference type in the graph."""
     return next(full for full, word in REFERENCE_TYPES.items() if word == name)
 
 
 def reference_message_type(name: str) -> type:
-    """The message class of a reference type.
+    """Message class of a reference type.
 
     Raises
     ------
@@ -52,9 +52,9 @@ def reference_message_type(name: str) -> type:
 
 
 class ControllerStateTopic:
-    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which few publish fast.
+    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which is decoded message by message.
 
-    ``messages`` : how many came.
+    ``messages`` : number of messages.
     """
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
@@ -65,12 +65,12 @@ class ControllerStateTopic:
         self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
 
     def samples_until(self, until: float) -> dict[str, FloatArray]:
-        """Rows of time, position and velocity of each joint, from what arrived until a steady time [s]."""
+        """Rows of time, position and velocity of each joint, of messages until a steady time [s]."""
         self.keep()
         return joined(self.backlog.pop_until(until))
 
     def keep(self) -> None:
-        """Take what has arrived from the middleware, and let it wait."""
+        """Drain the messages that have arrived into the backlog."""
         taken = self.subscription.take_all()
         self.messages += len(taken)
         arrivals = self._arrivals.of([info for _, info in taken])
@@ -95,14 +95,14 @@ class ControllerStateTopic:
         self._refuse(f"{self._topic}: {reason}", count)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the subscription."""
         self.subscription.close()
 
 
 def reference_topic(
     node: Node, kind: str, topic: str, qos: QoSProfile, refuse: Refusals
 ) -> JointStateTopic | ControllerStateTopic:
-    """The topic of a reference type; its rows begin with time, position and velocity.
+    """Topic of a reference type; its rows begin with time, position and velocity.
 
     Raises
     ------

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the node did not take, and why: counted for the diagnostics, said once in the log."""
+"""Reasons why the node refused messages or names: counted for the diagnostics, logged once."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
 
-_MOST_REASONS = 64
+_MOST_REASONS = 64  # number of reasons, 1: they may quote names from the graph, so their number is bounded
 
 
 class Refusals:
