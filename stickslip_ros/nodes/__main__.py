@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The processes of the nodes, `python -m stickslip_ros.nodes monitor`: signals are taken before anything is loaded."""
+"""The processes of the nodes, `python -m stickslip_ros.nodes monitor`: signals are handled before any import."""
 
 from __future__ import annotations
 

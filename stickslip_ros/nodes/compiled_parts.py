@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What is compiled, as the node needs it: loaded at once if it is there, else compiled by another process meanwhile."""
+"""Compiled functions of the node: loaded at once if they are there, else compiled by another process meanwhile."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rclpy.node import Node
 from stickslip_ros.compilation import NOT_KEPT, cache_folder, without_linear_algebra
 from stickslip_ros.warm_up import Compilation, Progress, compile_ahead, is_warm, load_for_node
 
-_REPORT_EVERY = 10.0  # [s]
+_REPORT_EVERY = 10.0  # time between two lines on the progress, s: compiling takes half a minute
 
 
 class CompiledParts:
-    """See the module; :meth:`poll` is called now and then.
+    """Compiled functions of the node; :meth:`poll` is called now and then.
 
     Attributes
     ----------
-    ready : whether everything can be called. state : what is under way, in words, "" if nothing is.
+    ready : whether all functions can be called. state : progress, in words, "" if nothing is being compiled.
     """
 
     def __init__(self, log: RcutilsLogger) -> None:
@@ -40,7 +40,7 @@ class CompiledParts:
         self._report(monotonic())
 
     def poll(self, now: float) -> None:
-        """Say how far it has come, and load what is compiled once it is; ``now`` is a steady time [s]."""
+        """Report the progress, and load the functions once they are compiled; ``now`` is a steady time [s]."""
         if self._compilation is None or self.ready:
             return
         if self._compilation.running:
@@ -64,20 +64,20 @@ class CompiledParts:
     def _load(self) -> None:
         without_linear_algebra()
         load_for_node()
-        # What is there by now stays. Looking through it for garbage again and again would hold up intake for 0.1 s.
+        # The loaded objects stay. Searching these for garbage again and again would hold up intake for 0.1 s.
         gc.collect()
         gc.freeze()
         self.ready, self.state = True, ""
 
     def close(self) -> None:
-        """End what is under way."""
+        """End the other process."""
         if self._compilation is not None:
             self._compilation.close()
             self._compilation = None
 
 
 def wait_until_compiled(node: Node) -> None:
-    """Wait until everything is compiled, saying so in the log.
+    """Wait until everything is compiled, with a line on the progress in the log.
 
     Raises
     ------

@@ -25,24 +25,24 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.output.diagnosis import Diagnosis
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
-_ALIGNED = 4  # numbers and lengths of texts begin at multiples of it
+_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
 _LENGTH = struct.Struct("<I")
 _HEADER = struct.Struct("<iI")
-_MOST_KNOWN = 4096  # texts
+_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 
 
 def stamp(time: float) -> Time:
-    """Seconds as a stamp."""
+    """Stamp of a time in seconds."""
     nanoseconds = round(time * 1e9)
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 
 def diagnostic_status(diagnosis: Diagnosis, robot: str = "") -> DiagnosticStatus:
-    """A diagnosis as a message.
+    """Message of a diagnosis.
 
     Parameters
     ----------
-    robot : goes before its names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
     """
     return DiagnosticStatus(
         level=bytes([diagnosis.level]),
@@ -54,7 +54,7 @@ def diagnostic_status(diagnosis: Diagnosis, robot: str = "") -> DiagnosticStatus
 
 
 def table(rows: Sequence[str], columns: Sequence[str], values: Sequence[float]) -> Float64MultiArray:
-    """A labelled table, row by row, in the layout of `pd_gains`."""
+    """Labelled table, row by row, in the layout of `pd_gains`."""
     message = Float64MultiArray()
     message.layout.dim = [
         MultiArrayDimension(label=",".join(rows), size=len(rows), stride=len(rows) * len(columns)),
@@ -65,7 +65,7 @@ def table(rows: Sequence[str], columns: Sequence[str], values: Sequence[float]) 
 
 
 def friction_message(time: Time, assessments: Mapping[str, Assessment]) -> JointState:
-    """Friction of every joint at its speed, by the joint that its margin uses; NaN where none is known."""
+    """Friction of every joint at its speed, by the friction that its margin uses; NaN where none is known."""
     message = JointState(name=list(assessments))
     message.header.stamp = time
     for assessment in assessments.values():
@@ -81,11 +81,11 @@ def friction_message(time: Time, assessments: Mapping[str, Assessment]) -> Joint
 
 @dataclass(frozen=True, kw_only=True)
 class StatusBytes:
-    """One serialized DiagnosticStatus, wherever it will stand.
+    """Serialized DiagnosticStatus, at any place of an array.
 
     Attributes
     ----------
-    body : what comes after the level. filled : bytes at its end that only fill up to the next multiple.
+    body : bytes after the level. filled : number of padding bytes at the end of the body.
     """
 
     level: int
@@ -98,7 +98,7 @@ def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
 
     Parameters
     ----------
-    robot : goes before its names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
     """
     body = bytearray(_known_text(robot + diagnosis.name))
     body += _text(diagnosis.message)
@@ -122,7 +122,7 @@ def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> byte
     data += _LENGTH.pack(len(statuses))
     filled = 0
     for one in statuses:
-        # A level is one byte, and follows at once.
+        # A level is one byte, and needs no padding before it.
         if filled:
             data[-filled] = one.level
         else:
@@ -133,9 +133,9 @@ def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> byte
 
 
 def _text(text: str) -> bytes:
-    """Length, characters and the zero after them, filled up."""
+    """Serialized text: length, characters, the zero after them, and padding."""
     characters = text.encode("utf-8", "replace") + b"\x00"
     return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
 
 
-_known_text = lru_cache(_MOST_KNOWN)(_text)  # keys and names are the same ones all the time
+_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`~/friction_feedforward`: the torque that the known friction takes at the reference's speed, for who adds it.
+"""`~/friction_feedforward`: torque of the known friction at the reference's speed, for a controller that adds it.
 
-Off unless a share is set. Zero where friction is not known well, where the reference stands or is silent, where nothing
-is known of the joint; never above what is configured. Whoever adds it has to let go when nothing comes any more.
+The topic is off unless a share is set. The torque is zero where friction is not known well, and where the reference
+stands or is silent; it never exceeds the configured limit. A controller that adds it has to stop when no message comes.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoint
 from stickslip_ros.nodes.publications import quiet_publisher
 from stickslip_ros.settings.parameters import Feedforward
 
-_SILENT = 0.1  # [s] after which a reference is no more
-_LARGEST_ERROR = 0.1  # of the Coulomb friction: what is known less well is not known
-_NEAR_REST = 0.1  # Stribeck velocities, within which the torque passes from one direction to the other
+_SILENT = 0.1  # time without a reference, s: references come at 10 Hz at least
+_LARGEST_ERROR = 0.1  # standard error of the Coulomb friction, 1: friction known less well is not compensated
+_NEAR_REST = 0.1  # width of the change of direction, Stribeck velocities: the torque must not jump there
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Heard:
-    """The reference last heard: when, as a steady time [s]; its stamp [s], position [rad] and velocity [rad/s]."""
+    """Last reference: arrival, a steady time [s], stamp [s], position [rad] and velocity [rad/s]."""
 
     when: float
     stamp: float
@@ -39,7 +39,7 @@ class _Heard:
 
 
 class FrictionFeedforward:
-    """Publishes torques; its owner tells it what references arrive and what is known of the joints."""
+    """Publisher of the torques, from references and friction that its owner passes on."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
@@ -49,11 +49,11 @@ class FrictionFeedforward:
         self._on: tuple[str, ...] = ()
 
     def close(self) -> None:
-        """Take the topic from the graph."""
+        """Remove the topic from the graph."""
         self._node.destroy_lifecycle_publisher(self._publisher)
 
     def hear(self, name: str, rows: FloatArray, now: float) -> None:
-        """Take references: rows of time, position and velocity, NaN for what is missing."""
+        """Store the last reference of rows of time, position and velocity, NaN where one is missing."""
         stamp, position, velocity = rows[-1, :3].tolist()
         before = self._heard.get(name)
         if math.isnan(velocity) and before is not None and stamp > before.stamp:
@@ -61,7 +61,7 @@ class FrictionFeedforward:
         self._heard[name] = _Heard(when=now, stamp=stamp, position=position, velocity=velocity)
 
     def update(self, joint: WatchedJoint, assessment: Assessment) -> None:
-        """Take what is known of a joint now."""
+        """Store the friction of a joint, if it is known well."""
         friction = _known_well(joint, assessment)
         if friction is None:
             self._known.pop(joint.name, None)
@@ -69,7 +69,7 @@ class FrictionFeedforward:
             self._known[joint.name] = friction
 
     def tick(self, joints: WatchedJoints, now: float) -> None:
-        """Publish the torques of now; zero, once, for joints whose share was taken back."""
+        """Publish the present torques; zero, once, for joints whose share was set to zero."""
         on = joints.fed_forward
         if not on and not self._on:
             return
@@ -81,7 +81,7 @@ class FrictionFeedforward:
         self._on = on
 
     def silence(self) -> None:
-        """Say once more that nothing is to be added."""
+        """Publish zero torques, and forget the references."""
         if self._on:
             message = JointState(name=list(self._on), effort=[0.0] * len(self._on))
             message.header.stamp = self._node.get_clock().now().to_msg()
@@ -90,7 +90,7 @@ class FrictionFeedforward:
         self._heard.clear()
 
     def _torque(self, joint: WatchedJoint | None, now: float) -> float:
-        """In the units of the joint's effort."""
+        """Torque in the units of the joint's effort."""
         if joint is None or joint.trouble:
             return 0.0
         heard, friction = self._heard.get(joint.name), self._known.get(joint.name)
@@ -102,8 +102,8 @@ class FrictionFeedforward:
 def feedforward(settings: Feedforward, friction: Friction, velocity: float) -> float:
     """Torque [N·m] at the reference's velocity [rad/s]: the share of the steady friction, within the largest one.
 
-    Within a tenth of the Stribeck velocity it passes smoothly from one direction to the other, so that a reference that
-    only trembles about zero does not make it jump.
+    Within a tenth of the Stribeck velocity the torque changes direction smoothly, so that a reference that trembles
+    about zero does not make it jump.
     """
     if not abs(velocity) < LARGEST:
         return 0.0
@@ -113,7 +113,7 @@ def feedforward(settings: Feedforward, friction: Friction, velocity: float) -> f
 
 
 def _known_well(joint: WatchedJoint, assessment: Assessment) -> Friction | None:
-    """The friction to compensate, as configured or as learnt; None where it is not known well enough."""
+    """Friction to compensate, as configured or as learnt; None where it is not known well enough."""
     estimate, learnt = assessment.estimate, assessment.joint
     if assessment.uncertainty is None or estimate is None or learnt is None:
         return None if joint.settings.joint is None else joint.settings.joint.friction

@@ -22,19 +22,18 @@ from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joints import GainBounds
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
-from stickslip_ros.nodes.session import Session
+from stickslip_ros.nodes.session import SHORTEST_TICK, Session
 
-_FIRST_TICK = 0.02  # [s]
 RCLError = rclpy_implementation.RCLError
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
 class Monitor(LifecycleNode):
-    """Watches every joint it is told of, or hears of; see config/monitor.yaml for the parameters.
+    """Managed node that watches the configured joints, or every joint that is heard of.
 
-    A managed node: what it has it gets with `configure` and gives back with `cleanup`, it listens and publishes
-    between `activate` and `deactivate`.
+    The node has its joints, topics and services from `configure` to `cleanup`, and listens and publishes from
+    `activate` to `deactivate`. config/monitor.yaml has the parameters.
     """
 
     def __init__(self) -> None:
@@ -77,7 +76,7 @@ class Monitor(LifecycleNode):
         service.callback = change_state
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Get everything but data."""
+        """Create the session: joints, topics and services."""
 
         def configure() -> None:
             self._session = Session(self, self._bounds, self._own_change, monitor_parameters.state_path(self))
@@ -91,7 +90,7 @@ class Monitor(LifecycleNode):
             assert self._session is not None
             self._session.activate(self._tick)
             # A timer on ROS time would stop with a paused or looping simulation.
-            self._timer = self.create_timer(_FIRST_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._timer = self.create_timer(SHORTEST_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
         return self._transition(activate, super().on_activate, state)
 
@@ -117,7 +116,7 @@ class Monitor(LifecycleNode):
         managed: Callable[[LifecycleState], TransitionCallbackReturn],
         state: LifecycleState,
     ) -> TransitionCallbackReturn:
-        """Make a change, and that of the publishers; the reason of a failure is kept and said."""
+        """Make a transition, and that of the publishers; the reason of a failure is kept and logged."""
         try:
             change()
         except (StickSlipError, ParameterException) as error:
@@ -125,7 +124,7 @@ class Monitor(LifecycleNode):
             self.get_logger().error(str(error))
             return FAILURE
         except Exception:
-            # rclpy would swallow it.
+            # rclpy would discard the exception.
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.ERROR
         return managed(state)
@@ -138,7 +137,7 @@ class Monitor(LifecycleNode):
             self._session.deactivate()
 
     def close(self) -> None:
-        """End what is under way and save what was learnt; the node itself stays."""
+        """End the session and save what was learnt; the node itself stays."""
         self._deactivate()
         if self._session is not None:
             self._session.close()
@@ -156,7 +155,7 @@ class Monitor(LifecycleNode):
             self._session.tick()
             self._set_pace(self._session.pace())
         except Exception:
-            # Whatever it was, the next tick may well succeed, and a monitor that is gone helps nobody.
+            # Whatever the error is, the next tick may succeed, and a monitor that has ended helps nobody.
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
 
     def _set_pace(self, period: float) -> None:
@@ -166,7 +165,7 @@ class Monitor(LifecycleNode):
             self._timer.reset()
 
     def _check_parameters(self, parameters: list[Parameter]) -> None:
-        """Refuse what would make no joint, with the reason; nothing is changed here."""
+        """Refuse values that make no joint; nothing is changed here."""
         if self._own_change.active:
             return
         changes = {parameter.name: parameter for parameter in parameters}

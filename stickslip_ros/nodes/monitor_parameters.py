@@ -27,9 +27,9 @@ from stickslip_ros.settings.parameter_names import EVERY_JOINT, joint_of
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE
 from stickslip_ros.visible import visible
 
-_LONGEST_SERVICE = "set_parameters_atomically"  # that is asked of another node
+_LONGEST_SERVICE = "set_parameters_atomically"  # longest name of a service that is requested of another node
 Changes = Mapping[str, Parameter]
-_JOINT_NAME = re.compile(r"[^\s,.]{1,128}")  # names of parameters are parted by dots
+_JOINT_NAME = re.compile(r"[^\s,.]{1,128}")  # dots separate the words of parameter names
 
 
 def other_nodes(node: Node, parameter: str, given: object) -> list[str]:
@@ -38,7 +38,7 @@ def other_nodes(node: Node, parameter: str, given: object) -> list[str]:
     Raises
     ------
     InvalidParameterError
-        If it holds something else, a name that no node can have, or one twice.
+        If the parameter holds something else, a name that no node can have, or a name twice.
     """
     # An empty list in a parameter file has no type, and comes as None.
     words = [given] if isinstance(given, str) else [] if given is None else given
@@ -66,12 +66,12 @@ def _check(parameter: str, word: str, name: str) -> None:
         why = why[:1].lower() + why[1:]
         raise InvalidParameterError(parameter, f"a name that a node can have ({why})", f"{word[:80]!r}") from error
     except TypeError as error:
-        # What is no text in UTF-8 is not taken at all.
+        # rclpy refuses a text that is no UTF-8.
         raise InvalidParameterError(parameter, "a name that a node can have", ascii(word[:80])) from error
 
 
 def declare(node: Node) -> None:
-    """Declare them."""
+    """Declare the parameters that concern no single joint."""
     declare_specs(node, (*OF_THE_NODE, *COMMON))
 
 
@@ -80,12 +80,12 @@ def _value(node: Node, name: str, changes: Changes | None) -> Any:
 
 
 def check(node: Node, changes: Changes | None = None) -> None:
-    """Check what no joint's options hold, as it would be after the changes.
+    """Check the parameters as they would be after the changes.
 
     Raises
     ------
     StickSlipError
-        If a value cannot be.
+        If a value is invalid.
     """
     joint_names(node)
     _check_what_is_given(node, changes)
@@ -95,12 +95,12 @@ def check(node: Node, changes: Changes | None = None) -> None:
 
 
 def state_path(node: Node) -> Path | None:
-    """The file that what was learnt is kept in, None for none.
+    """Path of the state file, None for no file.
 
     Raises
     ------
     InvalidParameterError
-        If there is a folder or a device of that name, or it cannot be a file's name.
+        If there is a folder or a device of that name, or no file can have it.
     """
     given = str(node.get_parameter("state_file").value)
     if given == "none":
@@ -121,7 +121,7 @@ def controllers(node: Node, changes: Changes | None = None) -> list[str]:
     Raises
     ------
     InvalidParameterError
-        If it is neither, or no node can have the name.
+        If the value is neither, or no node can have the name.
     """
     return other_nodes(node, "controller", _value(node, "controller", changes))
 
@@ -132,7 +132,7 @@ def joint_names(node: Node) -> tuple[str, ...]:
     Raises
     ------
     InvalidParameterError
-        If a name cannot be a joint's, or stands there twice.
+        If no joint can have a name, or a name occurs twice.
     """
     names = list(node.get_parameter("joints").value)
     if names == [""]:
@@ -151,9 +151,9 @@ def _can_be_a_name(name: str) -> bool:
 
 
 def _check_what_is_given(node: Node, changes: Changes | None) -> None:
-    """Check what is said of every joint, and of those that are not heard of yet: it is refused now, not then."""
+    """Check the values for every joint, and for joints that are not heard of yet: errors are reported now."""
     given = {spec.name: _value(node, spec.name, changes) for spec in COMMON}
-    # A managed node that waits to be configured stays, and says at configuring what is wrong with its joints.
+    # A managed node that waits to be configured stays, and reports errors of its joints at configuring.
     if changes is None and node.get_parameter("autostart").value:
         given = {name: value.value for name, value in node._parameter_overrides.items() if joint_of(name)} | given
     _refuse_gains_of_other_commands(node)
@@ -163,7 +163,7 @@ def _check_what_is_given(node: Node, changes: Changes | None) -> None:
 
 
 def _refuse_gains_of_other_commands(node: Node) -> None:
-    """See that gains given to the node are of efforts: a section of every node may be about a controller."""
+    """Refuse gains of other commands than efforts: a section of all nodes may be about a controller."""
     given = {name: value.value for name, value in node._parameter_overrides.items()}
     gains = [name for name, value in given.items() if joint_and_kind(name) and value == value]
     reason = why_not_taken(given)

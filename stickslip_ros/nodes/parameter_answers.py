@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Requests to set parameters always have their answer: in rclpy an exception in a callback leaves them without one."""
+"""Answers to every request to set parameters: in rclpy an exception in a callback leaves a request without answer."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import StickSlipError
 
-_LONGEST_REASON = 500
+_LONGEST_REASON = 500  # length of a reason, characters: it may quote a value of any length
 
 Check = Callable[[list[Parameter]], None]
 
 
 def refuse_by(node: Node, check: Check) -> None:
-    """Let a check refuse parameters, by raising; whatever it raises becomes the reason.
+    """Refuse parameters for which a check raises; the text of the exception is the reason.
 
     Parameters
     ----------
-    check : called with the parameters as they would be. It raises StickSlipError for what cannot be.
+    check : called with the parameters as they would be. It raises StickSlipError for invalid values.
     """
 
     def answer(parameters: list[Parameter]) -> SetParametersResult:
@@ -43,7 +43,7 @@ def refuse_by(node: Node, check: Check) -> None:
 
 
 def follow_by(node: Node, apply: Check) -> None:
-    """Let the node follow parameters that were set; what goes wrong is logged, as the answer must not wait for it."""
+    """Apply parameters that were set; an error is logged, because the answer must not wait for it."""
 
     def followed(parameters: list[Parameter]) -> None:
         try:
@@ -55,5 +55,5 @@ def follow_by(node: Node, apply: Check) -> None:
 
 
 def _printable(text: str) -> str:
-    """A reason that any message can hold: bounded, and without what is no text."""
+    """Reason that any message can hold: bounded, and valid UTF-8."""
     return " ".join(text.encode("utf-8", "replace").decode("utf-8").split())[:_LONGEST_REASON]

@@ -28,16 +28,17 @@ from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_di
 from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
 from stickslip_ros.visible import visible
 
-_APART, _FURTHEST_APART = 10.0, 600.0  # [s] from one line of a joint to the next: at first, and while it goes on so
+_APART = 10.0  # time between two lines on a joint, s: a person reads the log
+_FURTHEST_APART = 600.0  # limit of that time, s: it doubles while the status goes on changing
 _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
 
 
 def quiet_publisher(node: LifecycleNode, message_type: type, topic: str, quality: Any) -> LifecyclePublisher:
-    """Make a publisher that is silent while the node is inactive, and that has no events.
+    """Publisher that is silent while the node is inactive, and that has no events.
 
     By default a publisher has two events that only write a line to the log, and rclpy's executor goes through all
-    events whenever it waits: they took half of what an idle monitor takes. The subscriber at the other end, whose
-    quality of service or type does not fit, has the same line in its log.
+    events whenever it waits: they took half of the time of an idle monitor. A subscriber whose quality of service or
+    type does not fit has the same line in its log.
 
     Parameters
     ----------
@@ -49,12 +50,13 @@ def quiet_publisher(node: LifecycleNode, message_type: type, topic: str, quality
 
 @dataclass
 class _Entry:
-    """What the log has of a joint.
+    """State of the log on a joint.
 
     Attributes
     ----------
-    latest, before : the word at the last look, and the one before the latest change; "" for none.
-    at : of the last line, a steady time [s]. changes : since then. apart : least time to the next line [s].
+    latest, before : the present word, and the word before the latest change; "" for none.
+    at : time of the last line, a steady time [s]. changes : number of changes since then.
+    apart : least time to the next line [s].
     """
 
     at: float
@@ -65,14 +67,14 @@ class _Entry:
 
 
 class StatusLog:
-    """Writes a line at each change of a joint's status to or from one that is worth a warning.
+    """Log of the joints' statuses: a line at each change to or from a status that is worth a warning.
 
-    A joint whose status changes again before the next line may come has one line then, with the number of changes; the
-    time to the next line doubles as long as that goes on.
+    Changes before the next line may come are one line then, with their number. The time to the next line doubles as
+    long as the status goes on changing.
 
     Parameters
     ----------
-    warn, inform : write to the log.
+    warn, inform : write a line to the log.
     """
 
     def __init__(self, warn: Callable[[str], object], inform: Callable[[str], object]) -> None:
@@ -80,11 +82,11 @@ class StatusLog:
         self._joints: dict[str, _Entry] = {}
 
     def note(self, joint: str, word: str, text: str, now: float) -> None:
-        """Take the status of a joint.
+        """Log the status of a joint, if it has changed.
 
         Parameters
         ----------
-        word : of the status, or why there is none. text : the summary for a person. now : a steady time [s].
+        word : word of the status, or why there is none. text : summary for a person. now : a steady time [s].
         """
         entry = self._joints.setdefault(joint, _Entry(now))
         if word != entry.latest and not (_is_calm(word) and _is_calm(entry.latest)):
@@ -110,15 +112,15 @@ def _is_calm(word: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Findings:
-    """What is known of one joint now.
+    """Present findings on one joint.
 
     Attributes
     ----------
-    exact, trial : verdicts on the gains of now and on those on trial. here : where the joint is, None where friction
-        is not known to vary.
-    silent_for : [s], None if it is heard. trouble : why nothing can be said of it, or "".
-    missing : why what was configured is not known, or "".
-    applied : the last outcome of `~/apply_recommendation`, or "".
+    exact, trial : verdicts on the present gains and on those on trial. here : verdict at the present place or load,
+        None where friction is not known to vary.
+    silent_for : time without samples [s], None if samples come. trouble : why the joint cannot be judged, or "".
+    missing : why states, gains or references are missing, or "".
+    applied : last outcome of `~/apply_recommendation`, or "".
     advised : gains in the controller's units, None if there are none. conditions : beyond the paper, as configured.
     """
 
@@ -135,15 +137,15 @@ class Findings:
 
 
 class Publications:
-    """The node's publishers, which are silent while it is inactive; ``robot`` is what stands before joints' names."""
+    """The node's publishers, which are silent while it is inactive; ``robot`` precedes the joints' names."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node, self._clock = node, node.get_clock()
         space = node.get_namespace().strip("/")
         self.robot = f"{space}/" if space else ""
-        self._statuses: dict[str, StatusBytes] = {}  # as they were when a joint was looked at last
-        self._rows: dict[str, array_of[float]] = {}  # of `~/margins`, likewise
-        # rclpy tells callers apart by their lines, and refuses one that logs at another level than before.
+        self._statuses: dict[str, StatusBytes] = {}  # of each joint, as assessed last
+        self._rows: dict[str, array_of[float]] = {}  # rows of `~/margins`, as assessed last
+        # rclpy distinguishes callers by their lines of code, and refuses a caller that changes its level.
         self._log = StatusLog(
             warn=lambda line: node.get_logger().warning(line),
             inform=lambda line: node.get_logger().info(line),
@@ -155,17 +157,17 @@ class Publications:
         self._recommended = quiet_publisher(node, Float64MultiArray, "~/recommended_gains", 10)
 
     def close(self) -> None:
-        """Take them from the graph."""
+        """Remove the publishers from the graph."""
         for publisher in (self._diagnostics, self._margins, self._cycles, self._friction, self._recommended):
             self._node.destroy_lifecycle_publisher(publisher)
 
     def publish_cycles(self, found: Sequence[tuple[str, Cycle]]) -> None:
-        """One status for every completed cycle, with the name of its joint."""
+        """Publish a status for every completed cycle, with the name of its joint."""
         if found:
             self._publish_diagnoses(self._cycles, [cycle_diagnostic(name, cycle) for name, cycle in found])
 
     def publish_waiting(self, own: Diagnosis, joints: Iterable[str], reason: str) -> None:
-        """The status of the node, and of its joints why there is none yet."""
+        """Publish the status of the node, and for each joint why it has none yet."""
         self._publish_diagnoses(self._diagnostics, [own, *(waiting_diagnostic(name, reason) for name in joints)])
 
     def publish_statuses(
@@ -177,12 +179,12 @@ class Publications:
         *,
         warn_margin: float,
     ) -> None:
-        """One message with the status of the node, if given, and of the joints that are told of.
+        """Publish one message with the status of the node, if given, and of the reported joints.
 
         Parameters
         ----------
-        joints : what is known of all of them. told : names of those that are told of now.
-        looked_at : of those of which something else may be known than when they were told of last.
+        joints : findings on all joints. reported : names of joints to report now.
+        assessed : names of joints whose findings may have changed since their last report.
         """
         for name in assessed:
             one = joints.get(name)
@@ -210,12 +212,12 @@ class Publications:
             self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
 
     def publish_tables(self, joints: Mapping[str, Findings], reported: Sequence[str]) -> None:
-        """What is known as numbers, each table only while somebody listens: nobody else would ever get it.
+        """Publish the numbers, each table only while somebody listens: later listeners would not get it.
 
         Parameters
         ----------
-        joints : what is known of all of them: `~/margins` and `~/recommended_gains` always have every joint.
-        told : names of those of which `~/friction` tells now.
+        joints : findings on all joints, because `~/margins` and `~/recommended_gains` always have every joint.
+        reported : names of joints to report on `~/friction` now.
         """
         if not joints:
             return
@@ -245,5 +247,5 @@ class Publications:
 
 
 def _has_listeners(publisher: LifecyclePublisher) -> bool:
-    """Whether anybody would get what is published now; who comes later gets none of it either way."""
+    """Whether anybody would get a message that is published now."""
     return bool(publisher.get_subscription_count())

@@ -30,18 +30,18 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.running import run
 
-_TIMER_PERIOD = 0.005
-_MOST_AT_ONCE = 200
-_LONGEST_STEP = 0.02  # [s] that are caught up with after the processor was away
-_SETTLED = 1.0  # [s] after it was found: a listener that is known need not know of this node yet
-_STAMP_OFFSET = 1.0  # a recording may begin at 0, which as a stamp means "not set"
+_TIMER_PERIOD = 0.005  # period of publishing, s: five samples of a recording at 1 kHz
+_MOST_AT_ONCE = 200  # number of messages in one period, 1: queues of listeners hold them
+_LONGEST_STEP = 0.02  # time that is caught up after a pause of the process, s: more would flood the listeners
+_SETTLED = 1.0  # time after a listener was found, s: the listener need not have found this node yet
+_STAMP_OFFSET = 1.0  # offset of the stamps, s: a recording may begin at 0, which as a stamp means "not set"
 
-# When it was recorded [s], topic, message (or the bytes of one).
+# Time in the recording [s], topic, message or its bytes.
 Recorded = tuple[float, str, Any]
 
 
 class Replay(Node):
-    """Waits for a listener, publishes every message once, and ends some time after the last."""
+    """Node that waits for a listener, publishes every message once, and ends some time after the last."""
 
     def __init__(self) -> None:
         super().__init__("replay")
@@ -81,7 +81,7 @@ class Replay(Node):
             if all(publisher.get_subscription_count() for publisher in self._outputs.values()):
                 self._start = self._ticked = now + _SETTLED
             return
-        # Whoever could not run for a while goes on from there: all of it at once would flood the listeners.
+        # After a pause of the process the recording goes on where it was.
         self._start += max(0.0, now - self._ticked - _LONGEST_STEP)
         self._ticked = now
         due = self._first + self._factor * (now - self._start)
@@ -94,12 +94,12 @@ class Replay(Node):
         if self._next is None:
             self._end = now if math.isnan(self._end) else self._end
             if now - self._end >= self._linger:
-                # As anybody else would end it.
+                # The node ends as if another process ended it.
                 signal.raise_signal(signal.SIGTERM)
 
 
 def _of_table(name: str, joint: str) -> Iterator[Recorded]:
-    """A table's samples, each reference before its sample."""
+    """Messages of a table, each reference before its sample."""
     batch = load_recording(find_recording(name)).batch
     with_reference = np.isfinite(batch.reference_position).any() or np.isfinite(batch.reference_velocity).any()
     for index, when in enumerate(batch.time.tolist()):
@@ -116,12 +116,12 @@ def _of_table(name: str, joint: str) -> Iterator[Recorded]:
 
 
 def _of_bag(path: Path, states: str) -> Iterator[Recorded]:
-    """A bag's joint states, references (if they are JointStates) and gains, as serialized."""
+    """Serialized joint states, references (if these are JointStates) and gains of a bag."""
     with Bag(path) as bag:
         try:
             topics = find_topics(bag.channels(), TopicChoice(states=states or None))
         except RecordingError as error:
-            # The option of the commands is a parameter here.
+            # The option of the commands is a parameter of the node.
             raise RecordingError(str(error).replace("--states", "the parameter states")) from error
         names = {topics.states: "joint_states"}
         names |= {channel: "joint_references" for channel in topics.references if channel.type == JOINT_STATE}

@@ -23,7 +23,7 @@ RCLError = rclpy_implementation.RCLError
 _PLACES = re.compile(r",? at \S+\.[ch](pp)?:\d+")  # in the middleware's own source
 _ABOUT = "failed to initialize rcl: "
 _LAYOUT = "ros__parameters"
-_LONGEST_CALLBACK = 4.0  # [s], on a busy machine: after 5 s ros2 launch loses its patience
+_LONGEST_CALLBACK = 4.0  # duration of a callback on a busy machine, s: ros2 launch kills a node after 5 s
 
 
 def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool = False) -> int:
@@ -31,7 +31,7 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
 
     Parameters
     ----------
-    persevere : whether to go on after an exception, once it is logged: what another node sent must not end this one.
+    persevere : whether to go on after an exception, once it is logged: another node's message must not end this node.
     """
     take_signals(status=0)
     try:
@@ -40,7 +40,7 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
         try:
             node = create()
         except RCLError as error:
-            # No node can be had of the middleware: with DDS security asked for and not there, for one.
+            # The middleware makes no node, for example where DDS security is requested and missing.
             raise StickSlipError(str(error).partition("\n")[0]) from error
         try:
             _spin(node, persevere=persevere)
@@ -57,10 +57,10 @@ def run(create: Callable[[], Node], args: list[str] | None, *, persevere: bool =
 
 
 def _spin(node: Node, *, persevere: bool) -> None:
-    """Call back until the process is asked to end; the callback that is under way then is finished."""
+    """Execute callbacks until the process is asked to end; the present callback is finished."""
     executor = rclpy.get_global_executor()
     executor.add_node(node)
-    # One that has something to call back: for nothing else does the executor leave off waiting.
+    # The guard condition needs a callback: the executor leaves its wait for nothing else.
     ending = node.create_guard_condition(lambda: None)
     with woken(ending.trigger, patience=_LONGEST_CALLBACK):
         while node.context.ok() and not came():
@@ -79,7 +79,7 @@ def _initialize(args: list[str] | None) -> None:
     Raises
     ------
     StickSlipError
-        If the arguments, or a file that they name, cannot be used; the text names them.
+        If the arguments, or a file in them, cannot be used; the text names them.
     """
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -93,7 +93,7 @@ def _initialize(args: list[str] | None) -> None:
 
 
 def turn(node: Node, timeout: float) -> None:
-    """As :func:`rclpy.spin_once`, for at most so long [s].
+    """Execute one callback, as :func:`rclpy.spin_once`, waiting ``timeout`` seconds at most.
 
     Raises
     ------

@@ -48,9 +48,9 @@ _POLL_GAINS = 0.1  # time between two polls of the controllers and the inputs, s
 _SCAN_ALL = 0.2  # time between two scans of all joints for changes, s: a person notices no later report
 _PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
 _SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint
-_LONGEST_TICK, _SHORTEST_TICK = 0.04, 0.02  # period of ticks, s: 25 Hz suffice, and 50 Hz while gains change
+_LONGEST_TICK, SHORTEST_TICK = 0.04, 0.02  # period of ticks, s: 25 Hz suffice, and 50 Hz while gains change
 _IDLE_TICK = 0.5  # period of ticks while nothing comes, s: the first message ends it at once
-_EARLY = 0.5 * _SHORTEST_TICK  # a publication that is due before the middle of the next period is made now
+_EARLY = 0.5 * SHORTEST_TICK  # a publication that is due before the middle of the next period is made now
 _PENDING_PER_TICK = 5.0  # span of waiting messages that one tick processes, s: a tick stays short
 _IDLE_AFTER = 2.0  # time without a message and without work under way, s: a shorter pause of a publisher is usual
 _IDLE_PERIOD = 1.0  # time between two statuses of an idle node, s: nothing changes meanwhile, and each costs time
@@ -209,8 +209,8 @@ class Session:
         if self._idle:
             return _IDLE_TICK
         if self._ramps.busy:
-            return _SHORTEST_TICK
-        return max(self._period / math.ceil(self._period / _LONGEST_TICK - 1e-6), _SHORTEST_TICK)
+            return SHORTEST_TICK
+        return max(self._period / math.ceil(self._period / _LONGEST_TICK - 1e-6), SHORTEST_TICK)
 
     @property
     def _idle(self) -> bool:

@@ -33,14 +33,14 @@ _GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
 _PROFILES = ("hold", "move", "reverse")
 _COMMANDS = ("reference", "effort")
 _COMPENSATED = {"feedforward": "at the reference's speed", "feedback": "at the measured speed", "push": "by the error"}
-_EFFORT_HOLDS = 0.2  # [s] without a message, after which it is zero
-_TIMER_PERIOD = 0.005  # [s]
-_TIMER_PERIOD_OF_A_DRIVE = 0.001  # [s] a controller of somebody else waits for the states
-_LONGEST_CATCH_UP = 0.1  # [s] after a pause of the process, the rest of the time is skipped
+_EFFORT_HOLDS = 0.2  # time without a commanded effort, s: a controller that has ended must not leave its effort
+_TIMER_PERIOD = 0.005  # period of publishing, s: five samples at 1 kHz cost little more than one
+_TIMER_PERIOD_OF_A_DRIVE = 0.001  # period of a drive, s: another node's controller waits for the states
+_LONGEST_CATCH_UP = 0.1  # time that is caught up after a pause of the process, s: the rest is skipped
 
 
 class Reference:
-    """Desired position of one joint: holds, moves, or moves to and fro."""
+    """Desired position of one joint, which holds, moves, or moves to and fro."""
 
     def __init__(self) -> None:
         self.position = 0.0
@@ -66,9 +66,9 @@ class Reference:
 
 
 class SimulatedJoint(Node):
-    """Integrates Eqs (4)-(6) and publishes what a robot's driver and controller would.
+    """Node that integrates Eqs (4)-(6) and publishes the topics of a robot's driver and controller.
 
-    With the parameter `command` set to effort it is a driver alone: another node closes the loop, and sends efforts.
+    With the parameter `command` set to effort the node is a driver alone; another node closes the loop by efforts.
     """
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class SimulatedJoint(Node):
         self._random = np.random.default_rng(seed)
         self._references = {name: Reference() for name in self._names}
         self._simulations = {name: self._create(name) for name in self._names}
-        # What was given at the start is no better than what is set later.
+        # Values given at the start are checked as values set later.
         self._check(list(self._parameters.values()))
         refuse_by(self, self._check)
         follow_by(self, self._apply)
@@ -147,7 +147,7 @@ class SimulatedJoint(Node):
         return JointSimulation(known.joint, gains, load=load)
 
     def _declare_controller(self, name: str, known: KnownJoint) -> None:
-        """What the node's own controller of a joint is told."""
+        """Declare the parameters of the node's own controller of a joint."""
         self._declare(f"gains.{name}.p", float(known.gains.stiffness), "stiffness [N*m/rad]")
         self._declare(f"gains.{name}.i", float(known.gains.integral), "integral gain [N*m/(rad*s)]")
         self._declare(f"gains.{name}.d", float(known.gains.damping), "damping [N*m*s/rad]")
@@ -159,7 +159,7 @@ class SimulatedJoint(Node):
             self._declare(f"{kind}.{name}", 0.0, f"{text}: {_COMPENSATED[kind]} [1]")
 
     def _check(self, parameters: list[Parameter]) -> None:
-        """Refuse what no controller or encoder could be."""
+        """Refuse values that no controller or encoder can have."""
         for parameter in parameters:
             kind, _, _ = parameter.name.partition(".")
             name, value = parameter.name, parameter.value
@@ -187,7 +187,7 @@ class SimulatedJoint(Node):
             reference.reversal_period = float(self._value(f"reversal_period.{name}"))
 
     def _compensation(self, name: str, joint: Joint) -> Compensation | None:
-        """As a controller has it that knows the friction, of which it compensates a share."""
+        """Compensation of a controller that knows the friction and compensates a share of it; None for no share."""
         shares = {kind: float(self._value(f"{kind}.{name}")) for kind in _COMPENSATED}
         if not any(shares.values()):
             return None
@@ -199,8 +199,8 @@ class SimulatedJoint(Node):
         )
 
     def _hear_efforts(self, message: JointState) -> None:
-        """A torque for each joint, applied until the next one, or until they stay away."""
-        # Until now the one before was.
+        """Apply a torque to each joint, until the next message or until none comes any more."""
+        # The torque before is applied until now.
         self._tick()
         if len(message.effort) == len(message.name):
             self._torques |= {

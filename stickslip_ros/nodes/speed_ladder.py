@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The experiment that shows all of a joint's friction: at rest, slow, faster, and the same way back."""
+"""Experiment that excites all of a joint's friction: at rest, slow, faster, and the same way back."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from stickslip_ros.nodes.intake.drain import DrainedSubscription
 from stickslip_ros.nodes.running import turn
 from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController
 
-_QUEUE = 10_000
-_SPIN = 0.02
-_CONNECT_LIMIT = 20.0  # [s]
-_ANSWER_LIMIT = 5.0
-_SETTLE = 0.5  # [s] recorded before the first step and after the last
-_SILENCE = 1.0  # [s] without a new stamp, after which nobody knows where the joint is
-_STILL, _HOLD_LIMIT = 0.3, 3.0  # [s] between a hold and a look whether the joint stands; for all of them
-_STANDS = 1e-3  # [rad] by which a joint that stands may seem to move meanwhile
+_QUEUE = 10_000  # depth of a queue, messages: ten seconds at 1 kHz
+_SPIN = 0.02  # duration of one spin, s: Ctrl-C and progress are no later
+_CONNECT_LIMIT = 20.0  # time until joint and controller are found, s: discovery takes seconds
+_ANSWER_LIMIT = 5.0  # time until an answer, s: a node that is busy answers within it
+_SETTLE = 0.5  # time recorded before the first step and after the last, s: the joint rests in it
+_SILENCE = 1.0  # time without a new stamp, s: the position is not known any more
+_STILL, _HOLD_LIMIT = 0.3, 3.0  # time between a hold and a check that the joint stands, and limit of all holds, s
+_STANDS = 1e-3  # displacement of a joint that stands, rad: encoders move by less meanwhile
 
 
 def speed_ladder(speeds: list[float], *, duration: float, rest: float) -> list[Step]:
-    """Rest, each speed in turn with rests between, then the same backwards: the joint ends where it began.
+    """Steps of a ladder: each speed with rests between, then the same backwards, so that the joint ends where it began.
 
     Raises
     ------
@@ -55,13 +55,13 @@ def speed_ladder(speeds: list[float], *, duration: float, rest: float) -> list[S
 
 
 class LadderNode(Node):
-    """Moves one joint through a ladder and records it.
+    """Node that moves one joint through a ladder and records it.
 
     Parameters
     ----------
     joint : its name. simulated : name of a simulated joint's node, whose parameters are set; or "".
-    controller : name of a joint_trajectory_controller, which is sent one trajectory; or "".
-    largest_lag : from which the joint may not be further [rad].
+    controller : name of a joint_trajectory_controller, which gets one trajectory; or "".
+    largest_lag : largest distance of the joint from its trajectory [rad].
     """
 
     def __init__(
@@ -82,20 +82,20 @@ class LadderNode(Node):
         self._controller = TrajectoryController(self, controller, joint, largest_lag) if controller else None
 
     def _on_gains(self, _: str, gains: Gains | None) -> None:
-        # The experiment was made with those known last, wherever the controller is now.
+        # The experiment was made with the last known gains, even if the controller has ended.
         self.gains = gains or self.gains
 
     def run(self, steps: list[Step], report: Callable[[float, str], None]) -> Batch:
-        """Move through the steps and return what was recorded.
+        """Move through the steps; returns the recorded samples.
 
         Parameters
         ----------
-        told : called with the seconds done and what is being done.
+        report : called with the seconds done and the present step.
 
         Raises
         ------
         ExperimentError
-            If nothing is heard of the joint or its controller, or the joint does not do as it is told.
+            If nothing is heard of the joint or its controller, or the joint does not follow.
         """
         self._connect()
         if self._controller is not None:
@@ -109,7 +109,7 @@ class LadderNode(Node):
 
     @property
     def position(self) -> float:
-        """Of the joint, as heard last [rad]; NaN before that."""
+        """Last position of the joint [rad]; NaN before the first."""
         return self._positions.get(self._joint, math.nan)
 
     def _spin(self, duration: float) -> None:
@@ -132,7 +132,7 @@ class LadderNode(Node):
         return "" if self._client is None or self._client.services_are_ready() else "its controller"
 
     def _turn(self) -> None:
-        """Let ROS work a little, and take what has come."""
+        """Let ROS work a little, and process the messages that have come."""
         turn(self, _SPIN)
         self._controller_gains.poll(monotonic())
         if self._controller is not None:
@@ -152,7 +152,7 @@ class LadderNode(Node):
             self._batches.append(batch)
 
     def _rows(self, message: JointState) -> dict[str, tuple[float, float, float]]:
-        """What a message says of its joints; nothing if it cannot be read."""
+        """Rows of a message by joint; none if it cannot be read."""
         try:
             return joint_rows(message)
         except MessageError:
@@ -171,7 +171,7 @@ class LadderNode(Node):
     def _follow(
         self, controller: TrajectoryController, steps: list[Step], report: Callable[[float, str], None]
     ) -> None:
-        """Send the whole ladder, and see to it that it is what the joint does."""
+        """Send the whole ladder, and check that the joint follows it."""
         begin = last = self._stamp
         heard = monotonic()
         controller.begin(steps, self._positions, _SETTLE)
@@ -217,7 +217,7 @@ class LadderNode(Node):
             raise ExperimentError(f"{self._simulated} refused velocity {velocity:g}: {why}")
 
     def _hold(self) -> None:
-        """Leave the joint at rest, whatever happened."""
+        """Bring the joint to rest, whatever happened."""
         if self._controller is None:
             try:
                 self._set(0.0)

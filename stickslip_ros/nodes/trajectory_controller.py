@@ -2,8 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """One joint of a joint_trajectory_controller moved along a trajectory, and whether it follows this and no other.
 
-The controller refuses what does not suit it without an answer, so what it logs and what the joint does must tell.
-Time is that of the joint states' stamps: on a simulated clock too the joint is where it is at their time.
+The controller refuses a trajectory without an answer, so that its log and the motion of the joint have to reveal it.
+Time is that of the joint states' stamps, on a simulated clock too.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
 
-LARGEST_LAG = 0.02  # [rad]
-_REQUEST_EVERY = 1.0  # [s]
-_STOP_TIME = 0.2  # [s]
-_LATE = 0.25  # [s] that controller and joint states may be late
-_OF_LAG = 0.25  # of the largest lag: so far a joint that is to rest may move
-_MOVED = 0.1  # of its way: a joint that moved less has not moved
-_LOGGED = 1000
-_LINES = 3
-_ERROR = 40  # rcl_interfaces/Log, where wheels and distributions disagree on the type of its constant
+LARGEST_LAG = 0.02  # distance from the trajectory, rad: a joint that is farther off is stopped
+_REQUEST_EVERY = 1.0  # time between two requests of the parameter `joints`, s: a slow controller is not flooded
+_STOP_TIME = 0.2  # duration of the trajectory that holds the joints, s: they stop softly
+_LATE = 0.25  # delay of controller and joint states, s: a position due meanwhile is accepted
+_OF_LAG = 0.25  # displacement of a joint that is to rest, largest lags: encoders and settling move it by less
+_MOVED = 0.1  # displacement of a joint that has moved, largest lags
+_LOGGED = 1000  # depth of the queue of /rosout, messages: many nodes write there
+_LINES = 3  # number of quoted lines of the log, 1: the first ones have the cause
+_ERROR = 40  # severity of an error in rcl_interfaces/Log, whose constant has another type in wheels
 
 
 class ExperimentError(StickSlipError, RuntimeError):
-    """An experiment that cannot begin or go on; the text says why."""
+    """An experiment that cannot begin or go on; the text has the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One step of a ladder: velocity [rad/s], 0 for a rest, and how long [s]."""
+    """One step of a ladder: velocity [rad/s], 0 for a rest, and duration [s]."""
 
     velocity: float
     duration: float
@@ -48,35 +48,35 @@ class Step:
 
 @dataclass(frozen=True)
 class Path:
-    """Where a joint is to be when: straight lines between positions [rad] at times [s] from the beginning."""
+    """Desired path of a joint: straight lines between positions [rad] at times [s] from the beginning."""
 
     times: FloatArray
     positions: FloatArray
 
     @staticmethod
     def of(steps: Sequence[Step], position: float, begin: float) -> Path:
-        """The steps from a position, after a rest of ``begin`` seconds."""
+        """Path of the steps from a position, after a rest of ``begin`` seconds."""
         durations = np.array([begin, *(step.duration for step in steps)])
         ways = np.array([0.0, *(step.velocity * step.duration for step in steps)])
         return Path(np.cumsum(durations), position + np.cumsum(ways))
 
     def off(self, time: float, position: float) -> float:
-        """How far a position is from where it is to be, or was to be a moment before [rad]."""
+        """Distance of a position from the path, at a time or a moment before [rad]."""
         due = np.interp(np.linspace(time - _LATE, time, 6), self.times, self.positions)
         return max(position - float(due.max()), float(due.min()) - position, 0.0)
 
     def rests(self, time: float) -> bool:
-        """Whether the joint has not been told to move yet."""
+        """Whether the path has not left its first position yet."""
         return bool(np.interp(time, self.times, self.positions) == self.positions[0]) and time < self.times[-1] / 2
 
 
 class TrajectoryController:
-    """A joint_trajectory_controller that is to move one of its joints while the others hold where they are.
+    """A joint_trajectory_controller that is to move one of its joints while the others hold their positions.
 
     Parameters
     ----------
-    node : does the talking. name : fully qualified name of the controller's node. joint : to be moved.
-    largest_lag : so far the joint may be from its trajectory [rad].
+    node : has publisher and clients. name : fully qualified name of the controller's node. joint : joint to be moved.
+    largest_lag : largest distance of the joint from its trajectory [rad].
     """
 
     def __init__(self, node: Node, name: str, joint: str, largest_lag: float = LARGEST_LAG) -> None:
@@ -95,7 +95,7 @@ class TrajectoryController:
         node.create_subscription(Log, "/rosout", self._on_log, _LOGGED)
 
     def poll(self, now: float) -> None:
-        """Ask for what is not known yet; ``now`` is a steady time [s]."""
+        """Request the names of the joints until they are known; ``now`` is a steady time [s]."""
         self._parameters.poll(now)
         if not self.joints and self._parameters.ready() and now > self._requested_at + _REQUEST_EVERY:
             self._requested_at = now
@@ -114,7 +114,7 @@ class TrajectoryController:
             raise ExperimentError(f"{self._joint} is none of the joints of {self.name}: {', '.join(self.joints)}")
 
     def missing(self, positions: Mapping[str, float]) -> str:
-        """What is to be known or there before a trajectory can be sent, "" if nothing is."""
+        """What is missing before a trajectory can be sent, in words, "" if nothing is."""
         if self._publisher.get_subscription_count() < (2 if self._listens() else 1):
             return f"its controller: {self.name} does not listen to trajectories"
         if not self.joints:
@@ -123,7 +123,7 @@ class TrajectoryController:
         return f"joint_states, of these joints of {self.name}: {', '.join(unknown)}" if unknown else ""
 
     def _listens(self) -> bool:
-        """Whether this node's own subscription is among those counted."""
+        """Whether this node's own subscription is counted too."""
         topic = self._publisher.topic_name
         own = self._node.get_fully_qualified_name()
         return any(
@@ -132,12 +132,12 @@ class TrajectoryController:
         )
 
     def refuse_motion(self, before: Mapping[str, float], after: Mapping[str, float]) -> None:
-        """Refuse to begin while a joint moves: a trajectory would stop it, or fight with what moves it.
+        """Refuse to begin while a joint moves: a trajectory would stop it, or oppose the cause of its motion.
 
         Raises
         ------
         ExperimentError
-            If one does.
+            If a joint moves.
         """
         for name in self.joints:
             way = abs(after[name] - before[name])
@@ -151,14 +151,14 @@ class TrajectoryController:
         self._send(self._path, positions)
 
     def hold(self, positions: Mapping[str, float]) -> None:
-        """Tell every joint to stay where it is."""
-        # Not an empty trajectory, which joint_trajectory_controller refuses.
+        """Command every joint to stay where it is."""
+        # joint_trajectory_controller refuses an empty trajectory.
         self._send(Path(np.array([_STOP_TIME]), np.array([positions[self._joint]])), positions)
 
     def _send(self, path: Path, positions: Mapping[str, float]) -> None:
         message = JointTrajectory(joint_names=list(self.joints))
         for time, position in zip(path.times.tolist(), path.positions.tolist(), strict=True):
-            # Without velocities the controller goes on straight lines, at constant speed.
+            # Without velocities the controller follows straight lines, at constant speed.
             there = [position if name == self._joint else positions[name] for name in self.joints]
             whole = int(time)
             after = Duration(sec=whole, nanosec=min(round(1e9 * (time - whole)), 999_999_999))
@@ -167,18 +167,18 @@ class TrajectoryController:
         self._publisher.publish(message)
 
     def wait_for_delivery(self, limit: float) -> None:
-        """Wait until the controller has what was sent, so many seconds at most."""
+        """Wait until the controller has the trajectory, ``limit`` seconds at most."""
         from rclpy.duration import Duration as Time
 
         self._publisher.wait_for_all_acked(Time(seconds=limit))
 
     def check(self, time: float, position: float) -> None:
-        """Whether the joint, so many seconds after the beginning, is where the trajectory has it [rad].
+        """Check the joint's position [rad], ``time`` seconds after the beginning.
 
         Raises
         ------
         ExperimentError
-            If it is not, another trajectory was sent, or the controller has complained.
+            If the joint is off its trajectory, another trajectory was sent, or the controller has logged an error.
         """
         path = self._path
         assert path is not None
@@ -214,5 +214,5 @@ class TrajectoryController:
             self._complaints.append(message.msg.strip())
 
     def close(self) -> None:
-        """Drop every question."""
+        """Drop every request."""
         self._parameters.close()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Parameters that were given to the node and mean nothing to it, said once with what was probably meant."""
+"""Parameters that were given to the node and are unknown to it, logged once with the nearest known name."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ from stickslip_ros.settings.parameter_names import (
 )
 
 _FILE = "--params-file"
-_PATIENCE = 5.0  # [s] for a joint to be heard for the first time
+_PATIENCE = 5.0  # time until a joint is heard for the first time, s: its parameters are unknown only after it
 _QOS = "qos_overrides."
-_NEARLY, _LEAST_LETTERS = 0.85, 6  # of a name in a section that may be about other nodes
+_NEARLY = 0.85  # similarity of a name in a section of all nodes, 1: a less similar name is another node's
+_LEAST_LETTERS = 6  # length of such a name, letters: shorter names are similar by chance
 
 
 class UnknownParameters:
-    """See the module.
+    """Unknown parameters of the node.
 
     Parameters
     ----------
-    arguments : of the process, as ROS takes them; None: its own.
+    arguments : arguments of the process, as ROS has them; None for its own.
 
-    ``texts`` has a sentence for everything that is not understood now.
+    ``texts`` has a sentence for every parameter that is unknown now.
     """
 
     def __init__(self, node: Node, arguments: Sequence[str] | None = None) -> None:
@@ -53,11 +54,11 @@ class UnknownParameters:
         self.texts: list[str] = []
 
     def poll(self, joints: Collection[str], now: float, *, others_may_come: bool) -> None:
-        """Compare what was given with what there is; ``now`` is a steady time [s].
+        """Compare the given parameters with the known ones; ``now`` is a steady time [s].
 
         Parameters
         ----------
-        joints : watched. others_may_come : whether more of them are watched once they are heard.
+        joints : watched joints. others_may_come : whether more joints are watched once they are heard.
         """
         if math.isnan(self._began):
             self._began = now
@@ -99,7 +100,7 @@ class UnknownParameters:
                 yield found
 
     def _meant_for_this_node(self, found: UnknownName) -> bool:
-        """Whether a name is the monitor's business: a section of every node may be about others."""
+        """Whether a name is meant for the monitor: a section of all nodes may be about others."""
         own = self._node.get_fully_qualified_name()
         homes = [one for one in self._sections if found.name in one.parameters and one.is_for(own)]
         if not homes or any(not one.of_any_node or one.about_monitors for one in homes):
@@ -111,7 +112,7 @@ class UnknownParameters:
 
 
 def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Options among ROS's arguments, each with the word behind it."""
+    """Options among ROS's arguments, each with the word that follows."""
     ours, words = False, list(arguments)
     for word, behind in zip(words, [*words[1:], ""], strict=True):
         if word == "--ros-args":
@@ -123,7 +124,7 @@ def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _given_sections(arguments: Sequence[str]) -> Iterator[FileSection]:
-    """What --params-file and -p node:name:=value give, among ROS's arguments."""
+    """Sections of --params-file and -p node:name:=value, among ROS's arguments."""
     for option, value in _given(arguments):
         if option == _FILE:
             yield from _sections_in(Path(value))
@@ -137,12 +138,12 @@ def _sections_in(path: Path) -> list[FileSection]:
     try:
         return sections_of(read_yaml(path))
     except (OSError, ValueError, RecursionError):
-        # rcl has read it; what YAML itself makes of it is of no consequence here.
+        # rcl has read the file, and reports what is wrong with it.
         return []
 
 
 def _repeated_in(path: Path) -> list[str]:
-    """What stands twice in a file that can be read: one of both counts, and the other one is lost."""
+    """Sentence on a key that occurs twice in a file that can be read: one value counts, and the other is lost."""
     try:
         read_yaml(path)
     except (OSError, ValueError, RecursionError):

@@ -18,7 +18,7 @@ from stickslip_ros.nodes.state.plain_data import USER_ONLY, from_plain, sealed, 
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1
-_LARGEST = 1_000_000  # size of the file, bytes: it has a line for each of at most 256 joints
+_LARGEST = 1_000_000  # size of the file, bytes: it has an entry for each of at most 256 joints
 
 
 class JournalError(StickSlipError):
