@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """Latched topics whose content takes a second to compute: `~/stability_map` and `~/recommended_compensation`.
 
-Each is computed only while somebody listens, and anew on change.
+Each is computed only while somebody listens, and again on change.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class WhileListened(Generic[Question, Answer]):
 
     Parameters
     ----------
-    kind : of question, in words. answer : answers it; a function of a module, as another process has to find it.
-    question : of a joint's name and findings, None where there is nothing to ask.
+    kind : name of the kind. answer : answers a question; a function of a module, which another process can import.
+    question : makes a question of a joint's name and findings, None where there is none.
     similar : whether two questions have answers that nobody can distinguish.
-    message : of a joint's name, a question and its answer, in the type of the topic.
+    message : makes a message of a joint's name, a question and its answer.
     """
 
     def __init__(

@@ -44,7 +44,7 @@ from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 
 _STALE_AFTER = 1.0  # time without a sample, s: a joint that has been silent for longer is reported as silent
 _QUEUE = 5000  # depth of a queue, messages: five seconds at 1 kHz without a drain lose none
-_POLL_GAINS = 0.1  # time between two polls of the controllers and the inputs, s: each asks the graph, which costs time
+_POLL_GAINS = 0.1  # time between two polls of the controllers and the inputs, s: each queries the graph
 _SCAN_ALL = 0.2  # time between two scans of all joints for changes, s: a person notices no later report
 _PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
 _SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint
@@ -135,7 +135,7 @@ class Session:
         self._gains.follow(monitor_parameters.controllers(self._node))
 
     def withdraw_permission(self) -> None:
-        """Write no more gains of what was asked for until now."""
+        """Stop writing gains of requests made until now."""
         self._ramps.withdraw()
 
     def activate(self, heard: Callable[[], None]) -> None:

@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Gains of others: heard, asked for, written."""
+"""Gains of other nodes: received, requested, written."""

@@ -34,7 +34,7 @@ _LOG_EVERY = 1.0  # time between two lines on the gains of a ramp, s: a ramp of 
 _STEP_PERIOD = 0.1  # least time between two steps, s: the motion after a step is seen before the next
 _RETREAT_PERIOD = 0.05  # time between two steps back, s: going back is urgent
 _LONGEST_ADVICE = 10.0  # time until there is advice on the gains in force, s: exact advice takes seconds
-_REST = 10.0  # time at rest after which a ramp ends, s: a joint at rest does not show what gains do
+_REST = 10.0  # time at rest after which a ramp ends, s: a joint at rest does not reveal the effect of gains
 _JUDGEMENT = 10.0  # time until the status after a ramp is known, s, beside the cycles below
 _CYCLES = 3.0  # number of cycles until that status is known, 1: stick slip is a repeated motion
 _LONGEST_JUDGEMENT = 60.0  # limit of that time, s: somebody waits for the answer
@@ -423,7 +423,7 @@ class GainApplication:
                 return
 
     def _wait_for_motion(self) -> Waiting[None]:
-        """Wait until the joint moves: a joint at rest does not show what gains do."""
+        """Wait until the joint moves: a joint at rest does not reveal the effect of gains."""
         until = self._clock() + _REST
         while self._watch.status is Status.AT_REST:
             if self._clock() > until:

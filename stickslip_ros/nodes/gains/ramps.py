@@ -237,7 +237,7 @@ class Ramps:
         self._service.withdraw()
 
     def hear_gains(self, joint: WatchedJoint) -> None:
-        """Remove a ramp that was cut off from the journal, if the joint's gains show that others replaced it."""
+        """Remove a cut-off ramp from the journal, if the gains are those before it or off its way; else warn once."""
         ramp = self._journal.get(joint.name)
         gains = joint.monitor.gains
         if ramp is None or gains is None or self._service.busy or self._controller_name(joint.name) != ramp.controller:

@@ -58,7 +58,7 @@ class PublishedTypes:
     def _trouble(self, topic: str, wanted: str) -> str:
         name = self._node.resolve_topic_name(topic)
         others = [one for one in self._node.get_publishers_info_by_topic(name) if one.topic_type != wanted]
-        # A publisher can be known before the name of its node is; by the next look it is known, if ever.
+        # A publisher can be in the graph before the name of its node; by the next scan the name is there, if ever.
         unnamed = not all(map(is_named, others))
         if unnamed and topic not in self._unnamed:
             self._unnamed.add(topic)

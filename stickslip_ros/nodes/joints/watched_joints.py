@@ -230,7 +230,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         return joint
 
     def mark_contested(self, contested: frozenset[str], contest: str) -> None:
-        """Restart joints that several publishers move, and say so in their status; the others are heard again."""
+        """Restart joints that several publishers move, with ``contest`` as their trouble; clear that of the others."""
         if not contested and not self._contested:
             return
         for name, joint in self._joints.items():
