@@ -107,6 +107,37 @@ def test_the_rooms_are_those_of_the_design() -> None:
     assert [room for room in listed if room in ROOMS[6:]] == list(ROOMS[6:])
 
 
+# Modules of monitoring/friction that tests may import, and the public names of those which have inner ones beside.
+PUBLIC_OF_FRICTION: dict[str, set[str]] = {
+    "change": set(), "dry_friction": set(), "estimate": set(), "estimation": {"estimate_friction"},
+    "kept_slips": set(), "learner": set(), "position_disturbance": set(), "presliding": set(), "ripple": set(),
+    "sliding": set(), "slip_windows": {"ForceSource", "SlipWindow", "slip_window"},
+}  # fmt: skip
+# Mathematical functions with tests of their own: the laws of friction, and a quantile. `compilation` finds files with
+# compiled functions by the underscore.
+OWN_TESTS = {"test_friction_law.py": {"_friction_law"}, "test_quantile.py": {"_quantile_kernel"}}
+
+
+def test_tests_use_what_is_public() -> None:
+    """Issue 35: tests import no underscore module of the package, and nothing from inside of monitoring/friction."""
+    underscored = {path.stem for path in PACKAGE.rglob("_*.py")} - {"__init__", "__main__"}
+    room = "stickslip_ros.monitoring.friction"
+    for path in sorted((ROOT / "test").rglob("*.py")):
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                found |= {f"{node.module}.{alias.name}" for alias in node.names}
+        for name in sorted(name for name in found if name.startswith("stickslip_ros.")):
+            where = f"{path.relative_to(ROOT)} imports {name}"
+            assert not underscored & (set(name.split(".")) - OWN_TESTS.get(path.name, set())), where
+            if name.startswith(room):
+                module, _, inside = name.removeprefix(room).removeprefix(".").partition(".")
+                assert module in PUBLIC_OF_FRICTION, where
+                assert not inside or inside in (PUBLIC_OF_FRICTION[module] or {inside}), where
+
+
 @pytest.mark.parametrize("folder", ["benchmarks", "tools", "docs", "launch"])
 def test_what_is_imported_from_the_package_is_there(folder: str) -> None:
     """`make bench` once ended at a name that had moved: of the scripts no test starts, types are not checked either."""

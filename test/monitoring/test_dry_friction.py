@@ -13,10 +13,10 @@ from conftest import nightly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from machines import Machine, drawn, simulate
+from scipy.special import stdtr
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_SLIPS, DryFriction, dry_friction
-from stickslip_ros.monitoring.friction.regression import student_tail
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
@@ -222,10 +222,18 @@ def test_slips_at_one_place_and_at_one_time() -> None:
     assert found(np.full(count, COULOMB), np.ones(count), np.zeros(count), np.zeros(count)).drift is None
 
 
-@pytest.mark.parametrize(("ratio", "freedom", "tail"), [(12.706, 1, 0.05), (2.228, 10, 0.05), (2.861, 19, 0.01)])
-def test_students_t(ratio: float, freedom: int, tail: float) -> None:
-    """Percentage points from tables."""
-    assert student_tail(ratio, freedom) == pytest.approx(tail, rel=2e-3)
+@pytest.mark.parametrize(("count", "both"), [(3, False), (4, False), (6, True), (7, True), (10, True), (11, True)])
+def test_significance_is_that_of_students_t(count: int, both: bool) -> None:
+    """Of terms that are small beside their errors; two to nine degrees of freedom."""
+    rng = np.random.default_rng(count)
+    direction, position, time = slips(rng, count, both=both)
+    dry = found(0.5 + 0.5 * direction + rng.standard_normal(count), direction, position, time)
+    terms = [term for term in (dry.coulomb, dry.load) if term is not None]
+    assert len(terms) == 1 + both
+    for term in terms:
+        expected = 2.0 * stdtr(count - len(terms), -abs(term.value) / term.std)
+        assert 0.001 < expected < 0.999
+        assert term.significance == pytest.approx(expected, rel=1e-9)
 
 
 MACHINE = Machine(

@@ -13,28 +13,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import nightly
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from machines import Machine
-from random_joints import cut_slips
+from random_joints import cut_slips, later
 from random_joints import random_recording as random_joint_recording
 from random_machines import CONDITIONS, random_recording
-from two_speeds import monitor_of, recording
+from two_speeds import SECONDS, monitor_of, recording
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
-from stickslip_ros.monitoring.friction.learner import LearnerMemory
-from stickslip_ros.monitoring.friction.optional_terms import TermScore
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 GAINS = Gains(stiffness=630.0)
 RESOLUTION = 5e-6  # [rad], some thousandth of a slip
-NODES = 200
 
 
 def learnt_from(condition: str, seed: int) -> tuple[Machine, FrictionEstimate]:
@@ -50,72 +43,6 @@ def off(estimate: FrictionEstimate, name: str, truth: float) -> float:
     return abs(estimate[name].value - truth) / estimate[name].std
 
 
-def brute_force(
-    inertia: float, stiffness: float, viscous: float, drag: float, level: float, unit: float, lag: float, speed: float,
-    times: FloatArray, begin: float,
-) -> FloatArray:  # fmt: skip
-    """Positions of one slip at the times, by a hundred thousand steps of Heun's method; 0 before it begins."""
-    steps = 100_000
-    step = (float(times[-1]) - begin) / steps
-    behind = round(lag / step)
-    ways, speeds = np.zeros(steps + 1), np.zeros(steps + 1)
-
-    def pull(way: float, now: float, index: int) -> float:
-        lagged = speeds[index - behind] if index >= behind else 0.0
-        falls = level * (1.0 - 1.0 / (1.0 + (lagged / unit) ** 2))
-        force = stiffness * (speed * step * index - way) + falls - (viscous + drag * now) * now
-        return force / inertia
-
-    for i in range(steps):
-        first = pull(ways[i], speeds[i], i)
-        guess = speeds[i] + step * first
-        second = pull(ways[i] + step * speeds[i], guess, i + 1)
-        speeds[i + 1] = speeds[i] + 0.5 * step * (first + second)
-        if speeds[i + 1] <= 0.0 and i > steps // 100:
-            ways[i + 1 :] = ways[i]
-            break
-        ways[i + 1] = ways[i] + 0.5 * step * (speeds[i] + speeds[i + 1])
-    return np.interp(times, begin + step * np.arange(steps + 1), ways, left=0.0)
-
-
-@settings(max_examples=8, deadline=None)
-@given(curvature=st.floats(-0.9, 0.9), lag=st.floats(0.02, 1.0), viscous=st.floats(0.05, 0.6), pace=st.floats(0.3, 3.0))
-def test_a_slip_with_curved_friction_is_that_of_brute_force(
-    curvature: float, lag: float, viscous: float, pace: float
-) -> None:
-    """Positions are within 1e-3 of a slip's way of those in a hundred thousand steps."""
-    inertia, stiffness, unit = 2.0, 500.0, 0.01
-    frequency = math.sqrt(stiffness / inertia)
-    level, speed = 4.0 * inertia * frequency * unit, pace * unit
-    times = np.linspace(0.0, (2.0 * math.pi + lag) / frequency, NODES)
-    begin = 0.1 * float(times[-1])
-    observed = np.arange(NODES // 4, NODES - 1)
-    window = SlipWindow(
-        direction=1, rest_begin=0.0, breakaway=begin, arrest=0.8 * float(times[-1]), rest_position=0.0,
-        rest_error=1e-6, source=ForceSource.GAINS, gains=Gains(stiffness=stiffness), times=times,
-        references=speed * times, forces=0.0 * times, reference_speed=speed, observed=observed,
-        values=np.linspace(0.0, 0.1, len(observed)), gaps=np.full(len(observed), times[1]), resolution=1e-5,
-        noise=0.0, sample_interval=float(times[1]),
-    )  # fmt: skip
-    problem = SlipProblem([window]).with_curvature()
-    assert problem.curved_at is not None
-    own = viscous * inertia * frequency
-    parameters = np.log([inertia, own, unit, lag / frequency, level, 0.3])
-    positions, _, _ = problem.simulate(np.append(parameters, curvature), np.array([[0.0, begin, math.log(level)]]))
-    drag = curvature * own / problem.curved_at
-    expected = brute_force(
-        inertia, stiffness, own * (1.0 - curvature), drag, level, unit, lag / frequency, speed, times, begin
-    )
-    assert np.abs(positions - expected).max() < 1e-3 * float(expected.max())
-
-
-def test_without_evidence_a_supplement_is_as_likely_as_before() -> None:
-    """Half, and less where it is known to be next to nothing; sure where it is many errors away from that."""
-    assert TermScore(prior=0.5, value=0.0, std=0.5, moves=np.ones(1), gain=0.0).probability == pytest.approx(0.5)
-    assert TermScore(prior=0.5, value=0.0, std=0.01, moves=np.ones(1), gain=0.0).probability < 0.02
-    assert TermScore(prior=0.5, value=0.3, std=0.02, moves=np.ones(1), gain=200.0).probability == pytest.approx(1.0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("curvature", [0.5, -0.4])
 def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
@@ -123,10 +50,13 @@ def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
     straight = Machine.of(puma)
     speed = 0.05
     machine = replace(straight, viscous=straight.viscous * (1.0 - curvature), drag=straight.viscous * curvature / speed)
-    monitor = monitor_of(recording(machine, GAINS, RESOLUTION), GAINS)
+    batch = recording(machine, GAINS, RESOLUTION)
+    monitor = monitor_of(batch, GAINS)
     estimate = monitor.learner.estimate
     assert estimate is not None
     assert not estimate.mismatch
+    # Nothing of a slip is left over: it is that of the other integration, which has the same curve.
+    assert estimate.left_over == 0.0
     assert estimate.curvature is not None
     at = estimate.curvature.speed
     viscous = machine.viscous + machine.drag * at
@@ -144,13 +74,19 @@ def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
     assert selected.uncertainty is not None
     drawn = float(np.median(selected.uncertainty.joint.friction.viscous)) / estimate["viscous"].value
     assert drawn == pytest.approx(1.0 - 0.5 * estimate.curvature.value, abs=0.1)
-    learnt = monitor.learner.memory_of().learnt
-    assert learnt is not None
-    assert len(learnt.parameters) == PARAMETERS + 1
     # A monitor that is started anew goes on from there, slip by slip.
-    memory = from_plain(LearnerMemory, to_plain(monitor.learner.memory_of()))
-    assert memory.learnt is not None
-    assert memory.learnt.curved_at == at
+    learner = FrictionLearner()
+    assert learner.restore(from_plain(LearnerMemory, to_plain(monitor.learner.memory_of())))
+    for window in cut_slips(batch, GAINS)[0][-6:]:
+        learner.add_slip(later(window, SECONDS))
+    updated = learner.estimate
+    assert updated is not None
+    assert updated is not estimate
+    assert updated.curvature is not None
+    assert updated.curvature.speed == at
+    for name in ("inertia", "stribeck", "stribeck_velocity", "lag", "rise_time"):
+        assert off(updated, name, float(getattr(machine, name))) < 3.0, name
+    assert off(updated, "viscous", viscous) < 3.0
 
 
 @pytest.mark.slow

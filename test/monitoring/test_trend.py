@@ -9,12 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_joints import cut_slips, later
 from random_machines import CONDITIONS, Condition, MachineRecording, random_recording, to_and_fro
 
-from stickslip_ros.monitoring.friction.estimation import fitted_laws
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
+from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.study import StudyQuestion, study
 
 pytestmark = pytest.mark.slow
 
@@ -68,23 +67,32 @@ def test_drift_and_load_are_told_apart() -> None:
 
 
 def test_slips_one_by_one_go_on_from_where_a_trend_led() -> None:
-    """The trend itself is no part of what updates start from."""
+    """The trend itself is no part of what updates start from: further slips at the last one's friction leave it."""
     recording, monitor = learnt(CONDITIONS["drift"], 20)
-    windows = monitor.learner._kept.windows
-    found = study(StudyQuestion(windows=windows))
-    assert found is not None
-    assert fitted_laws(windows, None)[0].problem.trend
-    assert len(found.parameters) == len(found.prior.mean) == PARAMETERS
-    assert len(found.kinetic) == 1
-    assert found.information.shape == (PARAMETERS + 1, PARAMETERS + 1)
-    assert np.linalg.eigvalsh(found.information)[-1] > 0
-    assert found.kinetic[0] == pytest.approx(found.estimate.coulomb_and_load.value)
+    memory, before = monitor.learner.memory_of(), monitor.learner.estimate
+    assert memory.learnt is not None
+    assert memory.learnt.drifts
+    learner = FrictionLearner()
+    assert learner.restore(memory)
+    for window in cut_slips(recording.batch, recording.gains)[0][-6:]:
+        learner.add_slip(later(window, float(recording.batch.time[-1])))
+    estimate = learner.estimate
+    assert estimate is not None
+    assert before is not None
+    assert estimate is not before
+    assert not learner.study_is_due
     machine = recording.machine.after(float(recording.batch.time[-1]))
-    assert found.kinetic[0] == pytest.approx(machine.coulomb, abs=4.0 * found.estimate.coulomb_and_load.std)
+    together = estimate.coulomb_and_load
+    assert together.value == pytest.approx(machine.coulomb, abs=4.0 * together.std)
+    assert together.std < 2.0 * before.coulomb_and_load.std
+    for name in ("inertia", "stribeck", "stribeck_velocity"):
+        assert abs(estimate[name].value - getattr(machine, name)) < 2.5 * estimate[name].std, name
 
 
 @pytest.mark.parametrize("seed", [20, 21])
 def test_friction_that_stays_has_no_trend(seed: int) -> None:
     """Nothing changes where nothing drifts."""
     _, monitor = learnt(CONDITIONS["base"], seed)
-    assert not any(fit.problem.trend for fit in fitted_laws(monitor.learner._kept.windows, None))
+    found = monitor.learner.memory_of().learnt
+    assert found is not None
+    assert not found.drifts
