@@ -13,7 +13,6 @@ import pytest
 from conftest import nightly
 from random_joints import cut_slips
 from random_machines import CONDITIONS, MachineRecording, random_recording
-from support import record
 
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
@@ -89,16 +88,15 @@ def test_static_friction_that_scatters_bends_nothing(seed: int) -> None:
     assert not outside(recording, estimate)
 
 
-@pytest.mark.parametrize("law", ["hess_soom", "exponential"])
-def test_what_the_slips_do_not_show_does_not_weigh_between_laws(puma: Joint, law: str) -> None:
-    """Where all slips dwell as long, F_s∞ may be anything: a law must not win by a small one."""
-    joint, gains = replace(puma, friction=replace(puma.friction, law=law)), Gains(stiffness=630.0)
-    settled = record(joint, gains, 0.0058, duration=50.0).batch
-    estimate = estimate_friction(cut_slips(settled.where(settled.time > 20.0), gains)[0])
+@pytest.mark.parametrize("seed", [6, 7])
+def test_what_the_slips_do_not_show_does_not_weigh_between_laws(seed: int) -> None:
+    """Where all slips dwell as long, F_s∞ may be anything: another law must not win by a small one."""
+    recording = random_recording(seed, CONDITIONS["base"])
+    batch = recording.batch.where(slice(0, round(0.45 * len(recording.batch))))  # at the first speed
+    estimate = estimate_friction(cut_slips(batch, recording.gains)[0][-14:])
     assert estimate is not None
-    assert {"stribeck", "rise_time"} & set(estimate.unidentified)
-    assert estimate.law == law
-    assert not estimate.alternatives
+    assert not estimate["stribeck"].identified
+    assert "hess_soom" in [one.law for _, one in estimate.by_law()]
 
 
 def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
