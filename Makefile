@@ -17,10 +17,10 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
-# The documentation is built by one core, beside the tests.
-test: check
+# What needs one core runs beside the tests.
+test: $(STAMP)
 	@sh tools/install_test_packages.sh
-	@$(MAKE) --no-print-directory --jobs=2 docs tests
+	@$(MAKE) --no-print-directory --jobs=3 check docs tests
 
 tests: $(STAMP)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) $(TESTS)

@@ -467,12 +467,15 @@ class JointMonitor:
             reason += f": {self.learner.studied_in_vain} slips were studied in vain"
         std = probability = math.nan
         if margin is not None and selected is not None:
+            position_noise, velocity_noise = self._motion.measurement_noise()
             loop = ObservedLoop(
                 conditions=self.options.conditions,
                 sample_rate=self._sample_rate(),
                 crossover=crossover_frequency(selected.joint, selected.gains) if selected.gains.stiffness > 0 else 0.0,
                 tracking_error=tracking_error,
                 velocity_error=velocity_error,
+                position_noise=position_noise,
+                velocity_noise=velocity_noise,
             )
             advice = self._prediction.advise(selected, velocity, self.options.limits, loop)
             std, probability = self._prediction.uncertainty(velocity)

@@ -109,6 +109,7 @@ def effort_is_measured(effort: FloatArray) -> bool:
     return bool(np.isfinite(effort).all()) and len(effort) > 0 and float(np.ptp(effort)) >= LEAST_EFFORT_CHANGE
 
 
+ROUNDING_STD = 1.0 / math.sqrt(12.0)  # standard deviation of what rounding to a resolution leaves, in resolutions
 _OUT_OF_ORDER = 1.0  # [s] a stamp may be late by that much before it means that time began anew
 _BACKWARD_IN_A_ROW = 20
 

@@ -142,6 +142,7 @@ def test_names_are_text_and_nothing_else(tmp_path: Path) -> None:
         assert page.complaints() == []
 
 
+@pytest.mark.nightly
 def test_an_hour_fits_into_the_page(tmp_path: Path) -> None:
     """Issue 6, item 4: under 5 MB for an hour of data, whatever its rate."""
     speeds = (0.004, 0.006, 0.008, 0.05, 0.06, 0.07, 0.08)

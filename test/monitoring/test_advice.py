@@ -101,7 +101,7 @@ def test_random_joints_become_smooth_with_the_least_change(condition: Criterion,
         assert best.exactly_smooth is True
         assert best.reserve >= case.limits.wanted_margin - 1e-4
         assert brute_force(case, within=0.98 * best.change) == math.inf, best
-        bounds = bounds_at(np.array([best.stiffness]), case.joint, case.limits, ObservedLoop())
+        bounds = bounds_at(np.array([best.stiffness]), case.joint, case.gains, case.limits, ObservedLoop())
         for bound in bounds.values():
             assert bound.least[0] - 1e-9 <= best.damping <= bound.largest[0] * (1 + 1e-9)
     assert found > 0.7 * count
@@ -193,6 +193,59 @@ def test_bandwidth_comes_from_samples_and_controller(puma: Joint) -> None:
         loop = np.abs(stiffness + 1j * damping * frequencies)
         loop /= np.abs(-inertia * frequencies**2 + 1j * float(puma.friction.viscous) * frequencies)
         assert frequencies[loop >= 1.0].max() <= bandwidth * 1.001
+
+
+@pytest.mark.parametrize("largest", [1e3, 1e4, 1e6])
+def test_a_limit_far_away_changes_nothing(puma: Joint, largest: float) -> None:
+    """Issue 36: with damping bounded at 10,000, beyond what is integrated, twelve times the stiffness was advised."""
+    free = recommend(puma, STICKING, SPEED)
+    bounded = recommend(puma, STICKING, SPEED, AdviceLimits(damping_range=(0.0, largest)))
+    for kind in (Kind.LEAST_CHANGE, Kind.DAMPING_ONLY):
+        assert bounded[kind].gains == free[kind].gains
+
+
+@given(
+    position=st.floats(-7, -2).map(lambda decade: 10.0**decade),
+    velocity=st.floats(-6, 0).map(lambda decade: 10.0**decade),
+)
+@settings(max_examples=15)
+def test_noise_makes_a_tenth_of_the_breakaway_torque_at_most(position: float, velocity: float) -> None:
+    """Issue 36: k_p times the noise of the position and k_v times that of the velocity, or what the gains of now make.
+
+    Where that leaves no gains, the noise is named.
+    """
+    joint = Joint(
+        inertia=6.3,
+        friction=Friction(
+            coulomb=8.43, viscous=4.94, stribeck=1.6, stribeck_velocity=0.0058, lag=0.05, rise_time=0.264
+        ),
+    )
+    loop = ObservedLoop(position_noise=position, velocity_noise=velocity)
+    torque = 0.1 * (8.43 + 1.6)
+    stiffest = max(torque / position, float(STICKING.stiffness)) * (1 + 1e-6)
+    advice = recommend(joint, STICKING, SPEED, loop=loop)
+    for variant in advice.variants:
+        if variant.found:
+            assert variant.stiffness <= stiffest
+            assert variant.damping * velocity <= torque * (1 + 1e-6)
+    least = advice[Kind.LEAST_CHANGE]
+    assert least.found or "noise (of " in least.reason
+    # Without the bound 837 N·m/rad and 128 N·m·s/rad are advised, and damping alone takes 131.
+    assert least.found or velocity > 0.004
+    assert advice[Kind.DAMPING_ONLY].found == (velocity < torque / 131.2) or 0.98 < velocity * 131.2 / torque < 1.02
+
+
+def test_a_delay_takes_an_eighteenth_of_the_phase_at_most(puma: Joint) -> None:
+    """Issue 36: ω τ_d <= 2 π/20 at the crossover frequency ω, unless the present loop has more."""
+    for delay in (0.002, 0.01, 0.03):
+        joint = replace(puma, actuation_delay=delay)
+        allowed = max(2.0 * math.pi / 20.0, delay * crossover_frequency(joint, STICKING))
+        advice = recommend(joint, STICKING, SPEED)
+        for variant in advice.variants:
+            if variant.found:
+                assert delay * crossover_frequency(joint, variant.gains) <= allowed * (1 + 1e-6)
+        best = advice[Kind.LEAST_CHANGE]
+        assert best.found or f"of a delay of {1e3 * delay:g} ms" in best.reason
 
 
 def test_a_slow_recording_is_not_a_slow_controller(puma: Joint) -> None:

@@ -150,7 +150,7 @@ def loaded(machine: Machine, speed: float) -> Batch:
     )
 
 
-@pytest.mark.parametrize("share", [0.2, nightly(0.5), 1.0, nightly(2.0)])
+@pytest.mark.parametrize("share", [0.2, *map(nightly, (0.5, 1.0, 2.0))])
 def test_a_weight_over_position_is_no_abrupt_change(puma: Joint, share: float) -> None:
     """Issue 38: a slow sweep of a joint with a load m g l cos q "changed abruptly" three times, from m g l = 0.2 F_k
     on; learnt from four slips, F_s was 0.66 of the true one.

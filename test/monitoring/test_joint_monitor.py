@@ -349,3 +349,17 @@ def test_a_velocity_loop_has_no_stiffness_to_advise(puma: Joint) -> None:
     # Known gains are of a position loop, whatever is published of the reference.
     monitor.gains = STICKING
     assert monitor.assessment().margin is not None
+
+
+@pytest.mark.parametrize(("noise", "allowed"), [(0.001, math.inf), (0.02, 0.1 * 10.03 / 0.02)])
+def test_advice_knows_the_noise_of_the_measured_velocity(puma: Joint, noise: float, allowed: float) -> None:
+    """Issue 36: k_v times 0.02 rad/s of noise is a tenth of the breakaway torque at 50 N·m·s/rad; 130 were advised."""
+    batch = record(puma, STICKING, 0.0058, duration=12.0, with_velocity=True).batch
+    noisy = batch.velocity + np.random.default_rng(36).normal(0.0, noise, len(batch))
+    monitor = JointMonitor(puma, STICKING)
+    monitor.process(replace(batch, velocity=noisy))
+    state = monitor.assessment(0.0058)
+    assert state.recommended is not None
+    assert state.recommended.found
+    assert (state.recommended.damping > 100.0) == math.isinf(allowed)
+    assert state.recommended.damping <= 1.1 * allowed

@@ -66,7 +66,7 @@ def boundary(machine: Machine, gains: Gains, speed: float) -> float:
     return low
 
 
-@pytest.fixture(scope="module", params=[ARM, None], ids=["load", "position"])
+@pytest.fixture(scope="module", params=[nightly(ARM), None], ids=["load", "position"])
 def found(request: pytest.FixtureRequest) -> tuple[VaryingRecording, JointMonitor, FrictionEstimate]:
     """A machine of either kind, and what is learnt of it."""
     return learnt(request.param)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -30,7 +31,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
 
-EXAMPLES, AT_ONCE = 100, 100
+EXAMPLES, AT_ONCE = int(os.environ.get("FUZZ_EXAMPLES", "40")), 100
 RATE = 200.0
 HEALTHY = "healthy"
 
@@ -160,8 +161,8 @@ def check(sick: Patient) -> None:
     assert "Traceback" not in sick.monitor.output()
 
 
-def test_ten_thousand_messages(ros_domain: int) -> None:
-    """Issue 7: any content in any order on every subscriber, and bytes that are no messages."""
+def test_thousands_of_messages(ros_domain: int) -> None:
+    """Issue 7: any content in any order on every subscriber, and bytes that are no messages; ten thousand at night."""
     kinds = {
         "joint_states": joint_states(),
         "joint_references": joint_states(),

@@ -20,7 +20,7 @@ _COMPARABLE = 2.0  # ratio of speeds, up to which an answer is shown until the n
 # Relative differences, up to which an answer is kept.
 _SAME_SPEED = 0.01  # changes the advised gains by less than they are printed to
 _SAME_RATE = 0.05  # of the sample rate, which is estimated
-_SAME_ERROR = 0.2  # of position and velocity errors, maxima that scatter from second to second
+_SAME_ERROR = 0.2  # of position and velocity errors, maxima that scatter from second to second, and of noise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,6 +75,8 @@ class AdviceQuestion:
             self.about_the_same(other)
             and _near(self.velocity, other.velocity, speeds)
             and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
+            and _near(mine.position_noise, its.position_noise, _SAME_ERROR)
+            and _near(mine.velocity_noise, its.velocity_noise, _SAME_ERROR)
             and (
                 math.isinf(self.limits.effort)
                 or (

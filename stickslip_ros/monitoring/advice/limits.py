@@ -18,6 +18,12 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 _ANY = (0.0, math.inf)  # range of a gain without bounds
 _SAMPLES_TO_WATCH = 8.0  # samples a natural period: with fewer, rests and slips cannot be distinguished
+# Phase at the crossover frequency that a delay may take [rad]: up to there the damping -k_p τ_d, which is the first
+# order of a delay, is right to 5 %; the same phase as that of 20 controller periods in each of the crossover's.
+_DELAY_PHASE = 2.0 * math.pi / 20.0
+_NOISE_SHARE = (
+    0.1  # of the breakaway torque: largest root mean square of the torque that noise of position, or velocity, makes
+)
 
 
 class Criterion(str, Enum):
@@ -105,6 +111,8 @@ class ObservedLoop:
     crossover : crossover frequency of the loop with the present gains [rad/s]: one that is too fast for a controller
         of the sample rate shows that it has another. 0 where the sample rate is given as the controller's.
     tracking_error, velocity_error : largest |x_d − x| [rad] and |x˙_d − x˙| [rad/s] of now, NaN if unknown.
+    position_noise, velocity_noise : standard deviations [rad], [rad/s] of the noise of the measured position, with its
+        quantisation, and velocity; 0 if unknown.
     """
 
     conditions: OperatingConditions = field(default_factory=OperatingConditions)
@@ -112,6 +120,8 @@ class ObservedLoop:
     crossover: float = field(default=0.0, metadata={"unit": "rad/s"})
     tracking_error: float = field(default=math.nan, metadata={"unit": "rad"})
     velocity_error: float = field(default=math.nan, metadata={"unit": "rad/s"})
+    position_noise: float = field(default=0.0, metadata={"unit": "rad"})
+    velocity_noise: float = field(default=0.0, metadata={"unit": "rad/s"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,8 +154,10 @@ def crossover_frequency(joint: Joint, gains: Gains) -> float:
     return math.sqrt((more + math.hypot(more, 2.0 * inertia * stiffness)) / 2.0) / inertia
 
 
-def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: ObservedLoop) -> dict[str, Bound]:
-    """Every limit that binds anything, by name, at stiffnesses k_p [N·m/rad] of shape (n,); joint of scalars."""
+def bounds_at(
+    stiffness: FloatArray, joint: Joint, present: Gains, limits: AdviceLimits, loop: ObservedLoop
+) -> dict[str, Bound]:
+    """Every limit that binds anything, by name, at stiffnesses k_p [N·m/rad] of shape (n,); joint, gains of scalars."""
     inertia, own = float(joint.inertia), joint.own_damping(stiffness)
     critical = 2.0 * np.sqrt(stiffness * inertia)
     bounds: dict[str, Bound] = {}
@@ -173,10 +185,14 @@ def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: O
         add("least damping ratio", f"{low:.4g}", least=low * critical - own)
     if high < math.inf:
         add("largest damping ratio", f"{high:.4g}", largest=high * critical - own)
-    bandwidth = largest_bandwidth(limits, loop)
-    if bandwidth < math.inf:
+    bandwidth, delay = largest_bandwidth(limits, loop), float(joint.actuation_delay)
+    # What the present gains take of the phase, or make of the noise, is borne.
+    within_delay = max(_DELAY_PHASE / delay, crossover_frequency(joint, present)) if delay > 0 else math.inf
+    if min(bandwidth, within_delay) < math.inf:
         source = ", of the controller's period and the samples"
-        if bandwidth == limits.bandwidth:
+        if within_delay < bandwidth:
+            bandwidth, source = within_delay, f", of a delay of {1e3 * delay:.3g} ms"
+        elif bandwidth == limits.bandwidth:
             source = ""
         elif not loop.conditions.period > 0:
             source = f", of samples at {loop.sample_rate:.4g} Hz, for the controller's period is not given"
@@ -196,5 +212,20 @@ def bounds_at(stiffness: FloatArray, joint: Joint, limits: AdviceLimits, loop: O
             f"{limits.effort:.4g} N·m at an error of {loop.tracking_error:.3g} rad",
             least=np.where(left < 0, math.inf, -math.inf),
             largest=np.maximum(left, 0.0) / error,
+        )
+    if float(joint.friction.coulomb) > 0 and (loop.position_noise > 0 or loop.velocity_noise > 0):
+        torque = _NOISE_SHARE * float(joint.friction.coulomb + joint.friction.stribeck)
+        most = {
+            name: max(torque / noise, float(now)) if noise > 0 else math.inf
+            for name, noise, now in (
+                ("stiffness", loop.position_noise, present.stiffness), ("damping", loop.velocity_noise, present.damping)
+            )
+        }  # fmt: skip
+        add(
+            "noise",
+            f"of {loop.position_noise:.2g} rad and {loop.velocity_noise:.2g} rad/s, of which the gains would make "
+            f"{100 * _NOISE_SHARE:.0f} % of the breakaway torque",
+            least=np.where(stiffness > most["stiffness"], math.inf, -math.inf),
+            largest=most["damping"],
         )
     return bounds

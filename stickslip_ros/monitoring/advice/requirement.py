@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
-from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
+from stickslip_ros.model.exact import LARGEST_DAMPING_RATIO, cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
@@ -81,6 +81,8 @@ class Requirement:
             stiffnesses = stiffness[:, None, None] * self._ratios[None, :, None]
             own = np.asarray(draws.own_damping(stiffnesses))
             less = np.maximum(damping[:, None, None] + own, 0.0) / self._wanted - own
+            # Beyond the largest damping ratio there is no answer; a cycle that dies there dies with more damping too.
+            less = np.minimum(less, damping_for_ratio(draws, stiffnesses, (1.0 - _ROUNDING) * LARGEST_DAMPING_RATIO))
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses, damping=less), self.speeds)
             persists = _where_lag_is_short(
                 groups, lambda few: np.asarray(cycle_persists(few, full_accuracy=False), dtype=float), 1.0

@@ -275,7 +275,7 @@ class AdviceSearch:
         return np.asarray(total - self._own(places))
 
     def _bounds(self, places: FloatArray) -> dict[str, Bound]:
-        bounds = bounds_at(self._stiffness(places), self._joint, self._limits, self._loop)
+        bounds = bounds_at(self._stiffness(places), self._joint, self._gains, self._limits, self._loop)
         if self._learnt:
             bounds[_LEARNT] = Bound(
                 text=f"it does not answer for gains × {_LEARNT_REACH:g}",

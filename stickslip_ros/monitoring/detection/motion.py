@@ -13,7 +13,7 @@ import numpy as np
 
 from stickslip_ros.monitoring.detection import _crossing_kernel as crossing_kernel
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,6 +248,15 @@ class MotionRecord:
     def noise(self) -> float:
         """Standard deviation of the position's noise [rad]."""
         return float(self._detector["position"]["noise"])
+
+    def measurement_noise(self) -> tuple[float, float]:
+        """Standard deviations of noise and quantisation of position [rad] and velocity [rad/s]; 0 if unknown."""
+        signals = (self._detector[name] for name in ("position", "velocity"))
+        position, velocity = (
+            math.hypot(*np.nan_to_num([signal["noise"], signal["resolution"] * ROUNDING_STD], posinf=0.0))
+            for signal in signals
+        )
+        return position, velocity
 
     @property
     def velocity_band(self) -> float:

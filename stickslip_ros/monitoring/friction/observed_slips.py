@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.samples import ROUNDING_STD, FloatArray
 
 _LONG_SLIP = 1.6  # of its neighbours: two slips, the rest between them unseen
 _NEIGHBOURS = 5
@@ -23,7 +23,6 @@ _SAME_REST = 0.02  # of a dwell: how well two cycles agree on the rest between t
 _OTHER_SPEED = 0.12  # a change of the mean speed of cycles by this factor is a change of the reference's
 _LASTING = 3  # slips: a change of speed lasts
 _SLOWEST = 0.02  # of a slip's mean speed: slower motion says no more about an edge
-_UNIFORM = 1.0 / math.sqrt(12.0)
 _PARTS = 16  # of a slip, in which residuals are compared from slip to slip
 _FINEST = 2e-5  # of a slip: neither stamps nor integration are more exact
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03  # relative errors of a reference's speed
@@ -209,7 +208,7 @@ class ObservedSlips:
         count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
         finest = _FINEST * self.distances[self.slip_of]
         self.errors = np.sqrt(
-            (_UNIFORM * count) ** 2 + self._noises**2 + (speed * self.jitter) ** 2 + tolerance**2 + finest**2
+            (ROUNDING_STD * count) ** 2 + self._noises**2 + (speed * self.jitter) ** 2 + tolerance**2 + finest**2
         )
 
     def set_speeds(self, velocities: FloatArray) -> None:

@@ -25,7 +25,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.friction.estimate import IDENTIFIED, ParameterEstimate
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
+from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 
 _KEPT = 100  # rests
 _LEAST_RESTS = 6
@@ -39,7 +39,6 @@ _EXCLUDED = 3.0  # standard errors
 _SHOWN = 3.0  # likewise, from which on creep is no accident of counts
 _BOUND = 2.0
 _BESIDE = 0.2  # of the force's change in a rest: more beside it in the effort is a force that is not known
-_UNIFORM = 1.0 / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +181,7 @@ def _together(rests: list[_Slopes]) -> PreslidingEstimate | None:
     compliance = float(compliances[best])
     off = both[:, best] - compliance * driving[:, best]
     scatter = math.sqrt(float(off @ off) * len(rests) / (len(rests) - 1)) / float(total[best])
-    count = _UNIFORM * max(one.resolution for one in rests)
+    count = ROUNDING_STD * max(one.resolution for one in rests)
     accident = math.hypot(scatter, count / math.sqrt(float(total[best])))
     error = math.hypot(accident, float(np.abs(compliances[admitted] - compliance).max()))
     most = max(compliance, 0.0) + _BOUND * error

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
+from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 
 _MOST_OBSERVATIONS = 240
 _SHAPE_NODES = 40  # for the reference and the effort, beside those of the observations
@@ -36,7 +36,6 @@ _LINE_REACH = 4  # samples on either side
 _SIGNIFICANT = 4.0  # standard errors, from which on the effort holds more than the gains explain
 _SAME_STIFFNESS = 0.1  # relative difference of two stiffnesses that are taken for one
 _LEAST_SHOWN = 3  # slips whose effort may contradict the gains
-_UNIFORM = 1.0 / math.sqrt(12.0)  # standard deviation of a uniform distribution of width one
 
 
 class ForceSource(Enum):
@@ -207,7 +206,7 @@ def slip_window(
     else:
         speed = math.nan
     rest = samples.position[resting]
-    spread = noise / math.sqrt(len(rest)) if analog else _UNIFORM * resolution
+    spread = noise / math.sqrt(len(rest)) if analog else ROUNDING_STD * resolution
     gaps = part.time[indices] - part.time[indices - 1]
     stops = samples.position[after]
     reach = _CREEPS * max(resolution, noise)
