@@ -65,7 +65,7 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     inertia, viscous, stiffness = float(joint.inertia), float(joint.friction.viscous), float(gains.stiffness)
     before = max(float(gains.damping) + viscous, 2.0 * _NO_DAMPING * math.sqrt(stiffness * inertia))
     low, high = (math.log(edge / stiffness) for edge in limits.stiffness_range)
-    softer = np.linspace(max(low, -within), min(high, within), points)
+    softer = np.linspace(max(low, -within / 3.0), min(high, within / 3.0), points)
     damped = np.concatenate([[0.0], np.linspace(-within, within, points)])
     stiffnesses, totals = np.meshgrid(stiffness * np.exp(softer), before * np.exp(damped), indexing="ij")
     groups = dimensionless_groups(joint, Gains(stiffness=stiffnesses[:, 0]), case.velocity)
@@ -79,11 +79,10 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     wanted = 1.0 + limits.wanted_margin
     feasible = (damping >= 0) & (ratio >= wanted * critical[:, None]) & (ratio <= limits.damping_ratio_range[1])
     if limits.steady_sliding:
-        # Without this none of the candidates would do.
-        feasible &= ratio >= np.asarray(sliding_damping_ratio(groups))[:, None]
-    # Beyond a factor of two the stiffness counts three times, in the logarithm.
-    costs = np.where(np.abs(softer) > math.log(2.0), 3.0 * np.abs(softer) - 2.0 * math.log(2.0), np.abs(softer))
-    changes = np.hypot(*np.meshgrid(costs, damped, indexing="ij"))
+        # Disturbances of steady sliding decay, with 5 % to spare.
+        feasible &= ratio >= 1.05 * np.asarray(sliding_damping_ratio(groups))[:, None]
+    # The stiffness counts three times, in the logarithm.
+    changes = np.hypot(*np.meshgrid(3.0 * softer, damped, indexing="ij"))
     feasible &= (damping**2 <= squared) & (changes < within)
     order = sorted(np.argwhere(feasible).tolist(), key=lambda index: changes[tuple(index)])
     for row, column in order[:_CANDIDATES]:

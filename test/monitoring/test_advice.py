@@ -100,7 +100,9 @@ def test_random_joints_become_smooth_with_the_least_change(condition: Criterion,
         found += 1
         assert best.exactly_smooth is True
         assert best.reserve >= case.limits.wanted_margin - 1e-4
-        assert brute_force(case, within=0.98 * best.change) == math.inf, best
+        # One gain is changed where both would change by less than 0.1 less.
+        alone = best.stiffness == case.gains.stiffness or best.damping == case.gains.damping
+        assert brute_force(case, within=min(0.98 * best.change, best.change - 0.1 * alone)) == math.inf, best
         bounds = bounds_at(np.array([best.stiffness]), case.joint, case.gains, case.limits, ObservedLoop())
         for bound in bounds.values():
             assert bound.least[0] - 1e-9 <= best.damping <= bound.largest[0] * (1 + 1e-9)
@@ -128,10 +130,11 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
     """Issue 5, item 1: a bound moves the advice; where none is left, the bounds in the way and the best are said."""
     base = AdviceLimits(condition=condition, steady_sliding=False, damping_ratio_range=(0.0, math.inf))
     free = recommend(puma, STICKING, SPEED, base)[Kind.LEAST_CHANGE]
-    assert 700.0 < free.stiffness < 2.5 * 630.0
+    assert free.stiffness == 630.0
+    bound = recommend(puma, STICKING, SPEED, replace(base, damping_range=(0.0, 0.8 * free.damping)))
+    assert bound[Kind.LEAST_CHANGE].stiffness > 700.0
+    assert bound[Kind.LEAST_CHANGE].damping <= 0.8 * free.damping
     bound = recommend(puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 640.0)))
-    assert bound[Kind.LEAST_CHANGE].stiffness <= 640.0
-    assert bound[Kind.LEAST_CHANGE].damping > free.damping
     assert bound[Kind.DAMPING_ONLY].found
     assert not bound[Kind.STIFFNESS_ONLY].found
     reason = bound[Kind.STIFFNESS_ONLY].reason
@@ -230,7 +233,7 @@ def test_noise_makes_a_tenth_of_the_breakaway_torque_at_most(position: float, ve
             assert variant.damping * velocity <= torque * (1 + 1e-6)
     least = advice[Kind.LEAST_CHANGE]
     assert least.found or "noise (of " in least.reason
-    # Without the bound 837 N·m/rad and 128 N·m·s/rad are advised, and damping alone takes 131.
+    # Without the bound 131 N·m·s/rad are advised.
     assert least.found or velocity > 0.004
     assert advice[Kind.DAMPING_ONLY].found == (velocity < torque / 131.2) or 0.98 < velocity * 131.2 / torque < 1.02
 

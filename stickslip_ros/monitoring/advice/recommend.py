@@ -2,9 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """Gains that would make the motion smooth: the least change of both, of damping alone, of stiffness alone.
 
-A change is measured in logarithms: that of the stiffness k_p, which counts three times beyond a factor of two, and
-that of the damping of controller and viscous friction together, k_v + F_v, of which what lies below a damping ratio of
-0.01 counts as none.
+A change is measured in logarithms: that of the stiffness k_p, which counts three times, and that of the damping of
+controller and viscous friction together, k_v + F_v, of which what lies below a damping ratio of 0.01 counts as none.
 """
 
 from __future__ import annotations
@@ -45,7 +44,9 @@ _BISECTIONS = 3  # of the last step: to 3 % of the damping
 _MOST_DAMPING = 100.0  # factor on the damping that stands for no damping at all that would do at a stiffness
 _STEADY_FACTORS = (0.97, 1.0, 1.1, 1.25)  # on the total damping, all to be steady: no lucky gains
 _RESERVE_TOLERANCE = 1e-4  # relative, of the critical ratio in a reported reserve: below what is printed
-_CLEARLY_LESS = 0.1  # difference of two changes (of logarithms: a tenth of a gain), from which on advice is replaced
+# Difference of two changes (of logarithms: a tenth of a gain) from which on one is clearly less: then advice is
+# replaced, and both gains are changed where one would do.
+_CLEARLY_LESS = 0.1
 
 
 def recommend(
@@ -159,8 +160,7 @@ class _Case:
             lowest = self._slowest_smooth(self._gains)
             return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
         variants = []
-        for kind in Kind:
-            gains = self._verified_gains(kind, search)
+        for kind, gains in self._gains_of_kinds(search).items():
             previous = next((self._previous_gains(one) for one in before if one.kind is kind and one.found), None)
             if gains is not None and previous is not None and self._still_valid(previous, gains, search):
                 gains = previous
@@ -182,6 +182,19 @@ class _Case:
         lowest = self._slowest_smooth(obstruction.best) if obstruction.best is not None else math.nan
         variants[0] = replace(variants[0], reason=self._obstruction_text(obstruction, lowest))
         return replace(answer, variants=tuple(variants), obstruction=obstruction, slowest_smooth_velocity=lowest)
+
+    def _gains_of_kinds(self, search: AdviceSearch) -> dict[Kind, Gains | None]:
+        """Gains of each kind; one gain alone stands as the least change unless both change clearly less."""
+        found = {kind: self._verified_gains(kind, search) for kind in Kind}
+        both = found[Kind.LEAST_CHANGE]
+        alone = [gains for kind, gains in found.items() if kind is not Kind.LEAST_CHANGE and gains is not None]
+        least = min(alone, key=self._change, default=None)
+        if least is not None and (both is None or self._change(least) - self._change(both) < _CLEARLY_LESS):
+            found[Kind.LEAST_CHANGE] = least
+        return found
+
+    def _change(self, gains: Gains) -> float:
+        return AdviceSearch.change(self._joint, self._gains, gains)
 
     def _verified_gains(self, kind: Kind, search: AdviceSearch) -> Gains | None:
         """Gains at the end of a search, once draws and integration agree with them; None without any."""
@@ -221,9 +234,8 @@ class _Case:
 
     def _still_valid(self, previous: Gains, found: Gains, search: AdviceSearch) -> bool:
         """Whether advice given before still holds, and is hardly a larger change than the gains found now."""
-        more, least = (AdviceSearch.change(self._joint, self._gains, gains) for gains in (previous, found))
         return (
-            more - least < _CLEARLY_LESS
+            self._change(previous) - self._change(found) < _CLEARLY_LESS
             and search.within_bounds(previous)
             and search.reaches_margin(previous)
             and self._verified(previous)
@@ -325,7 +337,7 @@ class _Case:
             outcome=self._outcome(gains),
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
-            change=AdviceSearch.change(joint, present, gains),
+            change=self._change(gains),
             bandwidth=crossover_frequency(joint, gains),
             tracking_error_factor=float(present.stiffness) / float(gains.stiffness),
             noise_factor=noise / noise_before if noise_before > 0 else (1.0 if noise == 0 else math.inf),

@@ -36,7 +36,7 @@ class Variant:
     outcome : what becomes of the joint when Eqs (4)-(6) are integrated, from the worst start; None without an answer.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
         friction together: what is left of advice where the gains are unknown.
-    change : √(ln² of the one + ln² of the other), where the stiffness counts three times beyond a factor of two.
+    change : √((3 ln)² of the one + ln² of the other).
     bandwidth : crossover frequency of the position loop [rad/s].
     tracking_error_factor : of the tracking error at constant speed, friction over k_p where nothing integrates.
     noise_factor : of the effort that noise in the measured velocity makes, k_v times it; infinite from no k_v on.
