@@ -5,7 +5,8 @@
 A crossing of a level is noted whenever the joint has moved by one band: the encoder's resolution, or the noise if that
 is larger. Slow motion has long gaps between crossings, fast motion short ones, whatever the sampling
 rate. A low-speed interval is a run of gaps much slower than the motion before it; it ends when the joint moves much
-faster again. Whether a low-speed interval was a stick is decided by :mod:`stickslip_ros.monitoring.detection.cycles`.
+faster again. :mod:`.rests` decides whether the joint was at rest in a low-speed interval, :mod:`.cycles` whether the
+rest was a stick.
 """
 
 from __future__ import annotations

@@ -232,7 +232,8 @@ class SlipProblem(ObservedSlips):
                 gains[:, :, 1] += more * plants[:, VISCOUS, None]
                 drags = drags * (1.0 + more)
         if self.delay_shows:
-            # The force of a time ago is that of now less its rate; by the inertia left, all that is per inertia grows.
+            # The force of a time ago is that of now less its rate: k_p τ less damping, k_v τ less inertia. By the
+            # inertia left, all that is per inertia grows.
             delay = parameters[:, PARAMETERS, None] * self.sample_interval
             stiffness, damping = self._gains.T
             lighter = np.maximum(1.0 - delay * damping / plants[:, INERTIA, None], _LEAST_INERTIA)
