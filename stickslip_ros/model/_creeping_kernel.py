@@ -54,7 +54,6 @@ from stickslip_ros.model._plant_state import (
     shape,
 )
 
-ROOM = (10, 4)
 _TOLERANCE = 1e-6
 _GROWS, _SHRINKS, _CAUTION = 5.0, 0.1, 0.9
 _GAMMA = 0.5
@@ -64,6 +63,7 @@ _FORWARD = 1e-3  # of a step, for the slope by time
 _stribeck_slope = inlined()(_friction_law.stribeck_slope)
 # Rows of the room.
 _STATE, _TRIAL, _NOW, _LATER, _SLOPE, _RIGHT, _K1, _K2, _K3, _K4 = range(10)
+ROOM = (_K4 + 1, 4)
 
 
 @helper()

@@ -14,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bounds import TINY
+
 Real = float | NDArray[np.float64]
 
 HESS_SOOM, EXPONENTIAL = range(2)
@@ -23,8 +25,6 @@ ELASTO_PLASTIC = "elasto_plastic"
 RIGID, YIELDING, CREEPING = range(3)
 LUGRE = "lugre"
 CONTACTS = {ELASTO_PLASTIC: YIELDING, LUGRE: CREEPING}  # where they are not rigid
-
-_NO_TIME = 1e-300  # [s] so short that it is lost in any sum but that of zeros
 
 
 def stribeck_friction(law: float, level: Real, velocity: Real) -> Real:
@@ -57,8 +57,8 @@ def risen_level(level: Real, stribeck: Real, dwell: Real, rise_time: Real) -> Re
 
     F_s,a + (F_s∞ − F_s,a) t₂/(t₂ + γ), all of it at once without a rise time. From 0 to 1 it is the share of the rise.
     """
-    at_once = _NO_TIME * (rise_time == 0.0)
-    return level + (stribeck - level) * (dwell + at_once) / (dwell + rise_time + _NO_TIME)
+    at_once = TINY * (rise_time == 0.0)
+    return level + (stribeck - level) * (dwell + at_once) / (dwell + rise_time + TINY)
 
 
 def rising_rate(dwell: Real, rise_time: Real) -> Real:

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.model.bounds import TINY
 
 POINTS = 8  # Gauss points of a step
 _SERIES_TERMS = 18
-_NO_TIME = 1e-300  # a number so small that dividing by it overflows
 
 NODES = 0.5 * (np.polynomial.legendre.leggauss(POINTS)[0] + 1.0)
 # Coefficients of the Lagrange polynomials: L_j(θ) = Σ_k _LAGRANGE[k, j] θ^k.
@@ -52,7 +52,7 @@ def _responses(time, damping_ratio, out):
     out[top] = upper
     out[top - 1] = lower
     for m in range(top - 2, -1, -1):
-        power *= (m + 1) / time if time > _NO_TIME else 0.0
+        power *= (m + 1) / time if time > TINY else 0.0
         if m == 0:
             power = 1.0
         out[m] = power - twice * out[m + 1] - out[m + 2]

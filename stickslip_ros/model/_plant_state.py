@@ -14,18 +14,18 @@ from stickslip_ros.model._friction_law import RIGID
     TIME, POSITION, VELOCITY, INTEGRAL, DIRECTION, EVENT_TIME, LEVEL, HISTORY_HEAD, HISTORY_COUNT, HISTORY_CURSOR,
     DEFLECTION, STEP, SLIP_FROM, PENDING, REST_TIME, REST_LEVEL,
 ) = range(16)  # fmt: skip
-STATE_SIZE = 16
+STATE_SIZE = REST_LEVEL + 1
 # Indices of the parameter vector: the parameters in the order of the table in `friction`, then all else.
 (
     INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, PRESLIDING_STIFFNESS, PRESLIDING_DAMPING,
     LAW, CONTACT, STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
 ) = range(15)  # fmt: skip
-PARAMETERS_SIZE = 15
+PARAMETERS_SIZE = LOAD + 1
 # What a controller holds from one period to the next.
 EFFORT, ERROR_INTEGRAL, MEASURED, SPEED = range(4)
 # A friction compensation; FILTER is the share of a new speed in the filtered one, 0 where nothing is compensated.
 FEEDBACK, WIDTH, PUSH, FADE, DEADBAND, DITHER, DITHER_RATE, FILTER, RESOLUTION = range(9)
-COMPENSATION_SIZE = 9
+COMPENSATION_SIZE = RESOLUTION + 1
 # Columns of an event.
 EVENT_COLUMNS = 5  # time, +1 breakaway / -1 arrest, direction of the slip, position, Stribeck friction level
 BREAKAWAY, ARREST = 1.0, -1.0

@@ -21,8 +21,8 @@ _LENGTH, _LARGEST, _BEFORE, _CHANGE, _LIMIT, _QUIET, _SAME, _WINDOWS, _BLOCK, _B
 
 _WINDOW = 4.0 * 2.0 * np.pi
 _LAGS = 3.0  # in a window
-_SHORT_LAG = 2.0
-_STEADY = 0.1  # of the commanded speed
+SHORT_LAG = 2.0  # lag, of 1/ω: with a shorter one a joint forgets in less than a swing
+STEADY_SWING = 0.1  # departure, of the commanded speed: so much is steady
 _SHRINKING = 2  # windows in a row
 _CONVERGES = 0.85  # ratio of successive changes, up to which their limit is tried
 _SAME_LIMIT = 0.1  # of what is left to it: by so much may it differ from the one of the window before
@@ -66,7 +66,7 @@ def judge_window(watched, time, velocity, slope, damping_ratio, lag, follow):
     ratio = change / watched[_CHANGE]
     limit = size + change * ratio / (1.0 - ratio) if 0.0 < ratio < _CONVERGES else np.nan
     same = abs(limit - watched[_LIMIT]) <= _SAME_LIMIT * abs(limit - size) + _ROUNDING * size
-    small = size < _STEADY and change <= 0.0
+    small = size < STEADY_SWING and change <= 0.0
     watched[_QUIET] = watched[_QUIET] + 1.0 if small else 0.0
     watched[_WINDOWS] += 1.0
     watched[_BLOCK] = max(watched[_BLOCK], size)
@@ -78,19 +78,19 @@ def judge_window(watched, time, velocity, slope, damping_ratio, lag, follow):
         if watched[_STABLE] == 1.0:
             return SETTLES
     same &= abs(limit - size) < _NEAR_LIMIT * size
-    if lag <= _SHORT_LAG and same and _SURE_SWING[0] < limit < _SURE_SWING[1]:
+    if lag <= SHORT_LAG and same and _SURE_SWING[0] < limit < _SURE_SWING[1]:
         return SWINGS_ON
     if watched[_WINDOWS] % _WINDOWS_A_BLOCK == 0.0:
         if not follow and watched[_BLOCK] <= watched[_BLOCK_BEFORE]:
             return NO_ARREST
         lasts = _LASTS <= watched[_BLOCK] / watched[_BLOCK_BEFORE] <= 1.0 / _LASTS
-        if lasts and watched[_BLOCK] >= _STEADY:
+        if lasts and watched[_BLOCK] >= STEADY_SWING:
             return SWINGS_ON
         if lasts and watched[_STABLE] == 0.0:
             return SETTLES
         if watched[_WINDOWS] >= _MOST_BLOCKS * _WINDOWS_A_BLOCK:
             # What still swings by then, and does not grow, nobody would wait for.
-            swings = _STEADY <= watched[_BLOCK] <= watched[_BLOCK_BEFORE] / _LASTS
+            swings = STEADY_SWING <= watched[_BLOCK] <= watched[_BLOCK_BEFORE] / _LASTS
             return SWINGS_ON if swings else NOBODY_KNOWS
         watched[_BLOCK_BEFORE], watched[_BLOCK] = watched[_BLOCK], 0.0
     return GOES_ON

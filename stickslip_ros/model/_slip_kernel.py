@@ -43,7 +43,7 @@ from stickslip_ros.model._linear_step import (
     multiply,
     roughness,
 )
-from stickslip_ros.model._sliding_kernel import GOES_ON, WINDOW_END, judge_window, new_watch, note_departure
+from stickslip_ros.model._sliding_kernel import GOES_ON, SHORT_LAG, WINDOW_END, judge_window, new_watch, note_departure
 
 # How a slip ends. A joint that slides on does not come to a stop, whatever else it does.
 ARRESTED, SLIDES_ON, SETTLED, SWUNG, UNDECIDED, TOO_ROUGH = range(6)
@@ -57,7 +57,6 @@ _MOST_HALVINGS = 16
 _MOST_SHORTENING = 64
 _MOST_LAG_STEPS = 1 << 15
 _REMEMBERED = 256
-_SHORT_LAG = 2.0  # of τ*: a joint forgets in less than a swing
 
 _dwell_until_met = inlined()(_friction_law.dwell_until_met)
 _risen_level = inlined()(_friction_law.risen_level)
@@ -153,7 +152,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
     touch = _TOUCH * velocity
     rough = tolerance * level
     minimum, drop, rises = np.inf, np.inf, 0
-    forgets = lag <= _SHORT_LAG
+    forgets = lag <= SHORT_LAG
     slope = -_stribeck_slope(law, level, velocity)
     watched = new_watch(lag)
     while True:

@@ -11,5 +11,7 @@ import numpy as np
 LARGEST = 1e12
 # Magnitude of a number that is not zero: smaller ones are denormal, which memory that nobody wrote often has.
 SMALLEST = float(np.finfo(float).tiny)
+# Smallest divisor, in any unit: a zero is replaced by it, so that no quotient is NaN; any sum but of zeros loses it.
+TINY = 1e-300
 # Change of an effort [N·m]: less in all is no measurement, but zeros, a constant, or what rounding makes of them.
 LEAST_EFFORT_CHANGE = 1e-12

@@ -13,11 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model._sliding_kernel import STEADY_SWING
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.conditions import OperatingConditions as OperatingConditions
 from stickslip_ros.model.divergence import runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.model.outcome import STEADY_SWING, Outcome
+from stickslip_ros.model.outcome import Outcome
 
 HUNTING = "hunting"
 
@@ -28,7 +30,7 @@ _BLOCK_DROP = 0.01
 _MOST_CYCLES = 400
 _SAME_SWING, _REPEATS = 2e-3, 3  # of a swing, from eight natural periods to the next
 _MOST_PERIODS = 1000
-_PERIODS_AT_ONCE = 8
+PERIODS_AT_ONCE = 8  # natural periods simulated by one call, 1
 _SAMPLES_A_PERIOD = 64
 _SLIDING_PERIODS = 16
 _BLOCKS, _GOES_ON = 6, 0.98  # of eight natural periods, as many of which are compared, where a joint is compensated
@@ -113,7 +115,7 @@ def _course(
         control_delay=conditions.control_delay,
         compensation=compensation,
     )
-    count = max(1, round(_PERIODS_AT_ONCE * natural / period))
+    count = max(1, round(PERIODS_AT_ONCE * natural / period))
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
     sticks = ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
@@ -185,7 +187,7 @@ def _dithered_course(
         compensation=conditions.compensation,
     )
     start = 0.0 if gains.integral else held / float(gains.stiffness)
-    count = max(phases + 1, round(_PERIODS_AT_ONCE * natural / period))
+    count = max(phases + 1, round(PERIODS_AT_ONCE * natural / period))
     last, seen = np.zeros(0), []
     for _ in range(_MOST_BLOCKS):
         times = simulation.time + period * np.arange(float(count))
@@ -226,7 +228,7 @@ def step_period(conditions: OperatingConditions, natural: float) -> float:
 def _settled(levels: list[float]) -> bool:
     if len(levels) >= 4:
         steps = np.abs(np.diff(levels[-3:]))
-        if steps[-1] <= _SETTLED * max(levels[-1], 1e-300) and steps[-1] <= steps[0]:
+        if steps[-1] <= _SETTLED * max(levels[-1], TINY) and steps[-1] <= steps[0]:
             return True
     if len(levels) < 6 * _BLOCK:
         return False

@@ -11,6 +11,8 @@ import numpy as np
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Gains, Joint, Real
 
+VELOCITY_DECADES = (-3.0, 3.0)  # log10 of speed over x˙_s, 1: range in which the lowest smooth speed is searched
+STIFFNESS_DECADES = 8.0  # log10 of stiffness over `stiffness_scale`, 1: to there the least smooth one is searched
 _LEAST_STRIBECK = 1e-9  # [N·m] without Stribeck friction there would be no scale
 
 

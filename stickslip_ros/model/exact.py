@@ -22,6 +22,8 @@ from stickslip_ros.model._cycle_kernel import NO_ANSWER, PERSISTS
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.dimensionless import (
+    STIFFNESS_DECADES,
+    VELOCITY_DECADES,
     DimensionlessGroups,
     dimensionless_groups,
     stiffness_of_lag,
@@ -35,8 +37,6 @@ LARGEST_DAMPING_RATIO: float = _LARGEST
 _TOLERANCE = 1e-3
 _CHUNK = 64
 _NO_GUESSES = np.empty(0)
-_VELOCITY_DECADES = (-3.0, 3.0)
-_STIFFNESS_RANGE = 1e8
 _LARGEST_STRIBECK = 30.0
 _SCAN_STEPS_A_DECADE = 12
 
@@ -146,7 +146,7 @@ def exact_lowest_smooth_velocity(joint: Joint, gains: Gains, *, tolerance: float
     smooth, infinite if the highest is not, NaN where there is no answer.
     """
     own = float(joint.friction.stribeck_velocity)
-    low, high = (own * 10.0**decade for decade in _VELOCITY_DECADES)
+    low, high = (own * 10.0**decade for decade in VELOCITY_DECADES)
     return _boundary(lambda velocity: dimensionless_groups(joint, gains, velocity), _grid(high, low), 1.0, tolerance)
 
 
@@ -161,7 +161,7 @@ def exact_least_smooth_stiffness(
     the Stribeck curve feeds an oscillation.
     """
     own = float(stiffness_scale(joint))
-    low, high = own / _LARGEST_STRIBECK**2, min(own * _STIFFNESS_RANGE, float(stiffness_of_lag(joint)))
+    low, high = own / _LARGEST_STRIBECK**2, min(own * 10.0**STIFFNESS_DECADES, float(stiffness_of_lag(joint)))
     return _boundary(
         lambda stiffness: dimensionless_groups(joint, Gains(stiffness=stiffness, damping=damping), velocity),
         _grid(min(low, 0.1 * high), high),

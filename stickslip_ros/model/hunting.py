@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import natural_period, step_period
+from stickslip_ros.model.controlled import PERIODS_AT_ONCE, natural_period, step_period
 from stickslip_ros.model.divergence import loop_is_unstable, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
@@ -26,7 +26,6 @@ from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulati
 STARTS = (1.0, 0.5, 3.0, 10.0)
 # Likewise in stretches that Stribeck friction alone holds: a joint that hunts just so does it no farther than that.
 NEAR_STARTS = (0.5, 0.7, 1.0, 1.4)
-_PERIODS_AT_ONCE = 8
 _SAMPLES_A_PERIOD = 8
 _LONGEST = 1e5  # natural periods
 _LONGEST_STRETCH = 64
@@ -203,7 +202,7 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         control_delay=conditions.control_delay,
         compensation=conditions.compensation,
     )
-    count = max(1, round(_PERIODS_AT_ONCE * natural / period))
+    count = max(1, round(PERIODS_AT_ONCE * natural / period))
     unstable = loop_is_unstable(joint, gains, conditions)
     slips = _Slips(offset)
     slide = _Slide(joint)

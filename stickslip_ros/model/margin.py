@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.dimensionless import (
+    STIFFNESS_DECADES,
+    VELOCITY_DECADES,
     DimensionlessGroups,
     damping_for_ratio,
     dimensionless_groups,
@@ -24,8 +26,6 @@ from stickslip_ros.model.friction import Gains, Joint, Real
 
 _SCAN_POINTS = 400
 _BISECTIONS = 52
-_VELOCITY_DECADES = (-3.0, 3.0)
-_STIFFNESS_DECADES = 8.0
 _STIFF_CONTACT = 1000.0  # presliding stiffness over k_p, above which presliding changes verdicts by 1 % or less
 
 
@@ -176,7 +176,7 @@ def lowest_smooth_velocity(joint: Joint, gains: Gains, *, rises_from_coulomb: bo
         return np.asarray(margin.energy_margin, dtype=float)
 
     shape = np.shape(dimensionless_groups(joint, gains, 1.0).stribeck)
-    low, high = (np.broadcast_to(stribeck_velocity * 10.0**decade, shape) for decade in _VELOCITY_DECADES)
+    low, high = (np.broadcast_to(stribeck_velocity * 10.0**decade, shape) for decade in VELOCITY_DECADES)
     return _last_unsmooth(margin_at, low, high)
 
 
@@ -192,8 +192,8 @@ def least_smooth_stiffness(
     shape = np.broadcast_shapes(np.shape(own), np.shape(velocity), np.shape(damping), np.shape(joint.friction.lag))
     centre = np.broadcast_to(own, shape)
     limit = stiffness_of_lag(joint) * (1 - 1e-12)
-    high = np.minimum(centre * 10.0**_STIFFNESS_DECADES, limit)
-    low = high * 10.0 ** (-2 * _STIFFNESS_DECADES)
+    high = np.minimum(centre * 10.0**STIFFNESS_DECADES, limit)
+    low = high * 10.0 ** (-2 * STIFFNESS_DECADES)
 
     def margin_at(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
         gains = Gains(stiffness=stiffness, damping=damping)

@@ -22,7 +22,6 @@ from stickslip_ros.model.friction import Real
 from stickslip_ros.model.simulation import point_arrays
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 
-STEADY_SWING = 0.1  # of the commanded speed: so much is steady
 _TOLERANCE = 2e-3
 _ROOM = 1.02
 _SPEEDS = np.geomspace(0.1, 10.0, 400)  # of the Stribeck velocity, among which friction falls fastest

@@ -13,12 +13,10 @@ import math
 import numpy as np
 
 from stickslip_ros.model.bounds import LARGEST
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import LATE_IN_A_ROW, LATEST_STAMP, Batch, FloatArray
 
 _LONGEST_WAIT = 0.2  # [s] of the data's own time, and on the clock: how far samples may run ahead of the reference
 _STALE = 1.0  # [s] from when on an old reference says nothing any more
-_LATE = 1.0  # [s] a stamp may be late by that much before it means that time began anew
-_LATE_IN_A_ROW = 20  # references, likewise
 
 
 class ReferencePairing:
@@ -98,18 +96,18 @@ class ReferencePairing:
         self._new_references.clear()
         new = new[np.abs(new[:, 0]) < LARGEST]
         # What is older by more belongs to a clock that was set back.
-        self.too_late += int(((new[:, 0] <= self._gone_until) & (new[:, 0] > self._gone_until - _LATE)).sum())
+        self.too_late += int(((new[:, 0] <= self._gone_until) & (new[:, 0] > self._gone_until - LATEST_STAMP)).sum())
         joined = np.concatenate([self._references, new])
         if len(self._references) and len(new):
             late = new[:, 0] < self._references[-1, 0]
             self._late_in_a_row = self._late_in_a_row + len(new) if late.all() else 0
-            if self._late_in_a_row > _LATE_IN_A_ROW:
+            if self._late_in_a_row > LATE_IN_A_ROW:
                 # Not late, but by a clock that was set back a little.
                 joined, self._late_in_a_row = new, 0
         steps = np.diff(joined[:, 0])
         if (steps <= 0.0).any():
             # Where time began anew, what was ahead is void; what is a little late finds its place.
-            anew = np.flatnonzero(steps < -_LATE)
+            anew = np.flatnonzero(steps < -LATEST_STAMP)
             joined = joined[int(anew[-1]) + 1 if len(anew) else 0 :]
             joined = joined[np.argsort(joined[:, 0], kind="stable")]
             joined = joined[np.append(np.diff(joined[:, 0]) > 0.0, True)]

@@ -110,8 +110,8 @@ def effort_is_measured(effort: FloatArray) -> bool:
 
 
 ROUNDING_STD = 1.0 / math.sqrt(12.0)  # standard deviation of what rounding to a resolution leaves, in resolutions
-_OUT_OF_ORDER = 1.0  # [s] a stamp may be late by that much before it means that time began anew
-_BACKWARD_IN_A_ROW = 20
+LATEST_STAMP = 1.0  # delay of a stamp behind the last one, s: with more, time began anew
+LATE_IN_A_ROW = 20  # late stamps in a row, 1: with more, the clock was set back a little
 
 
 @dataclass
@@ -194,7 +194,7 @@ class SampleFilter:
                 continue
             if time < self.last_time:
                 self._backward += 1
-                if self.last_time - time <= _OUT_OF_ORDER and self._backward <= _BACKWARD_IN_A_ROW:
+                if self.last_time - time <= LATEST_STAMP and self._backward <= LATE_IN_A_ROW:
                     self._count("stamp goes backwards", 1)
                     continue
                 begins.append(index)

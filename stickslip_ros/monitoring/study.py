@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
@@ -158,7 +159,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         link_error=solution.link_error,
         last_window=problem.windows[-1],
         stribeck_fraction=_stribeck_fraction(fit),
-        error_inflation=spread / np.maximum(narrow, 1e-300),
+        error_inflation=spread / np.maximum(narrow, TINY),
         spread=spread,
         drifts=problem.trend,
         position_disturbance=fits[0].position_disturbance,
@@ -180,7 +181,7 @@ def _explains_latest(problem: SlipProblem, fit: SlipFit) -> bool:
 
 def spread_of(covariance: FloatArray) -> FloatArray:
     """Standard deviations."""
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 1e-300)))
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), TINY)))
 
 
 def _stribeck_fraction(fit: SlipFit) -> float:

@@ -31,7 +31,7 @@ BLOCKS_KEPT = 64
     SPEED,
     SLOWEST,
 ) = range(9)
-CROSSING_COLUMNS = 9
+CROSSING_COLUMNS = SLOWEST + 1
 
 # What is measured of one signal, its resolution and its noise.
 SIGNAL = np.dtype(
@@ -79,8 +79,9 @@ DETECTOR = np.dtype(
 )
 
 _LATEST, _ORDERED = 0, 1  # rows of the noise of the blocks
+FAST_SHARE = 0.9  # quantile of speeds, 1: noise and jittered stamps make the faster ones
 SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
-_REVERSALS_KEPT = 27  # of the 30 of a block; the three largest are left out as impulses
+_REVERSALS_KEPT = BLOCK - 2 - 3  # number, 1: a block has two reversals less than readings, and three may be impulses
 _REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
 _BANDS_PER_NOISE = 5.0
 _LEAST_BAND = 1e-15

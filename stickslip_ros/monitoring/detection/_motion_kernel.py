@@ -27,11 +27,10 @@ _INTERVAL_WEIGHT = 0.1
 _RECENT_CROSSINGS = 64
 _GAPS_AT_REST = 3.0
 _FEW_STEPS = 2
-_FAST_SHARE = 0.9  # quantile that leaves out the outliers that noise and jittered stamps make
 
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
-PAST_COLUMNS = 6
+PAST_COLUMNS = VELOCITY_ERROR + 1
 MOTION = np.dtype(
     [
         ("first_time", float),
@@ -98,7 +97,7 @@ ENDED, LOW_SPEED, STANDS, SWUNG, SILENT = range(5)
 
 # Columns of what is reported of a slice.
 BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
-SLICE_COLUMNS = 6
+SLICE_COLUMNS = VELOCITY + 1
 
 # What the motion shows.
 (
@@ -223,7 +222,7 @@ def open_rest(least_duration, detector):
         gaps[n] = detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME]
         speeds[n] = abs(detector.crossings[crossing, kernel.SPEED])
     usual = max(quantile(gaps, count, 0.5), detector.update)
-    fastest = quantile(speeds, count, _FAST_SHARE)
+    fastest = quantile(speeds, count, kernel.FAST_SHARE)
     stands = flat > _GAPS_AT_REST * usual and detector.position.band < kernel.SLOW * fastest * flat
     return last if stands else _flickers_since(least_duration, detector)
 

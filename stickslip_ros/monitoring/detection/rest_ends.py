@@ -9,13 +9,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
 _LEFT = (0.3, 0.6)  # of the fastest motion beside the rest: a slip that is no creep any more, and not yet turning
 _FEW_COUNTS = 3
 _CERTAIN = 0.5  # of the time that the slip takes to get fast
 _WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
-_FAST_SHARE = 0.9  # quantile
 _WINDOW_CROSSINGS = 6
 _ENOUGH_CROSSINGS = 3
 _NEAREST_CROSSINGS = 5
@@ -116,7 +116,7 @@ def fastest(crossings: NDArray[np.float64]) -> float:
     """Fastest motion at these crossings, without the few outliers that noise and jittered stamps make [rad/s]."""
     speeds = np.abs(crossings[:, kernel.SPEED])
     # np.quantile, which takes ten times as long for so few.
-    rank = _FAST_SHARE * (len(speeds) - 1)
+    rank = kernel.FAST_SHARE * (len(speeds) - 1)
     below = int(rank)
     ordered = np.partition(speeds, sorted({below, min(below + 1, len(speeds) - 1)}))
     share, low, high = rank - below, float(ordered[below]), float(ordered[min(below + 1, len(speeds) - 1)])
@@ -185,7 +185,7 @@ def _extrapolate(
     weights /= weights.sum()
     z_mean, t_mean = z @ weights, float(t @ weights)
     z_centred, t_centred = z - z_mean[:, None], t - t_mean
-    slope = (z_centred * weights) @ t_centred / np.maximum((z_centred**2) @ weights, 1e-300)
+    slope = (z_centred * weights) @ t_centred / np.maximum((z_centred**2) @ weights, TINY)
     error = ((t_centred[None, :] - slope[:, None] * z_centred) ** 2) @ weights
     error = np.where(sign * slope > 0, error, np.inf)
     return times[0] + t_mean - slope * z_mean, error

@@ -40,7 +40,7 @@ TIES = BY_FRACTION + 1
 
 HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
 WEAK = 1e-4  # weight of the detected breakaway beside the data's
-_ABSURD = 1e150  # a residual so large is as bad as any, and its square is a number
+LARGEST_RESIDUAL = 1e150  # residual, standard deviations: any larger one is as bad, and its square is still finite
 _NOTHING_LEFT = 1e-12  # of the level
 _LEAST_DWELL = 1e-3  # of the detected one
 
@@ -53,8 +53,8 @@ _rising_rate = helper()(_friction_law.rising_rate)
 def _robust(residual):
     """Square, linear beyond the Huber limit."""
     size = abs(residual)
-    if size > _ABSURD:
-        size = _ABSURD
+    if size > LARGEST_RESIDUAL:
+        size = LARGEST_RESIDUAL
     return size * size if size < HUBER else 2.0 * HUBER * size - HUBER * HUBER
 
 

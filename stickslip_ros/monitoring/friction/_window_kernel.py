@@ -39,7 +39,7 @@ POSITION, BREAKAWAY, LEVEL = range(3)
 # Columns of what is found of a slip: the force on the joint at breakaway in the slip's direction, when and where
 # it ends, and the factor by which the Stribeck friction is less there than at breakaway.
 HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION = range(4)
-FOUND_COLUMNS = 4
+FOUND_COLUMNS = STRIBECK_FRACTION + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
 
 _MOST_SLIPS = 64  # in a window: with ever shorter ones, without end, the joint rests as far as can be seen

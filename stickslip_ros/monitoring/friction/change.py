@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass
 
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
+from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS
 
-_SIGNIFICANT = 4.0  # standard errors, by which a parameter must differ to be named
 _SMALL = 0.03  # relative change that is not worth naming
 
 
@@ -46,6 +46,6 @@ def friction_change(before: FrictionEstimate, after: FrictionEstimate, time: flo
         if before.normalised != after.normalised or not (old.identified and new.identified):
             continue
         apart = abs(new.value - old.value)
-        if apart > _SIGNIFICANT * math.hypot(old.std, new.std) and apart > _SMALL * abs(old.value):
+        if apart > SIGNIFICANT_ERRORS * math.hypot(old.std, new.std) and apart > _SMALL * abs(old.value):
             differences.append(ParameterDifference(name=name, old=old.value, new=new.value))
     return FrictionChange(time=time, learning_anew=False, differences=tuple(differences))

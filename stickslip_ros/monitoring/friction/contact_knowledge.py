@@ -14,11 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 
 # Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
 MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
-_LEAST_RESTS = 6
+LEAST_RESTS = 6  # rests, 1: fewer have no scatter that shows how well a compliance is known
 _SHOWN = 2.0  # standard errors
 _UNSEEN = 2.0  # counts of all rests together, that may pass unseen
 _LEAST_ERROR = 0.3  # of the compliance: what is seen at rest is not all that yields when the joint breaks away
@@ -48,7 +49,7 @@ def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
             forces.append(late.drive - early.drive - _stiffness(window) * ways[-1])
     way, force = np.array(ways), np.array(forces)
     count, size = len(way), float(force @ force)
-    if count < _LEAST_RESTS or size <= 0.0:
+    if count < LEAST_RESTS or size <= 0.0:
         return None
     compliance = float(way @ force) / size
     off = way - compliance * force
@@ -67,7 +68,7 @@ def spring_compliance(windows: list[SlipWindow]) -> float:
     stiffness = max(_stiffness(window) for window in windows)
     if stiffness > 0.0:
         return 1.0 / stiffness
-    falls = [max(float(np.ptp(window.forces)), 1e-300) for window in windows]
+    falls = [max(float(np.ptp(window.forces)), TINY) for window in windows]
     return float(np.median([abs(window.slip_distance) / fall for window, fall in zip(windows, falls, strict=True)]))
 
 

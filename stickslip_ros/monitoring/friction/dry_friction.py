@@ -18,20 +18,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.monitoring.friction.regression import Regression, regression, student_tail
+from stickslip_ros.model.bounds import TINY
+from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS, Regression, regression, student_tail
 from stickslip_ros.monitoring.friction.ripple import Ripple, find_ripple
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
 SIGNIFICANT = 0.005  # probability of chance, below which a term is claimed
-LEAST_SLIPS = 12  # from which on more than the direction is asked for
-_LEAST_OF_A_DIRECTION = 3
+LEAST_SLIPS = 12  # slips, 1: fewer show no dependence of friction on time, place or load
+LEAST_OF_A_DIRECTION = 3  # slips of a direction, 1: fewer show no friction of their own
 _MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4
 _PARTS, _LEAST_OF_A_PART = 3, 0.1  # of the time: each has that share of the slips, or they do not span it
 _TOGETHER = 0.95  # correlation of time and position, from which on they are not told apart
 _PARABOLA, _MOST_BENDS = 2, 4  # columns of a load over position: with four an arm's weight over a right angle is exact
-_LOADS, _APART = 3, 4.0  # loads that differ by so many standard errors
+_LOADS = 3  # loads that differ, 1: fewer show no dependence on the load
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,11 +128,11 @@ def dry_friction(
     standard_error : that the kinetic friction of a slip has at least [N·m].
     """
     count = len(kinetic)
-    if count < _LEAST_OF_A_DIRECTION:
+    if count < LEAST_OF_A_DIRECTION:
         return None
     fewest = min(int((direction > 0).sum()), int((direction < 0).sum()))
     ones = np.ones((count, 1))
-    base = np.column_stack([ones, direction]) if fewest >= _LEAST_OF_A_DIRECTION else ones
+    base = np.column_stack([ones, direction]) if fewest >= LEAST_OF_A_DIRECTION else ones
     since = (time - time.mean())[:, None]
     varying = np.zeros((count, 0))
     drifts, ripple, bends = False, None, 0
@@ -226,7 +227,7 @@ def _spans(time: FloatArray) -> bool:
 
 def _polynomial_basis(position: FloatArray, slips: FloatArray) -> FloatArray:
     """Columns of a polynomial over position whose mean over the slips' positions is zero, shape (n, 4)."""
-    extent = max(float(np.ptp(slips)), 1e-300)
+    extent = max(float(np.ptp(slips)), TINY)
     place, own = (position - slips.mean()) / extent, (slips - slips.mean()) / extent
     return np.column_stack([place**power - float((own**power).mean()) for power in range(1, _MOST_BENDS + 1)])
 
@@ -254,12 +255,12 @@ def _varying_load(
     drifts = regression(np.column_stack([base, since]), kinetic, standard_error)
     # Two columns are tried; BIC.
     surely = min(varies.significance(size), varies.significance(size + 1)) < 0.5 * SIGNIFICANT
-    worse = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(drifts.scatter, 1e-300))
+    worse = 2.0 * len(kinetic) * math.log(max(varies.scatter, TINY) / max(drifts.scatter, TINY))
     if not surely or worse + math.log(len(kinetic)) >= 2.0 * math.log(SIGNIFICANT):
         return columns[:, :0]
     more = _loads(direction, position, _MOST_BENDS)
     bent = regression(np.column_stack([base, more]), kinetic, standard_error)
-    better = 2.0 * len(kinetic) * math.log(max(varies.scatter, 1e-300) / max(bent.scatter, 1e-300))
+    better = 2.0 * len(kinetic) * math.log(max(varies.scatter, TINY) / max(bent.scatter, TINY))
     return more if better > (_MOST_BENDS - _PARABOLA) * math.log(len(kinetic)) else columns
 
 
@@ -295,7 +296,7 @@ def _means(values: FloatArray, numbers: NDArray[np.int64]) -> FloatArray:
 def _numbers_of_places(position: FloatArray) -> NDArray[np.int64]:
     """In which place each slip began: of as many places of one width as leave some slips to each."""
     number = min(max(len(position) // _SLIPS_IN_A_PLACE, 1), _MOST_PLACES)
-    shares = (position - position.min()) / max(float(np.ptp(position)), 1e-300)
+    shares = (position - position.min()) / max(float(np.ptp(position)), TINY)
     return np.asarray(np.minimum(number * shares, number - 1).astype(np.int64))
 
 
@@ -349,6 +350,6 @@ def _different(loads: FloatArray, errors: FloatArray) -> int:
     order = np.argsort(loads)
     count, last = 1, order[0]
     for one in order[1:]:
-        if loads[one] - loads[last] > _APART * math.hypot(errors[one], errors[last]):
+        if loads[one] - loads[last] > SIGNIFICANT_ERRORS * math.hypot(errors[one], errors[last]):
             count, last = count + 1, one
     return count

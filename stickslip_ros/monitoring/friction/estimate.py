@@ -30,7 +30,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
 from stickslip_ros.monitoring.friction.delay_estimate import SPREAD_LIMIT, DelayEstimate
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
+from stickslip_ros.monitoring.friction.slip_problem import LEAST_VISCOUS, PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -300,8 +300,7 @@ def _with_stiffness(
     total = math.exp(logarithms[VISCOUS])
     viscous = total - damping
     error = math.sqrt(max(float(slopes[VISCOUS] @ covariance @ slopes[VISCOUS]), 1e-12)) * total
-    # Less than its error is no friction to speak of; the logarithm needs some.
-    viscous = max(viscous, 0.3 * error, 1e-6 * inertia)
+    viscous = max(viscous, LEAST_VISCOUS * error, 1e-6 * inertia)
     logarithms[VISCOUS] = math.log(viscous)
     slopes[VISCOUS] *= min(total / viscous, 1e3)
     return logarithms, slopes @ covariance @ slopes.T

@@ -26,7 +26,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.dry_friction import dry_friction_of
+from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
     DOES_NOT_FIT,
     IDENTIFIED,
@@ -54,7 +54,6 @@ from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact,
 from stickslip_ros.monitoring.samples import FloatArray
 
 LEAST_SLIPS = 3
-_LEAST_OF_A_DIRECTION = 3
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
 _LARGEST_UNEXPLAINED = 0.001  # tolerance, in slip distances: joints that the model explains need less
 _SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
@@ -136,7 +135,7 @@ def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -
     """All of them, or those of one direction where there are hardly any usable ones of the other."""
     counts = {one: sum(w.direction == one for w, good in zip(windows, usable, strict=True) if good) for one in (1, -1)}
     more = 1 if counts[1] >= counts[-1] else -1
-    enough = counts[-more] >= _LEAST_OF_A_DIRECTION
+    enough = counts[-more] >= LEAST_OF_A_DIRECTION
     return windows if enough else [window for window in windows if window.direction == more]
 
 

@@ -19,13 +19,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
-_UNEXPLAINED = 9.0  # mean square that a slip set aside stands for
 _FEW = 8  # slips more than parameters, before their scatter says something
 _TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square up to which errors stay; factor on what is beyond
 _RISEN, _LONGER = 0.1, 2.0  # of the usual rest: a rise time that has long passed; a rest that is longer
@@ -46,7 +47,7 @@ def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
     size = len(prior.mean)
     total[:size, :size] += prior.information
     # Scaled, because forces and logarithms differ by orders of magnitude.
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), TINY))
     scales = np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
 
@@ -56,12 +57,12 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> Float
     narrow = covariance_of(fit.information, prior)
     mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
     aside = 1.0 - float(problem.usable.mean())
-    covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + _UNEXPLAINED * aside)
+    covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + OUTLIER * aside)
     used = fit.scores[problem.usable]
     freedom = len(used) - covariance.shape[1]
     if freedom >= _FEW:
         seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
-        factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), 1e-300)))
+        factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), TINY)))
         covariance = covariance * np.outer(factors, factors)
     return np.asarray(
         covariance

@@ -20,11 +20,22 @@ from numpy.typing import NDArray
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
-from stickslip_ros.monitoring.friction.slip_solution import FITS, GOOD, Solution, fit_near, truncated_fit, usual_level
+from stickslip_ros.monitoring.friction.slip_solution import (
+    FITS,
+    GOOD,
+    LEAST_LINK,
+    Solution,
+    fit_near,
+    truncated_fit,
+    usual_level,
+)
 from stickslip_ros.monitoring.samples import FloatArray
 
-# No model is better than so of kinetic friction, as a share of the usual level, and of levels.
-_LEAST_BALANCE, _LEAST_LINK = 2e-3, 1e-3
+_LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual level: no model is better
+# Twice the logarithm of a likelihood ratio, 1: above it a law or a term is clearly better. BIC asks for less than half
+# as much; but noise exceeds that now and then in many slips and repeated studies, and wider errors do less harm than a
+# false term.
+CLEARLY_BETTER = 10.0
 _WHITE = 2.0  # residuals in a run of one sign, if they are independent
 # Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
 HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
@@ -126,7 +137,7 @@ def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64]
     least = _LEAST_BALANCE * usual_level(fit)
     for values, error in (
         (fit.misfits[problem.usable], max(solution.balance_error, least)),
-        (fit.link_misfits[problem.linked], max(solution.link_error, _LEAST_LINK)),
+        (fit.link_misfits[problem.linked], max(solution.link_error, LEAST_LINK)),
     ):
         total += robust(values / error) + 2.0 * len(values) * math.log(error)
     return total

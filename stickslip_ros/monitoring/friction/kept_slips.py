@@ -17,12 +17,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-MOST_SLIPS = 48
+MOST_SLIPS = 48  # slips that a study has, 1; once so many came, slips like the last one are learnt from now and then
 _RUN = 4  # slips in a row that are kept or dropped together: Eq. (6) ties each to the one before
 # Circumstances so far apart tell different things. Of speeds, dwells and gains the logarithms.
 _SPEED, _DWELL, _GAIN = 0.25, 0.25, 0.2
@@ -98,10 +99,10 @@ def _likeness(windows: list[SlipWindow]) -> FloatArray:
         np.log(np.maximum(ways, _least(ways)) / periods) / _SPEED,
         np.log(np.maximum(dwells, _least(dwells))) / _DWELL,
         np.log(np.maximum(stiffness, _least(stiffness))) / _GAIN,
-        np.log(np.maximum(damping, 0.1 * max(float(damping.max()), 1e-300))) / _GAIN,
+        np.log(np.maximum(damping, 0.1 * max(float(damping.max()), TINY))) / _GAIN,
         np.array([_OTHER_DIRECTION * float(window.direction) for window in windows]),
-        _PLACES * places / max(float(np.ptp(places)), 1e-300),
-        _TIMES * times / max(float(np.ptp(times)), 1e-300),
+        _PLACES * places / max(float(np.ptp(places)), TINY),
+        _TIMES * times / max(float(np.ptp(times)), TINY),
     ]
     square = sum((one[:, None] - one[None, :]) ** 2 for one in circumstances)
     return np.asarray(np.exp(-0.5 * square))

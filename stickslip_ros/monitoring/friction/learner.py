@@ -27,24 +27,22 @@ from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import best_known, estimate_from
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
-from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
+from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import FixedParameterFit, Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, spread_of, study
 
-_MOST_WAITING = 48  # slips
 _FIRST_STUDY = 4
 _LATER_STUDIES = 2.5  # times as many slips as there were at the last one
 _LAST_STUDY = 1.2  # likewise, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, from which on a study begins where the last one ended
-_EVERY_SLIP = 48  # slips, from which on those that are like the last one are learnt from only now and then
 _NOW_AND_THEN, _IN_A_ROW = 50.0, 5  # [s]; slips then, for one tells of the level of the next
 _LIKE = 0.15  # relative difference of dwell, distance and duration, below which two slips are similar
 _LARGEST_STEP = 0.3  # of a logarithm, that one slip may move a parameter
-_OUTLIER = 9.0  # mean square of a slip's residuals, above which the estimate does not explain the slip
 _FORCE_OUTLIER = 6.0  # standard deviations of the kinetic friction
 _OFF = 0.01  # of the slip distance: less is no change
 _STEPS = 2.0  # of a controller's force, of the Stribeck friction: likewise
@@ -116,7 +114,7 @@ class FrictionLearner:
         last = self._last
         if (
             last is None
-            or self._wanted < _EVERY_SLIP
+            or self._wanted < MOST_SLIPS
             or (self._state is not None and self._state.drifts)
             or self._kept.is_at_new_position(cycle)
             or abs(cycle.breakaway - last.breakaway) >= _NOW_AND_THEN
@@ -138,7 +136,7 @@ class FrictionLearner:
             self._learn(window)
             return
         self._waiting.append(window)
-        if len(self._waiting) > _MOST_WAITING:
+        if len(self._waiting) > MOST_SLIPS:
             self._waiting.popleft()
             self.skipped += 1
 
@@ -332,7 +330,7 @@ class FrictionLearner:
         # A controller that acts on samples begins each slip with some more or less of a step of its force.
         step = problem.loading_rate(state.parameters) * problem.sample_interval / level if problem.may_be_late else 0.0
         enough = max(_OFF, _STEPS * step)
-        return (square > _OUTLIER * max(1.0, state.estimate.mean_square) and off > enough) or (
+        return (square > OUTLIER * max(1.0, state.estimate.mean_square) and off > enough) or (
             force > _FORCE_OUTLIER * math.hypot(state.balance_error, _FORCE_OFF * level)
         )
 

@@ -3,8 +3,8 @@
 """Optional terms of the friction model: fitted where a score test exceeds a threshold, else part of the errors.
 
 Prior odds of a term are 1:1, with a normal prior of its parameter. The score test is one Gauss-Newton step from the fit
-without the term. A term whose test exceeds `_CLEARLY` is added to the fit. Otherwise the posterior probability of the
-term times its effect is added to the covariance of the other parameters (model averaging).
+without the term. A term whose test exceeds `CLEARLY_BETTER` is added to the fit. Otherwise the posterior probability
+of the term times its effect is added to the covariance of the other parameters (model averaging).
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
-from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more, residuals_per_observation
+from stickslip_ros.monitoring.friction.fitted_law import (
+    CLEARLY_BETTER,
+    FittedLaw,
+    fitted_with_more,
+    residuals_per_observation,
+)
 from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import CURVATURE, LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
-# Twice the logarithm of a likelihood ratio. BIC asks for less than half as much; but noise exceeds that now and then in
-# many slips and repeated studies, and wider errors do less harm than a false term.
-_CLEARLY = 10.0
 _MUCH = 0.98  # share of the upper bound above which a parameter is at its bound: the fit stops short of it
 _LITTLE = (
     0.005  # tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes
@@ -123,7 +125,7 @@ def _score_tests(fitted: FittedLaw) -> dict[OptionalTerm, TermScore | None]:
 
 def _most_significant(fitted: FittedLaw, left: Mapping[OptionalTerm, TermScore | None]) -> OptionalTerm | None:
     """The term to be fitted next; None if none is worth a fit."""
-    gains = {term: score.gain for term, score in left.items() if score is not None and score.gain > _CLEARLY}
+    gains = {term: score.gain for term, score in left.items() if score is not None and score.gain > CLEARLY_BETTER}
     if gains:
         return max(gains, key=lambda term: gains[term])
     # A term could explain the misfit that a wrong effort makes; and where residuals are large no term is enough.

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import ELASTO_PLASTIC, LUGRE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.rests import Rest
+from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_RESTS
 from stickslip_ros.monitoring.friction.estimate import IDENTIFIED, ParameterEstimate
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 
 _KEPT = 100  # rests
-_LEAST_RESTS = 6
 _SETTLED, _LEAVING = 0.15, 0.05  # of a dwell at its ends, in which the joint swings to rest or speeds up
 _BELOW_LIMIT = 0.65  # of the limit: nearer to it a contact that yields asks for a limit better known than it is
 _OTHER_SIDE, _MOSTLY = 0.3, 0.5  # of the limit; of what is known
@@ -170,7 +170,7 @@ def _slopes(seen: Batch, rest: Rest, gains: Gains | None, resolution: float) -> 
 
 
 def _together(rests: list[_Slopes]) -> PreslidingEstimate | None:
-    if len(rests) < _LEAST_RESTS:
+    if len(rests) < LEAST_RESTS:
         return None
     driving, both = np.array([one.driving for one in rests]), np.array([one.both for one in rests])
     total = driving.sum(axis=0)

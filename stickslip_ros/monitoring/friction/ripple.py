@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.regression import Regression, prewhitened, regression
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -126,7 +127,7 @@ def false_alarm(power: float, highest: float, position: FloatArray, freedom: flo
     left = freedom - 2.0
     if left < 1.0:
         return 1.0
-    rest = max(1.0 - power, 1e-300)
+    rest = max(1.0 - power, TINY)
     width = highest * math.sqrt(4.0 * math.pi) * float(position.std())
     factor = math.sqrt(2.0 / freedom) * math.exp(math.lgamma(0.5 * freedom) - math.lgamma(0.5 * (freedom - 1.0)))
     upcrossings = factor * width * rest ** (0.5 * (left - 1.0)) * math.sqrt(0.5 * freedom * power)
@@ -160,7 +161,7 @@ def _prewhitened_power(
     # The sine is worth no more than it is beside the errors that the values have anyway.
     explained = max(squares[0] - squares[1], 0.0)
     rest = max(squares[1], len(values) * standard_error**2)
-    return explained / max(explained + rest, 1e-300)
+    return explained / max(explained + rest, TINY)
 
 
 class _Search:
@@ -170,7 +171,7 @@ class _Search:
         self._basis = np.linalg.qr(known)[0]
         self._left = values - self._basis @ (self._basis.T @ values)
         self._position = position
-        self.total = max(float(self._left @ self._left), 1e-300)
+        self.total = max(float(self._left @ self._left), TINY)
 
     def power(self, frequencies: FloatArray) -> FloatArray:
         """Share of the squares that a sine explains, 0 where the positions do not show one of that frequency."""
@@ -228,13 +229,13 @@ def _fitted(
     fit = regression(np.column_stack([known, waves.T, slope]), values, standard_error)
     amplitude = math.hypot(cosine, sine)
     covariance = fit.covariance[size:, size:]
-    along = np.array([cosine, sine, 0.0]) / max(amplitude, 1e-300)
-    across = np.array([sine, -cosine, 0.0]) / max(amplitude, 1e-300)
+    along = np.array([cosine, sine, 0.0]) / max(amplitude, TINY)
+    across = np.array([sine, -cosine, 0.0]) / max(amplitude, TINY)
     return fit, {
         "amplitude": amplitude,
         "amplitude_std": math.sqrt(max(float(along @ covariance @ along), 0.0)),
         "period": 1.0 / frequency,
         "period_std": math.sqrt(max(float(covariance[2, 2]), 0.0)) / frequency**2,
         "phase": math.atan2(cosine, sine),
-        "phase_std": math.sqrt(max(float(across @ covariance @ across), 0.0)) / max(amplitude, 1e-300),
+        "phase_std": math.sqrt(max(float(across @ covariance @ across), 0.0)) / max(amplitude, TINY),
     }

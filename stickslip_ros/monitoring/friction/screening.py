@@ -18,13 +18,18 @@ import numpy as np
 
 from stickslip_ros.model._friction_law import LAWS, stribeck_friction
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
-from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw, misfit_of, residuals_per_observation
+from stickslip_ros.monitoring.friction.fitted_law import (
+    CLEARLY_BETTER,
+    HALF_SPEED,
+    FittedLaw,
+    misfit_of,
+    residuals_per_observation,
+)
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_solution import truncated_fit, usual_level
 from stickslip_ros.monitoring.samples import FloatArray
 
 _WORSE = 60.0  # twice the logarithm of a likelihood ratio, above which more slips do not change the order of laws
-_BETTER = 10.0  # twice the logarithm of a likelihood ratio, above which a law is clearly better
 _SPEEDS = 64  # at which curves are compared
 _SCALES = np.geomspace(0.4, 2.5, 15)  # of the Stribeck velocity, that are tried
 
@@ -50,7 +55,7 @@ class Screening:
     @property
     def better(self) -> bool:
         """Whether the law is clearly better: where no law fits, only such a one is worth a full fit."""
-        return self.worse < -_BETTER
+        return self.worse < -CLEARLY_BETTER
 
 
 def screen_law(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Screening | None:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import stribeck_shape
 from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measured
@@ -159,7 +160,7 @@ def _stretches(batch: Batch, resolution: float) -> tuple[FloatArray, FloatArray,
     # Sliding: one direction throughout, and before and after.
     turning = np.append(False, velocity[1:] * velocity[:-1] <= 0)
     turning |= np.append(turning[1:], False)
-    sliding = ~turning & (np.abs(velocity) * spans >= max(_COUNTS * resolution, 1e-300))
+    sliding = ~turning & (np.abs(velocity) * spans >= max(_COUNTS * resolution, TINY))
     if sliding.sum() < _LEAST_STRETCHES:
         return None
     part = (np.arange(len(velocity)) * _RUNS // len(velocity))[sliding]
@@ -170,7 +171,7 @@ def _weights(velocity: FloatArray) -> FloatArray:
     """Weights that give every range of speeds the same say, in each direction; their mean is one."""
     speed = np.abs(velocity)
     low, high = np.quantile(speed, [0.01, 0.99])
-    bins = np.clip(np.floor(_SPEED_RANGES * (speed - low) / max(high - low, 1e-300)), 0, _SPEED_RANGES - 1)
+    bins = np.clip(np.floor(_SPEED_RANGES * (speed - low) / max(high - low, TINY)), 0, _SPEED_RANGES - 1)
     ranges = (bins + _SPEED_RANGES * (velocity < 0)).astype(np.int64)
     counts = np.bincount(ranges)
     weights = 1.0 / np.maximum(counts[ranges], _LEAST_IN_RANGE)
@@ -228,7 +229,7 @@ def _covariance(
     """Covariance from the scatter between parts of the record: neighbours in time are not independent."""
     covariance = np.zeros((len(free), len(free)))
     used = slopes[:, free]
-    scale = 1.0 / np.maximum(np.sqrt((used * used).sum(axis=0)), 1e-300)
+    scale = 1.0 / np.maximum(np.sqrt((used * used).sum(axis=0)), TINY)
     inverse = np.linalg.pinv((used * scale).T @ (used * scale), rcond=1e-10, hermitian=True)
     scores = np.stack([(used * scale)[part == run].T @ residuals[part == run] for run in np.unique(part)])
     freedom = max(len(scores) - 1, 1)

@@ -12,12 +12,10 @@ from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
-from stickslip_ros.monitoring.friction._equations_kernel import HUBER, UNKNOWNS
+from stickslip_ros.monitoring.friction._equations_kernel import HUBER, LARGEST_RESIDUAL, UNKNOWNS
 from stickslip_ros.monitoring.friction._window_kernel import POSITION
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
-
-_ABSURD = 1e150  # a residual so large is as bad as any, and its square is a number
 
 
 @dataclass
@@ -135,7 +133,7 @@ def _solve_band(band: FloatArray, right: FloatArray) -> FloatArray:
 
 def robust(residuals: FloatArray) -> float:
     """Sum of squares, linear beyond the Huber limit."""
-    size = np.minimum(np.abs(residuals), _ABSURD)
+    size = np.minimum(np.abs(residuals), LARGEST_RESIDUAL)
     return float(np.where(size < HUBER, size * size, 2.0 * HUBER * size - HUBER**2).sum())
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import risen_level
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HOLDING_FORCE, LEVEL, RISE_TIME, SHAPE
 from stickslip_ros.monitoring.friction.slip_equations import NormalEquations, Point, Slopes
@@ -145,7 +146,7 @@ class _Fit:
             products += _LEAST * np.trace(products) * np.eye(len(products))
             kinetic = np.linalg.solve(products, weighted.T @ target)
             misfit = np.abs(target - problem.balance @ kinetic)
-            weights = problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + 1e-300)
+            weights = problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + TINY)
             weights /= weights.max()
         return kinetic
 
@@ -229,7 +230,7 @@ def fit_slips(
             except LinAlgError:
                 damping = max(damping, 1e-6) * 10.0
                 continue
-            step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step[:size]))), 1e-300))
+            step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step[:size]))), TINY))
             own = (by_slope - by_parameters @ step).reshape(-1, kernel.UNKNOWNS)
             candidate = fit.evaluate(
                 np.clip(point.parameters + step[:size], prior.lower, prior.upper),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import HESS_SOOM
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import (
     FITTED,
@@ -46,7 +47,9 @@ _DAMPING_RATIO = 0.5  # of a contact that yields, mean and standard deviation
 CURVATURE = 0.5  # of viscous friction, standard deviation; 1 if it goes with the square of the speed, 0 with the speed
 _SWIFT = 1.33  # of the mean speed of a slip that is half a sine: where friction takes as much as it does on average
 _LEAST_INERTIA = 0.1  # share that a delay leaves
-_LEAST_LEFT = 0.3  # of its error, that viscous friction is taken for where it seems to be less
+LEAST_VISCOUS = (
+    0.3  # viscous friction, of its standard error: less is no friction to speak of, and its logarithm needs some
+)
 
 
 class SlipProblem(ObservedSlips):
@@ -145,7 +148,7 @@ class SlipProblem(ObservedSlips):
             self.more_errors = np.append(self.more_errors, CURVATURE)
             self.more_means = np.append(self.more_means, 0.0)
         # Of the time of the slips, from -1 to 0.
-        self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), 1e-300)
+        self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), TINY)
         self.trend = trend and not self.normalised
         self.covariate = None if self.normalised else self.since if self.trend else covariate
         if self.covariate is not None:
@@ -440,7 +443,7 @@ class SlipProblem(ObservedSlips):
         slopes = np.eye(len(covariance))
         slopes[VISCOUS] = self._slopes_of_what_is_left(parameters, len(covariance))
         # Friction is not negative; the logarithm needs some.
-        left = max(late.left, _LEAST_LEFT * late.std, 1e-6 * late.viscous)
+        left = max(late.left, LEAST_VISCOUS * late.std, 1e-6 * late.viscous)
         slopes[VISCOUS] /= left
         changed = parameters.copy()
         changed[VISCOUS] = math.log(left)

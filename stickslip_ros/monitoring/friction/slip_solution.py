@@ -35,7 +35,8 @@ from stickslip_ros.monitoring.samples import FloatArray
 FITS = 1.2  # mean square of residuals of a model that explains slips: noise makes 1, jitter a little more
 GOOD = 1.3  # mean square of residuals, with which the search ends
 _NEARLY_GOOD = 2.0  # likewise, from which a fit may come to be good
-_OUTLIER, _OUTLIER_SHARE = 9.0, 25.0  # mean square of a slip's residuals; over the median of the slips
+# Mean square of a slip's residuals, 1, and its ratio to the median of the slips, 1: a slip with more is set aside.
+OUTLIER, _OUTLIER_SHARE = 9.0, 25.0
 USUAL_RISE_TIME = 0.3  # [s], from which the scan departs only for a reason
 # Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
 _TIGHTENING = ((0.01, 0.2, 0.2), (0.003, 0.05, 0.05), (0.003, 0.01, 0.003), (0.0, 0.002, 3e-4))
@@ -45,7 +46,7 @@ _MOST_USABLE = 0.8  # share of slips that a fit must explain to be believed with
 _LEAST_BALANCE = 1e-4  # of the level
 _FINAL = 3
 _LOOSE_ROUNDS = 5
-_LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3
+LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3  # scatter of levels' logarithms about Eq. (6), 1: no model is better
 _ITERATIONS = 20
 _ROUND = 40  # of a stage of a fit that may come to be good
 _LAST_ITERATIONS = 100  # where all ties are tight, valleys are long, flat and bent
@@ -254,7 +255,7 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
             used = problem.weights > 0
             tolerance = float(np.sqrt(np.mean((fit.residuals * problem.errors)[used] ** 2)))
             balance = min(balance_error(problem, fit), level)
-            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), _LEAST_LINK, _LARGEST_LINK))
+            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), LEAST_LINK, _LARGEST_LINK))
     except LinAlgError:
         return None
     return Solution(
@@ -324,7 +325,7 @@ def _set_outliers_aside(problem: SlipProblem, fit: SlipFit) -> None:
     """Slips that nothing explains, such as those with an unseen rest, must not bend the others."""
     squares = np.bincount(problem.slip_of, fit.residuals**2, problem.count) / np.bincount(problem.slip_of)
     usual = float(np.median(squares[problem.usable]))
-    outliers = squares > max(_OUTLIER, _OUTLIER_SHARE * usual)
+    outliers = squares > max(OUTLIER, _OUTLIER_SHARE * usual)
     if outliers.any() and problem.usable.sum() - outliers.sum() >= 2:
         problem.set_aside(outliers)
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from stickslip_ros.model._friction_law import fallen_share
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -90,7 +91,7 @@ def _least_squares(columns: FloatArray, right: FloatArray) -> tuple[FloatArray, 
 
     Of the three unknowns the first and the last have to be positive, the second not negative.
     """
-    scale = np.sqrt((columns * columns).sum(axis=-1)) + 1e-300
+    scale = np.sqrt((columns * columns).sum(axis=-1)) + TINY
     columns = columns / scale[..., None]
     products, sides = columns @ np.swapaxes(columns, -1, -2), columns @ right
     solution = _solved(products, sides)

@@ -17,6 +17,7 @@ import numpy as np
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS
 from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 
 _MOST_OBSERVATIONS = 240
@@ -33,7 +34,6 @@ _ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothi
 _EFFORT_SMOOTHING = 1.0 / 12.0  # of the slip
 _EVEN = 0.02  # mean deviation of sample intervals, relative: stamps with less jitter count as even
 _LINE_REACH = 4  # samples on either side
-_SIGNIFICANT = 4.0  # standard errors, from which on the effort holds more than the gains explain
 _SAME_STIFFNESS = 0.1  # relative difference of two stiffnesses that are taken for one
 _LEAST_SHOWN = 3  # slips whose effort may contradict the gains
 
@@ -277,7 +277,7 @@ def _forces(
     none = np.zeros(len(part))
     if gains is not None and reference_known and gains.integral == 0:
         slope, error = shown
-        allowed = _SAME_STIFFNESS * float(gains.stiffness) + _SIGNIFICANT * error
+        allowed = _SAME_STIFFNESS * float(gains.stiffness) + SIGNIFICANT_ERRORS * error
         if effort_known and not abs(slope - float(gains.stiffness)) > allowed:
             none += _feed_forward(samples.where(resting), gains, resolution)
         return ForceSource.GAINS, gains, none
@@ -351,7 +351,7 @@ def contradiction(windows: Sequence[SlipWindow]) -> str:
         [
             (one.effort_stiffness[0], float(one.gains.stiffness))
             for one in windows
-            if one.gains is not None and one.effort_stiffness[0] > _SIGNIFICANT * one.effort_stiffness[1]
+            if one.gains is not None and one.effort_stiffness[0] > SIGNIFICANT_ERRORS * one.effort_stiffness[1]
         ]
     )
     if len(shown) < max(_LEAST_SHOWN, 0.5 * len(windows)):
@@ -359,7 +359,7 @@ def contradiction(windows: Sequence[SlipWindow]) -> str:
     ratios = np.log(shown[:, 0] / shown[:, 1])
     ratio = float(np.median(ratios))
     error = 1.25 * float(np.std(ratios)) / math.sqrt(len(ratios))
-    if abs(ratio) <= _SAME_STIFFNESS + _SIGNIFICANT * error:
+    if abs(ratio) <= _SAME_STIFFNESS + SIGNIFICANT_ERRORS * error:
         return ""
     seen, given = np.median(shown, axis=0).tolist()
     per_degree = abs(abs(ratio) - math.log(180.0 / math.pi)) < _SAME_STIFFNESS
@@ -377,5 +377,5 @@ def _feed_forward(rest: Batch, gains: Gains, resolution: float) -> float:
     mean = float(np.median(beside))
     error = 1.25 * float(np.std(beside)) / math.sqrt(len(beside))
     # The controller may have seen the position finer than its count.
-    error += float(gains.stiffness) * resolution / _SIGNIFICANT
-    return mean if abs(mean) > _SIGNIFICANT * error else 0.0
+    error += float(gains.stiffness) * resolution / SIGNIFICANT_ERRORS
+    return mean if abs(mean) > SIGNIFICANT_ERRORS * error else 0.0

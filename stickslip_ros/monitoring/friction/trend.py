@@ -12,12 +12,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from stickslip_ros.monitoring.friction.dry_friction import LEAST_SLIPS
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more
 from stickslip_ros.monitoring.friction.slip_fit import Prior
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-_LEAST_SLIPS = 12
 _PARAMETERS = 2  # of a trend
 
 
@@ -63,7 +63,7 @@ def _shows(first: FittedLaw) -> bool:
     """Whether a straight line over time explains enough of the kinetic friction for a trend to be tried."""
     problem, used = first.problem, first.problem.usable
     count = int(used.sum())
-    if count < _LEAST_SLIPS:
+    if count < LEAST_SLIPS:
         return False
     misfits, columns = first.solution.fit.misfits[used], problem.balance[used]
     steady, changing = (
