@@ -54,12 +54,13 @@ from stickslip_ros.model._plant_state import (
     shape,
 )
 
-_TOLERANCE = 1e-6
+_TOLERANCE = 1e-6  # error of a step, of its scales of length and speed
+# Factors on a step, 1: largest, smallest, and a margin to the step that the error allows.
 _GROWS, _SHRINKS, _CAUTION = 5.0, 0.1, 0.9
-_GAMMA = 0.5
-_SHORTEST = 1e-13  # of a period
-_SPACING = 1.0 / 256.0  # of the lag, between velocities that are remembered
-_FORWARD = 1e-3  # of a step, for the slope by time
+_GAMMA = 0.5  # coefficient γ of RODAS3, 1
+_SHORTEST = 1e-13  # step, of a period: no shorter one is tried
+_SPACING = 1.0 / 256.0  # spacing of the velocities that are remembered, of the lag
+_FORWARD = 1e-3  # difference of time for the slope by time, of a step
 _stribeck_slope = inlined()(_friction_law.stribeck_slope)
 # Rows of the room.
 _STATE, _TRIAL, _NOW, _LATER, _SLOPE, _RIGHT, _K1, _K2, _K3, _K4 = range(10)

@@ -23,25 +23,26 @@ from stickslip_ros.model._slip_kernel import (
 
 SLIP_DURATION, SLIP_DISTANCE, DWELL, BREAKAWAY_LEVEL, ARREST_LEVEL = range(5)
 CYCLE_COLUMNS = ARREST_LEVEL + 1
-PERSISTS, DIES, NO_ANSWER = 1, 0, -1
+PERSISTS, DIES, NO_ANSWER = 1, 0, -1  # verdicts of `persists`
 FULL_ACCURACY, COARSE = 1.0, 0.15
 
-_SHARPEST = 3000.0
-LARGEST_DAMPING_RATIO = 20.0
-VERDICT_TOLERANCE = 1e-6
-_MOST_CYCLES = 1000
-_LONGEST = 3000.0 * 2.0 * np.pi  # of slips in a row: with a long lag levels may wander for ever
-_MOST_TURNS = 400  # levels that go up and down so often are taken to go on doing so
-_FIXED = 1e-11  # relative change of the level that counts as none
-_ORBIT = 8  # levels that may take turns
-_RETURNS, _APART = 1e-8, 1e-4  # relative: so near an earlier level comes back, while the last one is so far away
-_CONTRACTS = 0.8  # ratio of successive changes up to which their limit is tried
-_ATTRACTS = 0.95  # slope of the map at a fixed point
-_AT_REST = 1e-7
-_SECANT_STEPS = 8
-_BISECTIONS = 8
-_MOST_NARROWINGS = 40
-_MOST_PLAIN = 500
+_SHARPEST = 3000.0  # √(speed) or Stribeck friction, dimensionless: beyond it steps are too many
+LARGEST_DAMPING_RATIO = 20.0  # damping ratio, 1: verdicts and searches go no further
+VERDICT_TOLERANCE = 1e-6  # tolerance of a slip's integration, of the level: that of verdicts
+_MOST_CYCLES = 1000  # cycles followed until there is no verdict, 1
+_LONGEST = 3000.0 * 2.0 * np.pi  # duration of slips in a row, 1/ω: with a long lag levels may wander for ever
+_MOST_TURNS = 400  # turns of the level, 1: one that has gone up and down so often goes on
+_FIXED = 1e-11  # change of the level, of the level: a smaller one is none
+_ORBIT = 8  # levels that may take turns, 1
+# Differences, of a level: an earlier level comes back within one, the last one is farther away than the other.
+_RETURNS, _APART = 1e-8, 1e-4
+_CONTRACTS = 0.8  # ratio of successive changes of the level, 1: up to it their limit is tried
+_ATTRACTS = 0.95  # slope of the map at a fixed point, 1: with less the point attracts
+_AT_REST = 1e-7  # change of the level by a cycle, of the level: with less the level is a fixed point
+_SECANT_STEPS = 8  # steps of the secant rule, 1
+_BISECTIONS = 8  # bisections for the fixed point between two levels, 1
+_MOST_NARROWINGS = 40  # bisections between two levels, 1
+_MOST_PLAIN = 500  # cycles without a look ahead, 1
 
 
 @helper()

@@ -37,9 +37,9 @@ from stickslip_ros.model._plant_state import (
 )
 
 PROPAGATORS = (2, 3, 3, 3)  # of a whole step and of a part; by order of the input; rows, columns
-_TERMS = 16
-_ANGLE = 0.4  # [rad] of the contact's oscillation in a step
-_EXACT = 1e-11  # of a step
+_TERMS = 16  # terms of the power series of a propagator, 1
+_ANGLE = 0.4  # angle of the contact's oscillation in a step, rad
+_EXACT = 1e-11  # error of a breakaway's time, of a step
 
 
 @helper()

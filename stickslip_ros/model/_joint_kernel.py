@@ -63,7 +63,7 @@ from stickslip_ros.model._plant_state import (
     shape,
 )
 
-_MOST_EVENTS = 64  # in one sampling period
+_MOST_EVENTS = 64  # events in one sampling period, 1
 
 
 @helper()

@@ -9,13 +9,13 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model.bounds import TINY
 
-POINTS = 8  # Gauss points of a step
-_SERIES_TERMS = 18
+POINTS = 8  # Gauss points of a step, 1
+_SERIES_TERMS = 18  # terms of the power series of an impulse response, 1
 
 NODES = 0.5 * (np.polynomial.legendre.leggauss(POINTS)[0] + 1.0)
 # Coefficients of the Lagrange polynomials: L_j(θ) = Σ_k _LAGRANGE[k, j] θ^k.
 _LAGRANGE = np.linalg.inv(np.vander(NODES, POINTS, increasing=True))
-AT_END = _LAGRANGE.sum(axis=0)
+AT_END = _LAGRANGE.sum(axis=0)  # weights of the values at the points in the value at the step's end, 1
 _HIGHEST = (
     (2 * POINTS - 1)
     / 2

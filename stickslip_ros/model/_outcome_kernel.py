@@ -30,15 +30,16 @@ from stickslip_ros.model._stability_kernel import stable_ratio
 
 PERSISTENCE, COARSE_PERSISTENCE, CRITICAL_RATIO, OUTCOME, STEADY_RATIO = range(5)  # questions
 STEADY, SWINGS, UNDECIDED, STICKS = range(4)  # the better the less
-STARTS = 2  # columns: stuck, and the worst of those that slide
-_ABOVE = (1.0, 2.0)  # times the commanded speed, more than that
-_A_LITTLE = 0.15
+STARTS = 2  # columns, 1: stuck, and the worst of those that slide
+_ABOVE = (1.0, 2.0)  # speeds above the commanded one from which sliding begins, of the commanded speed
+_A_LITTLE = 0.15  # the same where the linear oscillation grows: the way to a stop may hide it
 
-_LEAST_RATIO = 1e-6  # a damping ratio that is none
-_LEAST_STEADY = 0.01  # a damping ratio with less than which a joint swings for tens of periods
-_STEP = 0.75
+_LEAST_RATIO = 1e-6  # damping ratio, 1: a smaller one is none
+_LEAST_STEADY = 0.01  # damping ratio, 1: with less a joint swings for tens of periods
+_STEP = 0.75  # ratio of successive damping ratios in the search for a steady one, 1
+# Ratio of damping ratios at which a coarse boundary is confirmed, 1; and how often at most.
 _CONFIRMED, _MOST_CONFIRMED = 0.98, 10
-_MOST_RETURNS = 10
+_MOST_RETURNS = 10  # stops of a growing swing after which a joint counts as sticking, 1
 
 _stribeck_slope = inlined()(_friction_law.stribeck_slope)
 

@@ -28,7 +28,7 @@ FEEDBACK, WIDTH, PUSH, FADE, DEADBAND, DITHER, DITHER_RATE, FILTER, RESOLUTION =
 COMPENSATION_SIZE = RESOLUTION + 1
 # Columns of an event.
 EVENT_COLUMNS = 5  # time, +1 breakaway / -1 arrest, direction of the slip, position, Stribeck friction level
-BREAKAWAY, ARREST = 1.0, -1.0
+BREAKAWAY, ARREST = 1.0, -1.0  # kinds of an event, as a number
 
 risen_level = inlined()(_friction_law.risen_level)
 _stribeck_friction = inlined()(_friction_law.stribeck_friction)

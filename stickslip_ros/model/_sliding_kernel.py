@@ -16,22 +16,22 @@ from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model._stability_kernel import stable_ratio
 
 GOES_ON, SETTLES, SWINGS_ON, NO_ARREST, NOBODY_KNOWS = range(5)
-WINDOW_END = 0
+WINDOW_END = 0  # index of the time at which the window ends; the others follow
 _LENGTH, _LARGEST, _BEFORE, _CHANGE, _LIMIT, _QUIET, _SAME, _WINDOWS, _BLOCK, _BLOCK_BEFORE, _STABLE = range(1, 12)
 
-_WINDOW = 4.0 * 2.0 * np.pi
-_LAGS = 3.0  # in a window
+_WINDOW = 4.0 * 2.0 * np.pi  # shortest window, 1/ω: four periods
+_LAGS = 3.0  # shortest window, lags
 SHORT_LAG = 2.0  # lag, of 1/ω: with a shorter one a joint forgets in less than a swing
 STEADY_SWING = 0.1  # departure, of the commanded speed: so much is steady
-_SHRINKING = 2  # windows in a row
-_CONVERGES = 0.85  # ratio of successive changes, up to which their limit is tried
-_SAME_LIMIT = 0.1  # of what is left to it: by so much may it differ from the one of the window before
-_NEAR_LIMIT = 0.1  # of a swing may be left to its limit; further away one that decays looks alike
-_ROUNDING = 1e-3
-_SURE_SWING = (0.12, 0.97)  # more than is steady, less than a stop
-_WINDOWS_A_BLOCK = 25
-_LASTS = 0.97  # of a block's largest departure is there in the next
-_MOST_BLOCKS = 6
+_SHRINKING = 2  # windows in a row, 1: with so many steady ones that shrink, the joint settles
+_CONVERGES = 0.85  # ratio of successive changes, 1: up to it their limit is tried
+_SAME_LIMIT = 0.1  # difference of the limits of two windows, of what is left to the limit: within it they are the same
+_NEAR_LIMIT = 0.1  # what is left to the limit, of a swing: farther away a swing that decays looks the same
+_ROUNDING = 1e-3  # difference of the limits of two windows, of a swing: what rounding makes
+_SURE_SWING = (0.12, 0.97)  # swings, of the commanded speed: more than is steady, less than a stop
+_WINDOWS_A_BLOCK = 25  # windows of a block, 1
+_LASTS = 0.97  # largest departure, of that of the block before: with more the swing lasts
+_MOST_BLOCKS = 6  # blocks that are watched, 1
 
 
 @inlined()

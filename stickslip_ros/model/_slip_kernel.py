@@ -49,14 +49,14 @@ from stickslip_ros.model._sliding_kernel import GOES_ON, SHORT_LAG, WINDOW_END, 
 ARRESTED, SLIDES_ON, SETTLED, SWUNG, UNDECIDED, TOO_ROUGH = range(6)
 
 _END = (UNDECIDED, SETTLED, SWUNG, SLIDES_ON, UNDECIDED)  # for what _sliding_kernel tells
-_NO_ARREST_BEFORE = 0.5  # a joint that has just left still gains speed
-_TOUCH = 1e-11  # of the commanded velocity: a dip that ends so close above zero touches it
-_MOST_SWEEPS = 30
-_LAG_INSIDE = 6.0  # steps up to so many times the lag divide it
-_MOST_HALVINGS = 16
-_MOST_SHORTENING = 64
-_MOST_LAG_STEPS = 1 << 15
-_REMEMBERED = 256
+_NO_ARREST_BEFORE = 0.5  # time after breakaway, 1/ω: a joint that has just left still gains speed
+_TOUCH = 1e-11  # speed, of the commanded one: a dip that ends so close above zero touches it
+_MOST_SWEEPS = 30  # fixed-point iterations of a step's friction, 1
+_LAG_INSIDE = 6.0  # longest step, lags: a longer one is not made to divide the lag
+_MOST_HALVINGS = 16  # halvings of the longest step, 1
+_MOST_SHORTENING = 64  # steps in a lag, of those of the longest step
+_MOST_LAG_STEPS = 1 << 15  # steps in a lag, 1: no more are kept
+_REMEMBERED = 256  # latest steps that are kept where steps do not divide the lag, 1
 
 _dwell_until_met = inlined()(_friction_law.dwell_until_met)
 _risen_level = inlined()(_friction_law.risen_level)

@@ -13,9 +13,10 @@ import numpy as np
 
 from stickslip_ros.compilation import helper, kernel
 
+# Parts of the range of frequencies that are scanned, 1; parts for each radian of ν τ*.
 _LOOKS, _LOOKS_A_RADIAN = 200.0, 20.0
-_MOST_LOOKS = 1e6
-_BISECTIONS = 50
+_MOST_LOOKS = 1e6  # parts, 1: with more there is no answer
+_BISECTIONS = 50  # bisections of a frequency, 1: to about the precision of a float
 
 
 @helper()

@@ -15,10 +15,10 @@ from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.friction import Friction, Real, steady_friction
 
-USUAL_FILTER = 0.01  # [s] time constant of a controller's measured speed
-_WIDTHS = 2.0  # Stribeck velocities: where the tanh of the measured speed rises
-_COUNTS = 4.0  # encoder counts in the filter's time, likewise
-_FADE = 2.0  # Stribeck velocities, at which a push is gone
+USUAL_FILTER = 0.01  # time constant of a controller's measured speed, s
+_WIDTHS = 2.0  # speed where the tanh of the measured speed rises, Stribeck velocities
+_COUNTS = 4.0  # the same, encoder counts in the filter's time
+_FADE = 2.0  # speed at which a push is gone, Stribeck velocities
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,15 +25,16 @@ from stickslip_ros.model.verdict import ExactVerdict, exact_outcome, exact_verdi
 
 FloatArray = NDArray[np.float64]
 
-SHARES = (0.0, 0.5, 0.8, 1.0, 1.2)
-_MOST_SHARE = 3.0
-_SHARE_TOLERANCE = 0.05
-_PERIODS = 60  # natural ones, of which the last third is looked at
-_KICK = 2.0  # times what static friction holds: how far off a joint begins that is to stand still
-_WORSE, _LITTLE = 1.02, 0.05  # as a factor, and as a share of the error at the reversal: what does not count
-_MORE_DAMPING = 1.05  # as a factor on ρ_c, likewise
+SHARES = (0.0, 0.5, 0.8, 1.0, 1.2)  # shares of the friction that are compensated in a table, 1
+_MOST_SHARE = 3.0  # largest share of the friction that is tried, 1
+_SHARE_TOLERANCE = 0.05  # error of the largest harmless share, 1
+_PERIODS = 60  # simulated span, natural periods: the last third is evaluated
+_KICK = 2.0  # distance at which a joint that is to stand still begins, of what static friction holds
+# Growth of the error as a factor, and of the error at the reversal as a share: less does not count.
+_WORSE, _LITTLE = 1.02, 0.05
+_MORE_DAMPING = 1.05  # growth of ρ_c as a factor, 1: less does not count
 _ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
-_REVERSAL_RANGE = 10.0  # times what static friction holds: half of the way between two reversals
+_REVERSAL_RANGE = 10.0  # half of the way between two reversals, of what static friction holds
 
 
 @dataclass(frozen=True, kw_only=True)

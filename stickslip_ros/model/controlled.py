@@ -23,21 +23,25 @@ from stickslip_ros.model.outcome import Outcome
 
 HUNTING = "hunting"
 
-_COULOMB = 10.0  # of the Stribeck friction: enough that an arrested joint never slips back
-_SETTLED = 1e-6  # relative change of the breakaway level from one cycle to the next
-_BLOCK = 10  # cycles whose mean is compared where levels do not settle
-_BLOCK_DROP = 0.01
-_MOST_CYCLES = 400
-_SAME_SWING, _REPEATS = 2e-3, 3  # of a swing, from eight natural periods to the next
-_MOST_PERIODS = 1000
+_COULOMB = 10.0  # Coulomb friction, of the Stribeck friction: enough that an arrested joint never slips back
+_SETTLED = 1e-6  # change of the breakaway level from one cycle to the next, of the level: with less it has settled
+_BLOCK = 10  # cycles whose mean is compared where levels do not settle, 1
+_BLOCK_DROP = 0.01  # fall of that mean from block to block, of the mean: with less the levels have settled
+_MOST_CYCLES = 400  # cycles that are followed, 1
+# Change of a swing, of the swing; stretches of `PERIODS_AT_ONCE` in a row with no more, 1: it goes on.
+_SAME_SWING, _REPEATS = 2e-3, 3
+_MOST_PERIODS = 1000  # simulated span, natural periods
 PERIODS_AT_ONCE = 8  # natural periods simulated by one call, 1
-_SAMPLES_A_PERIOD = 64
-_SLIDING_PERIODS = 16
-_BLOCKS, _GOES_ON = 6, 0.98  # of eight natural periods, as many of which are compared, where a joint is compensated
-_MOST_BLOCKS, _SAME_DITHERED = 25, 0.02  # likewise under dither
-_AT_REST = 0.01  # of the commanded speed, between like phases of a dither
-_MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1  # the latter of a sample
-_FASTEST_CONTROLLER = 3000  # controller periods in a natural period, above which sampling is not followed
+_SAMPLES_A_PERIOD = 64  # samples of continuous control in a natural period, 1
+_SLIDING_PERIODS = 16  # time without an event, natural periods: with more the joint slides
+# Stretches that are compared with as many where a joint is compensated, 1; ratio of swings that go on, 1.
+_BLOCKS, _GOES_ON = 6, 0.98
+# Stretches simulated under dither, 1; change of a swing from one to the next, of the swing.
+_MOST_BLOCKS, _SAME_DITHERED = 25, 0.02
+_AT_REST = 0.01  # speed between like phases of a dither, of the commanded one: with less the joint is at rest
+# Periods of a dither in a number of samples, 1; error of the phase then, samples.
+_MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1
+_FASTEST_CONTROLLER = 3000  # controller periods in a natural period, 1: with more sampling is not followed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from stickslip_ros.model.friction import Gains, Joint, Real
 
 VELOCITY_DECADES = (-3.0, 3.0)  # log10 of speed over x˙_s, 1: range in which the lowest smooth speed is searched
 STIFFNESS_DECADES = 8.0  # log10 of stiffness over `stiffness_scale`, 1: to there the least smooth one is searched
-_LEAST_STRIBECK = 1e-9  # [N·m] without Stribeck friction there would be no scale
+_LEAST_STRIBECK = 1e-9  # Stribeck friction, N·m: without any there would be no scale
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,9 +20,10 @@ from stickslip_ros.model.friction import Gains, Joint
 
 UNSTABLE = "the loop is unstable: its motion grows without end"
 
-_FAR = 30.0  # times what the joint has to do with, and what friction holds
+_FAR = 30.0  # distance, of what the joint has to do with and what friction holds: a joint so far off runs away
+# Excess of an eigenvalue's magnitude over 1, 1: what rounding makes of a mode that neither grows nor decays.
 _ON_THE_CIRCLE = 1e-9
-_SMALL = 1e-4  # a decay below which the series is exact to rounding, in a period
+_SMALL = 1e-4  # decay in a period, 1: below it the series is exact to rounding
 
 
 class UnstableLoopError(StickSlipError):

@@ -20,7 +20,7 @@ from stickslip_ros.model.friction import Friction, Joint, Real
 # Below this velocity the closed form of Eq. (27) cancels digits (it divides by the velocity), and
 # its power series in (2 ξ˙_d)² converges to machine precision in the terms below.
 _SERIES_BELOW = 0.05
-_SERIES_TERMS = 9
+_SERIES_TERMS = 9  # terms of the power series, 1
 
 
 def work_integral(velocity: Real, lag: Real) -> Real:

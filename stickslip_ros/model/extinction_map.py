@@ -17,10 +17,10 @@ from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 
-_VELOCITIES = (0.05, 5.0)  # of the Stribeck velocity
-_STIFFNESSES = (0.01, 1.0)  # of M (F_s∞/(M x˙_s))², where F*_s∞ is 10 and 1
-_ROOM = 2.0  # around the operating point
-_TOLERANCE = 0.01
+_VELOCITIES = (0.05, 5.0)  # range of speeds, Stribeck velocities
+_STIFFNESSES = (0.01, 1.0)  # range of stiffnesses, of M (F_s∞/(M x˙_s))²: F*_s∞ is 10 and 1 there
+_ROOM = 2.0  # factor by which the range reaches beyond the operating point, 1
+_TOLERANCE = 0.01  # error of the exact damping, of it; Eq. (43) suffices within it
 
 
 @dataclass(frozen=True, kw_only=True)

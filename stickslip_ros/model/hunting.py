@@ -26,20 +26,21 @@ from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulati
 STARTS = (1.0, 0.5, 3.0, 10.0)
 # Likewise in stretches that Stribeck friction alone holds: a joint that hunts just so does it no farther than that.
 NEAR_STARTS = (0.5, 0.7, 1.0, 1.4)
-_SAMPLES_A_PERIOD = 8
-_LONGEST = 1e5  # natural periods
-_LONGEST_STRETCH = 64
-_COARSER = 16  # times as seldom it is looked at a joint that stands
-_VANISHED = 1e-3  # of the stretch that Stribeck friction alone holds
-_AGAIN = 4  # swings that are compared with as many before
+_SAMPLES_A_PERIOD = 8  # samples of continuous control in a natural period, 1
+_LONGEST = 1e5  # simulated span, natural periods
+_LONGEST_STRETCH = 64  # longest simulation between two looks, of the shortest one
+_COARSER = 16  # factor on the interval between looks while the joint stands, 1
+_VANISHED = 1e-3  # swing, of the stretch that Stribeck friction alone holds: with less it has vanished
+_AGAIN = 4  # swings that are compared with as many before, 1
+# Change of a swing, of the swing: with less the same; with less, over blocks, nearly the same.
 _ALIKE, _CLOSE = 1e-3, 0.05
-_MANY, _MOST_SWINGS, _BLOCK = 80, 400, 20
-_ONE_WAY = 30  # slips
-_FULL = 0.95  # of the Stribeck friction after long contact: it does not rise any more
-_SLOW = 0.5  # of the Stribeck velocity, below which a slower slide is a more stable one
-_STEADIER = 3  # stretches in a row
-_DECADES, _A_DECADE = 3, 4  # of gains that are tried, and how many of them
-_TOLERANCE = 0.02
+_MANY, _MOST_SWINGS, _BLOCK = 80, 400, 20  # swings, 1: from which on blocks are compared; at most; of a block
+_ONE_WAY = 30  # slips in one direction, 1: so many are no hunting
+_FULL = 0.95  # Stribeck friction, of that after long contact: with more it does not rise any more
+_SLOW = 0.5  # speed, Stribeck velocities: below it a slower slide is a more stable one
+_STEADIER = 3  # stretches in a row, 1: with so many ever steadier ones the joint slides on
+_DECADES, _A_DECADE = 3, 4  # range of gains that are tried, decades; gains in each, 1
+_TOLERANCE = 0.02  # error of a gain's logarithm, 1
 
 
 @dataclass(frozen=True, kw_only=True)

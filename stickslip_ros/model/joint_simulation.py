@@ -34,7 +34,7 @@ from stickslip_ros.model.friction import Gains, Joint
 _STEPS_PER_RADIAN = 40.0
 # Presliding stiffness over k_p, above which a contact is rigid: its deflection is lost in the rounding of positions.
 _RIGID_CONTACT = 1e9
-_REMEMBERED = 600  # velocities of a slip at least; a creeping contact has its own steps
+_REMEMBERED = 600  # velocities of a slip that are kept, 1: at least; a creeping contact has its own steps
 
 
 class EventKind(Enum):

@@ -22,9 +22,9 @@ from stickslip_ros.model.friction import Real
 from stickslip_ros.model.simulation import point_arrays
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 
-_TOLERANCE = 2e-3
-_ROOM = 1.02
-_SPEEDS = np.geomspace(0.1, 10.0, 400)  # of the Stribeck velocity, among which friction falls fastest
+_TOLERANCE = 2e-3  # error of a damping ratio, of it
+_ROOM = 1.02  # factor on the least damping ratio at which a steady slide is stable, 1: the search begins there
+_SPEEDS = np.geomspace(0.1, 10.0, 400)  # speeds, Stribeck velocities: friction falls fastest at one of them
 
 
 class Outcome(str, Enum):

@@ -26,12 +26,13 @@ from stickslip_ros.model.joint_simulation import JointSimulation, Trajectory
 
 FloatArray = NDArray[np.float64]
 
-_SAMPLES = 64  # of the reference in a natural period of the joint, or in a period of the reference, at least
-_MOST_SAMPLES = 2_000_000
-_PERIODS, _PERIODS_OF_INTEGRAL = 2, 4  # of a reference that repeats, of which the last reversals are looked at
-TURN = 1e-3  # of the reference's travel, below which it does not turn
-_LEAST_SAMPLES = 3
-_ROUNDING = 1e-9  # of a number of parts
+_SAMPLES = 64  # samples in the joint's natural period, or in a period of the reference, 1: at least
+_MOST_SAMPLES = 2_000_000  # samples of a simulation, 1
+# Simulated periods of a reference that repeats, 1; with integral action: the last reversals are evaluated.
+_PERIODS, _PERIODS_OF_INTEGRAL = 2, 4
+TURN = 1e-3  # way, of the reference's travel: after a shorter one the reference has not turned
+_LEAST_SAMPLES = 3  # samples of a reference, 1: fewer have no reversal
+_ROUNDING = 1e-9  # excess of a number of parts over an integer, 1: what rounding makes
 
 
 @dataclass(frozen=True, kw_only=True)

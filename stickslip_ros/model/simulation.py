@@ -20,10 +20,10 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 from stickslip_ros.model.friction import Real
 
-TOLERANCE = 1e-8
-_PLOT_REFINEMENT = 8.0
-_ROWS_A_CYCLE = 4096
-_NO_RECORD = (np.empty((0, 4)), np.empty(0, dtype=np.int64))
+TOLERANCE = 1e-8  # tolerance of a slip's integration, of the level
+_PLOT_REFINEMENT = 8.0  # steps of a slip that is plotted, of those of one that is not
+_ROWS_A_CYCLE = 4096  # rows of the record for each cycle, 1: at most
+_NO_RECORD = (np.empty((0, 4)), np.empty(0, dtype=np.int64))  # record of no rows, where none is wanted
 
 
 @dataclass(frozen=True, kw_only=True)

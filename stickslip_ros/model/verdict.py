@@ -30,9 +30,9 @@ from stickslip_ros.model.hunting import hunting
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 
-_CONTROLLED_TOLERANCE = 1e-2
-_FIRST_RATIO = 0.05
-_LEAST_RATIO = 1e-3
+_CONTROLLED_TOLERANCE = 1e-2  # error of a damping ratio, of it
+_FIRST_RATIO = 0.05  # damping ratio that is tried first, 1; then twice as much
+_LEAST_RATIO = 1e-3  # damping ratio, 1: a smaller one is none
 _UNDECIDED = "a dimensionless group is too large to integrate, or the motion does not show what it leads to"
 
 

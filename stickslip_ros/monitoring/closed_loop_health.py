@@ -11,14 +11,14 @@ import numpy as np
 
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
-_LEAST_SAMPLES = 16
-_ERROR_GROWTH = 1.5
-_OSCILLATION_GROWTH = 3.0
-_RESOLUTIONS = 3.0  # of the encoder, below which nothing is an oscillation
-_SHARE_OF_EFFORT = 0.1  # below which an oscillation of the effort is none
-_AT_LIMIT = 0.98
-_FOLLOWABLE = 0.4  # of the sample rate, up to which a frequency is seen
-_LEAST_PERIODS = 6.0  # of an oscillation between two gaps: slow motion seen for a moment only looks like one
+_LEAST_SAMPLES = 16  # samples, 1: fewer show no oscillation
+_ERROR_GROWTH = 1.5  # ratio of a tracking error or swing to that before, 1: a larger one is worse
+_OSCILLATION_GROWTH = 3.0  # ratio of an oscillation to that before, 1: a larger one is worse
+_RESOLUTIONS = 3.0  # amplitude, resolutions of the encoder: below it nothing is an oscillation
+_SHARE_OF_EFFORT = 0.1  # oscillation of the effort, of the effort: a smaller one is none
+_AT_LIMIT = 0.98  # effort, of its limit: a larger one is at the limit
+_FOLLOWABLE = 0.4  # frequency, of the sample rate: a higher one is not seen
+_LEAST_PERIODS = 6.0  # periods of an oscillation between two gaps, 1: slow motion seen for a moment only looks like one
 
 
 @dataclass(frozen=True, kw_only=True)

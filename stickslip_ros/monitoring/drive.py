@@ -18,10 +18,10 @@ from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
 _LATEST = 12  # slips, since somebody may have turned the gains after the earlier ones
-_LEAST = 3
+_LEAST = 3  # slips, 1: fewer have no scatter
 _WEIGHT = 1.0 / 6.0  # of one more slip; after a dozen nothing is left of gains that hold no more
 _LARGEST_ERROR = 0.2  # of the stiffness: beyond that the effort does not fall with the position
-_LEAST_NODES = 6
+_LEAST_NODES = 6  # nodes of a slip, 1: fewer show no gains
 _OF_MEDIAN = 1.2533  # standard error of a median over that of a mean
 
 

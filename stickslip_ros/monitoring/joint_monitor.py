@@ -50,15 +50,15 @@ from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleFilter
 
-_RECENT_CYCLES = 5
-_ANOTHER_SPEED = 4.0  # times as fast: a change of the reference's speed begins a new train
-_STILL_STICKING = 2.0  # mean periods since the last breakaway
-_RECENT = 1.0  # [s] over which the largest errors are taken
-_NOW = 0.1  # [s] over which the present velocity is taken
-_REMEMBERED = 50.0  # [s] before now, from which a slip is learnt
-_LONGEST_PART = 8.0  # [s] of samples that are followed at once; shorter than what the buffer holds beyond that
-_SEGMENTS_KEPT = 10_000
-_TRAVELLED = 10.0  # bands, from which on a reference has left a joint at rest behind
+_RECENT_CYCLES = 5  # latest cycles that are kept, 1
+_ANOTHER_SPEED = 4.0  # ratio of two speeds of the reference, 1: a larger one begins a new train
+_STILL_STICKING = 2.0  # time since the last breakaway, mean periods
+_RECENT = 1.0  # span of the largest errors, s
+_NOW = 0.1  # span of the present velocity, s
+_REMEMBERED = 50.0  # age of a slip that is still learnt from, s
+_LONGEST_PART = 8.0  # span of samples followed at once, s: shorter than what the buffer holds beyond it
+_SEGMENTS_KEPT = 10_000  # segments that are kept, 1
+_TRAVELLED = 10.0  # way, bands: with more a reference has left a joint at rest behind
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,12 +16,12 @@ import numpy as np
 from stickslip_ros.monitoring._buffer_kernel import store
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
-MOST_BYTES = 450_000  # of the samples of one joint
-_ROWS = 512
+MOST_BYTES = 450_000  # memory for the samples of one joint, bytes
+_ROWS = 512  # samples of a block, 1
 _FIELDS = tuple(Batch.__dataclass_fields__)  # the first is the time, the second the position
 _HALF = _ROWS // 2
-_THINNEST = 16  # of motion at least every so-manieth sample is kept
-_AT_REST = 0.02  # of the longest way in a block: a shorter one is a joint's that stands
+_THINNEST = 16  # ratio of samples to those kept of a motion, 1: at most
+_AT_REST = 0.02  # way in a block, of the longest: with less the joint stands
 
 
 class _Block:

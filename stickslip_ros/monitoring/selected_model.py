@@ -17,13 +17,13 @@ from stickslip_ros.monitoring.friction.estimate import DRAWS, FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
-_SAME = 0.01
+_SAME = 0.01  # change of a parameter's logarithm or of its standard error, 1: with less results still hold
 _VELOCITY_LOOP = (
     "velocities alone are commanded: Eq. (43) is of a position loop, whose stiffness a velocity loop has not; "
     "there a larger proportional gain, or a higher speed, makes stick slip less likely"
 )
-_ERROR_FLOOR = 0.1  # least error probability of results from a model that does not fit
-_LEAST_VISCOUS = 0.01  # of what was estimated, that a late effort leaves
+_ERROR_FLOOR = 0.1  # error probability of results from a model that does not fit, 1: at least
+_LEAST_VISCOUS = 0.01  # viscous friction that a late effort leaves, of what was estimated
 # Always the same ones, other than those of the friction, so that what is computed from them is smooth.
 _NORMAL = np.random.default_rng(44).standard_normal((2, DRAWS))
 

@@ -32,8 +32,8 @@ from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWind
 from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
 from stickslip_ros.monitoring.samples import FloatArray
 
-OUTLIERS_IN_A_ROW = 3  # slips that a study has to explain beside those of before
-_OFF = 0.15  # of the Stribeck friction: a slip that a fit explains is less off
+OUTLIERS_IN_A_ROW = 3  # slips that a study has to explain beside those of before, 1
+_OFF = 0.15  # error of a slip's force or level, of the Stribeck friction: a fit with less explains the slip
 
 
 @dataclass(frozen=True, kw_only=True)

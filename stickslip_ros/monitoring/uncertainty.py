@@ -17,7 +17,7 @@ from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.monitoring.samples import FloatArray
 
-_DRAWS = 32  # of each law, that are integrated
+_DRAWS = 32  # draws of each law that are integrated, 1
 
 
 @dataclass(frozen=True, kw_only=True)

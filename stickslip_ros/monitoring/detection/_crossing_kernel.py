@@ -15,9 +15,9 @@ import numpy as np
 
 from stickslip_ros.compilation import helper, inlined, kernel
 
-BLOCK = 32
-RING = 4096
-BLOCKS_KEPT = 64
+BLOCK = 32  # raw readings of a block, 1
+RING = 4096  # latest crossings that are kept, 1
+BLOCKS_KEPT = 64  # latest blocks whose noise is kept, 1
 
 # Columns of a crossing.
 (
@@ -80,18 +80,18 @@ DETECTOR = np.dtype(
 
 _LATEST, _ORDERED = 0, 1  # rows of the noise of the blocks
 FAST_SHARE = 0.9  # quantile of speeds, 1: noise and jittered stamps make the faster ones
-SLOW = 0.1  # a gap is slow below this share of the fastest motion beside it
+SLOW = 0.1  # speed in a gap, of the fastest motion beside it: a slower gap is slow
 _REVERSALS_KEPT = BLOCK - 2 - 3  # number, 1: a block has two reversals less than readings, and three may be impulses
 _REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
-_BANDS_PER_NOISE = 5.0
-_LEAST_BAND = 1e-15
-_ROUNDING = 1e-10  # differences below this share of the position are arithmetic, not motion
-_STEPS_OF_SPEED = 3.0
-_HOLD_LIMIT = 2.5
-_CROSSINGS_TO_LEAVE = 4
-_CROSSINGS_TO_WAIT = 128
-_NO_FASTER = 0.6  # of the fastest motion so far
-_FAST_AGAIN = 0.4  # of the fastest motion before the low-speed interval
+_BANDS_PER_NOISE = 5.0  # band, standard deviations of the noise
+_LEAST_BAND = 1e-15  # band, unit of the signal
+_ROUNDING = 1e-10  # difference of two readings, of the largest reading: a smaller one is arithmetic, not motion
+_STEPS_OF_SPEED = 3.0  # step, bands: a larger one has a speed of its own
+_HOLD_LIMIT = 2.5  # gap, intervals of a sensor's update: in a longer one the joint stood
+_CROSSINGS_TO_LEAVE = 4  # crossings after the longest gap, 1: with fewer a low-speed interval has not ended
+_CROSSINGS_TO_WAIT = 128  # crossings until a slip that does not get faster has ended it, 1
+_NO_FASTER = 0.6  # speed, of the fastest motion since the longest gap: with less the slip gets no faster
+_FAST_AGAIN = 0.4  # speed, of the fastest motion before the low-speed interval
 
 
 @inlined()

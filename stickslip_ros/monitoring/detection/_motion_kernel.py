@@ -16,17 +16,17 @@ from stickslip_ros.monitoring._quantile_kernel import quantile
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 from stickslip_ros.monitoring.detection import _swing_kernel as swings
 
-SLICE_LENGTH = 0.05  # [s] how finely findings are dated
-PAST = 4096
-STEPS = 256
-TURNS = 256  # kept; samples that are followed at once hold no more
-LONGEST_SILENCE = 2.0  # [s]
-_SHORTEST_SILENCE = 0.6  # [s] that a network may lose now and then
-_UNSEEN_INTERVALS = 10.0  # usual ones
-_INTERVAL_WEIGHT = 0.1
-_RECENT_CROSSINGS = 64
-_GAPS_AT_REST = 3.0
-_FEW_STEPS = 2
+SLICE_LENGTH = 0.05  # length of a slice, s: how finely findings are dated
+PAST = 4096  # latest slices that are kept, 1
+STEPS = 256  # sample intervals of a slice that are kept, 1
+TURNS = 256  # turns that are kept, 1: samples that are followed at once hold no more
+LONGEST_SILENCE = 2.0  # time without a sample, s
+_SHORTEST_SILENCE = 0.6  # time without a sample, s: a network may lose so much now and then
+_UNSEEN_INTERVALS = 10.0  # time without a reference, usual sample intervals
+_INTERVAL_WEIGHT = 0.1  # weight of the last interval in the mean one, 1
+_RECENT_CROSSINGS = 64  # latest crossings that are compared with the present gap, 1
+_GAPS_AT_REST = 3.0  # time since the last crossing, usual gaps: after a longer one the joint is at rest
+_FEW_STEPS = 2  # steps of a reading that flickers, 1: so few may go one way
 
 # Columns of what is remembered of a slice.
 TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
@@ -109,8 +109,8 @@ PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods befo
 _OUTLIVES = 2.0  # times the longest recent slip, its distance, or the dwell, until what was found says nothing of now
 _CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is seen a little late
 _RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
-_CYCLES_FOR_STICK_SLIP = 2
-_LEAST_CROSSINGS = 20
+_CYCLES_FOR_STICK_SLIP = 2  # cycles in a row, 1
+_LEAST_CROSSINGS = 20  # crossings, 1: with fewer there is no finding
 # Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
 _DIP, DIP_AGAIN = 0.2, 0.7
 _DEEPER = 0.5  # of the reference's own share, at most
@@ -127,10 +127,11 @@ _UNEVEN = 4.0  # times as long as the shortest gap beside it: the longest one of
 _NOTICED = 0.5  # of the crossings
 _ENOUGH_CROSSINGS = 3
 # Whether a reference repeats what was measured.
-_COMPARED = 3.0  # bands of motion from one comparison to the next
-_SAME = 1e-3  # of a band
-_KEPT = 0.99  # of what was seen, at each comparison
-_ENOUGH_COMPARED = 20.0
+_COMPARED = 3.0  # way from one comparison to the next, bands
+_SAME = 1e-3  # difference of joint and reference, of a band: with less they are the same
+_KEPT = 0.99  # weight of what was seen before, at each comparison, 1
+_ENOUGH_COMPARED = 20.0  # weight of the comparisons, 1: with less there is no finding
+# Share of comparisons in which the reference repeats the joint, 1: to begin with, and to go on.
 _FOLLOWS, _FOLLOWS_STILL = 0.95, 0.7
 
 

@@ -36,7 +36,7 @@ _LEAST_PATH_EFFICIENCY = 0.5  # net travel over path: a lightly damped joint bou
 _LEAST_PEAK_SPEED_RATIO = 1.3  # peak speed over the reference's: with less the joint follows the reference
 _MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
 _WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
-_TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8
+_TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8  # swings in a row that are reported as hunting, 1; small swings
 _SMALL_SWING = 12.0  # bands: a reading that wanders swings so far now and then, though not evenly
 _HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles, and a growth by more no hunting
 _EVEN = 1.4  # times as long, without its stop, as the swing before the last, which went the same way
@@ -44,7 +44,7 @@ _SUSTAINED = 0.95  # likewise for swings without a stop: less is free oscillatio
 _MIDDLE_OF_HUNTING = 0.5  # of a swing's duration, for 80 % of its way: half a cosine takes 0.59
 _BEYOND = 0.2  # of a swing: so far the reference may lie outside the places that a hunting joint swings between
 _TRAIN = 9  # cycles whose median is the usual slip
-_PENDING = 64
+_PENDING = 64  # cycles that wait for their train, 1: at most
 
 
 @dataclass(frozen=True, kw_only=True)

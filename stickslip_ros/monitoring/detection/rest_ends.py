@@ -13,14 +13,14 @@ from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
 _LEFT = (0.3, 0.6)  # of the fastest motion beside the rest: a slip that is no creep any more, and not yet turning
-_FEW_COUNTS = 3
-_CERTAIN = 0.5  # of the time that the slip takes to get fast
-_WINDOW_SPEED = 0.4  # the ends are extrapolated from motion up to this share of the fastest
-_WINDOW_CROSSINGS = 6
-_ENOUGH_CROSSINGS = 3
-_NEAREST_CROSSINGS = 5
-_WINDOW_SHARE = 0.3
-_NEARNESS = 0.5
+_FEW_COUNTS = 3  # counts, 1: so few may be those of a slip, which scatter about the power law
+_CERTAIN = 0.5  # time by which a creep is too early, of the time that the slip takes to get fast
+_WINDOW_SPEED = 0.4  # speed, of the fastest: up to it motion is extrapolated to the rest
+_WINDOW_CROSSINGS = 6  # crossings that are extrapolated, 1: at most
+_ENOUGH_CROSSINGS = 3  # crossings, 1: the speed of the first spans the rest itself
+_NEAREST_CROSSINGS = 5  # crossings nearest to the rest that are always extrapolated, 1
+_WINDOW_SHARE = 0.3  # way from the rest, of the way of the slow motion: up to it crossings are extrapolated
+_NEARNESS = 0.5  # weight of a crossing, of that of the one nearer to the rest: the power laws hold at the rest itself
 # Exactly at the rest the powers of the way are 1/2 and 1/3. Over the crossings that an encoder gives, the
 # deceleration shrinks towards the arrest (1/3 if it vanished), and the spring relaxes after the breakaway.
 _ARREST_POWER = 0.45

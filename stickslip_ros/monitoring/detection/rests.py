@@ -36,25 +36,25 @@ from stickslip_ros.monitoring.detection.rest_ends import (
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
-_LEAST_SLIP_BANDS = 3.0
-_LEAST_DWELL = 0.105  # of the span of the crossings that it is extrapolated from
-_CREEP = 0.05  # of the fastest motion beside it: a joint at rest may creep so fast
-_CREEP_OF_COUNTS = 0.025
+_LEAST_SLIP_BANDS = 3.0  # way of a slip, bands: less is no motion before a rest
+_LEAST_DWELL = 0.105  # dwell, of the span of the crossings that it is extrapolated from
+_CREEP = 0.05  # speed, of the fastest motion beside it: a joint at rest may creep so fast
+_CREEP_OF_COUNTS = 0.025  # the same where counts show how slow the creep is
 _GENTLE = (
     0.4  # of the fastest motion, over the root of the slip in bands: a cosine goes its first band no slower than 1
 )
-_FINE = 2000.0  # bands a slip, from which on counts say nothing by themselves
-_CREPT = 0.2  # of the slip before: a joint at rest may creep so far
-_FEW_SAMPLES = 6.0  # of a stop: its ends cannot be extrapolated, so that its course must show it
+_FINE = 2000.0  # way of a slip, bands: with more, counts say nothing by themselves
+_CREPT = 0.2  # creep, of the slip before: a joint at rest may creep so far
+_FEW_SAMPLES = 6.0  # duration of a stop, samples: with less its course must show it, as its ends cannot be extrapolated
 _SAMPLES_OF_A_COURSE = 9.0  # from half of the fastest motion to half of it again: fewer show no course
 _SHARE_OF_STOP = 0.38  # slow, of the time between half of the fastest motion: a dip to nothing has 0.41, see slow_times
-_STANDING = 0.002  # of the fastest motion: a measured velocity, less its noise, that is none
-_FEW_GAPS = 2
-_LEAST_CREEP = 0.005  # of the slip before: less is how gently a slip begins
+_STANDING = 0.002  # measured velocity less its noise, of the fastest motion: with less the joint stands
+_FEW_GAPS = 2  # gaps of a rest, 1: with more the joint crept
+_LEAST_CREEP = 0.005  # creep, of the slip before: less is how gently a slip begins
 _EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
 _TURN = 1.5  # times as long as from the last crossing to the arrest: a joint that turns round sets a crossing by then
-_FRACTIONS = np.linspace(0.02, 0.98, 17)
-_MIDDLE = np.array([0.5])
+_FRACTIONS = np.linspace(0.02, 0.98, 17)  # places in a count, 1: where a joint may have come to rest
+_MIDDLE = np.array([0.5])  # the same, without a search
 
 
 @dataclass(frozen=True, kw_only=True)

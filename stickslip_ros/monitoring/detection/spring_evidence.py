@@ -24,8 +24,8 @@ from stickslip_ros.monitoring.detection.slip_shape import SlipShape
 
 ENOUGH = 14.0  # for one motion in a million taken by chance; see the receiver operating curve
 _MOST = 1.5 * ENOUGH  # that what was once certain can be given up
-_GIVEN_UP = 0.5 * ENOUGH
-_LOOKED_BACK = 15
+_GIVEN_UP = 0.5 * ENOUGH  # evidence with which a train is given up, nats
+_LOOKED_BACK = 15  # latest motions of a train, 1
 _ODD_ONES = 0.15  # of real slips do not fit: two in one, or an impulse
 # Standard deviations of the logarithms about their median, among slips and among separate motions.
 _DURATION, _DURATION_APART = 0.3, 1.1
@@ -36,7 +36,7 @@ _LARGEST_ASYMMETRY = 1.45  # of most slips of a train; what follows a step of it
 _SCATTER_RATIO = 0.8  # speeds of slips scatter less than their distances: a larger one has a longer dwell
 _LEAST_SCATTER = 0.09  # of the speeds, in the same comparison
 _READINGS = 3.0  # of a count of a slip, likewise
-_ENOUGH_FOR_SCATTER = 4
+_ENOUGH_FOR_SCATTER = 4  # motions, 1: fewer have no scatter
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,11 +38,11 @@ DETAILS = LINKED + 1
 EXPECTED, BY_STRIBECK, BY_RISE_TIME, BY_DWELL, BY_FRACTION = range(5)
 TIES = BY_FRACTION + 1
 
-HUBER = 3.0  # standard deviations, beyond which a residual counts linearly
-WEAK = 1e-4  # weight of the detected breakaway beside the data's
+HUBER = 3.0  # residual, standard deviations: a larger one counts linearly
+WEAK = 1e-4  # weight of the detected breakaway, of that of the data
 LARGEST_RESIDUAL = 1e150  # residual, standard deviations: any larger one is as bad, and its square is still finite
-_NOTHING_LEFT = 1e-12  # of the level
-_LEAST_DWELL = 1e-3  # of the detected one
+_NOTHING_LEFT = 1e-12  # Stribeck friction that is left, of the level
+_LEAST_DWELL = 1e-3  # dwell, of the detected one
 
 # Helpers, for what is inlined at many places takes numba long to go through.
 _risen_level = helper()(_friction_law.risen_level)

@@ -42,12 +42,12 @@ HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION = range(4)
 FOUND_COLUMNS = STRIBECK_FRACTION + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
 
-_MOST_SLIPS = 64  # in a window: with ever shorter ones, without end, the joint rests as far as can be seen
-_MOST_STEPS = 1e5
-_ABSURD = 1e50  # [rad]
-_MOST_SWEEPS = 16
-_NO_STEP = 1e-9  # of a step: a first one so short is none
-_SETTLED = 1e-12  # change of the Stribeck friction, of its level at breakaway
+_MOST_SLIPS = 64  # slips in a window, 1: with more, ever shorter ones, the joint rests as far as can be seen
+_MOST_STEPS = 1e5  # steps of a window, 1: at most
+_ABSURD = 1e50  # way, rad: no further motion is followed
+_MOST_SWEEPS = 16  # fixed-point iterations of a step's friction, 1
+_NO_STEP = 1e-9  # first step, of a step: a shorter one is none
+_SETTLED = 1e-12  # change of the Stribeck friction by an iteration, of the level at breakaway
 
 # Helpers, for what is inlined at many places takes numba long to go through.
 _risen_level = helper()(_friction_law.risen_level)

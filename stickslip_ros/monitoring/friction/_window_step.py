@@ -12,8 +12,8 @@ import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
 
-POINTS = 6  # Lobatto points of a step, both ends included
-_SERIES_TERMS = 16
+POINTS = 6  # Lobatto points of a step, 1: both ends included
+_SERIES_TERMS = 16  # terms of the power series of an impulse response, 1
 
 _legendre = np.polynomial.legendre.Legendre.basis(POINTS - 1)
 NODES = 0.5 * (1.0 + np.concatenate([[-1.0], _legendre.deriv().roots().real, [1.0]]))

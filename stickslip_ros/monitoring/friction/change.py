@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS
 
-_SMALL = 0.03  # relative change that is not worth naming
+_SMALL = 0.03  # change of a parameter, of its value: a smaller one is not worth naming
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,9 +19,9 @@ from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 
 # Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
 MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
-LEAST_RESTS = 6  # rests, 1: fewer have no scatter that shows how well a compliance is known
-_SHOWN = 2.0  # standard errors
-_UNSEEN = 2.0  # counts of all rests together, that may pass unseen
+LEAST_RESTS = 6  # rests that a compliance is estimated from, 1: at least
+_SHOWN = 2.0  # compliance, standard errors: with less the rests do not show it
+_UNSEEN = 2.0  # creep of all rests together that may pass unseen, counts
 _LEAST_ERROR = 0.3  # of the compliance: what is seen at rest is not all that yields when the joint breaks away
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import FloatArray
 
-SPREAD_LIMIT = 4.0  # of a logarithm: wider errors mean nothing
-_LEAST = 1e-9  # of the viscous friction, that is left at least
+SPREAD_LIMIT = 4.0  # standard error of a logarithm, 1: a wider one means nothing
+_LEAST = 1e-9  # viscous friction that is left, of all of it: at least
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,12 +25,12 @@ from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-SIGNIFICANT = 0.005  # probability of chance, below which a term is claimed
+SIGNIFICANT = 0.005  # probability of chance, 1: with less a term is claimed
 LEAST_SLIPS = 12  # slips, 1: fewer show no dependence of friction on time, place or load
 LEAST_OF_A_DIRECTION = 3  # slips of a direction, 1: fewer show no friction of their own
-_MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4
+_MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4  # places that the slips are divided into, 1: at most; slips in each, 1
 _PARTS, _LEAST_OF_A_PART = 3, 0.1  # of the time: each has that share of the slips, or they do not span it
-_TOGETHER = 0.95  # correlation of time and position, from which on they are not told apart
+_TOGETHER = 0.95  # correlation of time and position, 1: with more they are not distinguished
 _PARABOLA, _MOST_BENDS = 2, 4  # columns of a load over position: with four an arm's weight over a right angle is exact
 _LOADS = 3  # loads that differ, 1: fewer show no dependence on the load
 

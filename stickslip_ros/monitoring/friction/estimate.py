@@ -40,9 +40,9 @@ DOES_NOT_FIT = "friction model does not fit"
 COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 
 _USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
-_SEEN = 3.0  # standard errors
-_ROUGHLY = 0.3  # relative standard error of what is not identified, but not a guess either
-DRAWS = 128
+_SEEN = 3.0  # value, standard errors
+_ROUGHLY = 0.3  # standard error, of the value: with less a parameter that is not identified is still no guess
+DRAWS = 128  # draws from the estimate, 1: half of them and their mirror images
 _SLOWER = np.random.default_rng(43).permutation((np.arange(DRAWS) + 0.5) / DRAWS)  # than v, as a share
 
 

@@ -53,11 +53,11 @@ from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
-LEAST_SLIPS = 3
+LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
-_LARGEST_UNEXPLAINED = 0.001  # tolerance, in slip distances: joints that the model explains need less
-_SCATTER = 0.05  # of the Stribeck friction: so far the kinetic friction may vary from slip to slip
-_ASIDE = 0.34  # share of slips that nothing explains
+_LARGEST_UNEXPLAINED = 0.001  # tolerance, slip distances: joints that the model explains need less
+_SCATTER = 0.05  # variation of the kinetic friction from slip to slip, of the Stribeck friction
+_ASIDE = 0.34  # slips that nothing explains, of all slips
 
 
 def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None) -> FrictionEstimate | None:

@@ -25,8 +25,8 @@ from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
-EXCLUDED = 0.02  # weight of a law that the data exclude
-LEAST_SLIPS = 8  # that tell laws apart
+EXCLUDED = 0.02  # weight of a law, 1: the data exclude a law of less
+LEAST_SLIPS = 8  # usable slips that distinguish laws, 1: at least
 
 
 def weighed_laws(

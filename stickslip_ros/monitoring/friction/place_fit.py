@@ -23,7 +23,7 @@ from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
 
 _ROUNDS = 2  # estimates of the disturbance: the second one rests on a better fit
-_PARAMETERS = 2  # of a friction factor
+_PARAMETERS = 2  # parameters of a friction factor, 1
 _OF_DISTURBANCE = 5  # parameters that a load over position and a ripple have at most
 
 

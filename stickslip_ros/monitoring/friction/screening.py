@@ -30,8 +30,8 @@ from stickslip_ros.monitoring.friction.slip_solution import truncated_fit, usual
 from stickslip_ros.monitoring.samples import FloatArray
 
 _WORSE = 60.0  # twice the logarithm of a likelihood ratio, above which more slips do not change the order of laws
-_SPEEDS = 64  # at which curves are compared
-_SCALES = np.geomspace(0.4, 2.5, 15)  # of the Stribeck velocity, that are tried
+_SPEEDS = 64  # speeds at which curves are compared, 1
+_SCALES = np.geomspace(0.4, 2.5, 15)  # Stribeck velocities that are tried, of the one fitted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,15 +24,16 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray, effort_is_measur
 # Parameters of friction in the order of the table in `model.friction`, then the forces beside friction.
 NAMES = ("coulomb", "viscous", "stribeck", "stribeck_velocity", "load", "inertia")
 _COULOMB, _VISCOUS, _STRIBECK, _STRIBECK_VELOCITY, _LOAD, _INERTIA = range(6)
-_STRETCHES = 3000  # at most
-_LEAST_STRETCHES = 12
-_COUNTS = 4.0  # resolutions that a stretch must cover at least, for its speed to mean something
-_LONGEST = 1.0  # [s] of a stretch
-_GAP = 0.3  # [s] without a sample ends a stretch
-_STARTS = (0.1, 0.3, 1.0, 3.0)  # of the median speed: where the Stribeck velocity is looked for
+_STRETCHES = 3000  # stretches of a record, 1: at most
+_LEAST_STRETCHES = 12  # stretches, 1: fewer show no curve
+_COUNTS = 4.0  # way of a stretch, resolutions: with less its speed means nothing
+_LONGEST = 1.0  # duration of a stretch, s
+_GAP = 0.3  # time without a sample, s: a longer one ends a stretch
+_STARTS = (0.1, 0.3, 1.0, 3.0)  # Stribeck velocities from which a fit begins, of the median speed
 _IDENTIFIED = 0.15  # relative standard error: a curve from noisy efforts is of use with three times that of slips
+# Ranges of speeds that count alike, 1; stretches from which on a range counts in full, 1.
 _SPEED_RANGES, _LEAST_IN_RANGE = 10, 3
-_RUNS = 12  # parts of the record, whose scatter gives the errors
+_RUNS = 12  # parts of a record, 1: their scatter gives the errors
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,14 +40,14 @@ from stickslip_ros.monitoring.friction.slip_solution import (
 from stickslip_ros.monitoring.friction.slip_start import ShapeGuess, shape_guesses
 from stickslip_ros.monitoring.samples import FloatArray
 
-_SIMILAR = 4
-_OBSERVATIONS_OF_A_SHAPE = 60  # of each slip, while nothing is known but roughly
-_STARTS = 6
-_GENERALISED = 4  # shapes tried on slips from everywhere
-_APART = 0.8  # of a logarithm: guesses closer than this are one
-_SHAPE_TOLERANCES = (0.01, 0.002)  # of the slip distance
-_SHAPES_TRIED = 2
-_LOOSE_TRIED = 3
+_SIMILAR = 4  # similar slips that a first shape is fitted to, 1
+_OBSERVATIONS_OF_A_SHAPE = 60  # observations of each slip while only a rough shape is searched, 1
+_STARTS = 6  # guesses that are fitted, 1: at most
+_GENERALISED = 4  # shapes tried on slips from everywhere, 1
+_APART = 0.8  # difference of a logarithm, 1: closer guesses are one
+_SHAPE_TOLERANCES = (0.01, 0.002)  # tolerances of a shape's fit, of the slip distance: ever tighter
+_SHAPES_TRIED = 2  # shapes tried on all slips, 1
+_LOOSE_TRIED = 3  # shapes fitted loosely, 1
 
 
 def search(

@@ -33,34 +33,34 @@ from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProbl
 from stickslip_ros.monitoring.samples import FloatArray
 
 FITS = 1.2  # mean square of residuals of a model that explains slips: noise makes 1, jitter a little more
-GOOD = 1.3  # mean square of residuals, with which the search ends
-_NEARLY_GOOD = 2.0  # likewise, from which a fit may come to be good
+GOOD = 1.3  # mean square of residuals, 1: with less the search ends
+_NEARLY_GOOD = 2.0  # mean square of residuals, 1: with less a fit may come to be good
 # Mean square of a slip's residuals, 1, and its ratio to the median of the slips, 1: a slip with more is set aside.
 OUTLIER, _OUTLIER_SHARE = 9.0, 25.0
-USUAL_RISE_TIME = 0.3  # [s], from which the scan departs only for a reason
+USUAL_RISE_TIME = 0.3  # rise time, s: the prior mean of a joint that nothing is known of
 # Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
 _TIGHTENING = ((0.01, 0.2, 0.2), (0.003, 0.05, 0.05), (0.003, 0.01, 0.003), (0.0, 0.002, 3e-4))
-TIGHT_LEVEL = 1e-4
-_FIRST_OF_AGAIN = 1  # of the tightening, where the shape is known
+TIGHT_LEVEL = 1e-4  # scatter of levels' logarithms, 1: the tightest tie
+_FIRST_OF_AGAIN = 1  # index of the first stage of the tightening where the shape is known
 _MOST_USABLE = 0.8  # share of slips that a fit must explain to be believed without a search
-_LEAST_BALANCE = 1e-4  # of the level
-_FINAL = 3
-_LOOSE_ROUNDS = 5
+_LEAST_BALANCE = 1e-4  # error of the balance of forces, of the level: what rounding makes
+_FINAL = 3  # fits after the tightening, 1
+_LOOSE_ROUNDS = 5  # rounds of a loose fit, 1
 LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3  # scatter of levels' logarithms about Eq. (6), 1: no model is better
-_ITERATIONS = 20
-_ROUND = 40  # of a stage of a fit that may come to be good
-_LAST_ITERATIONS = 100  # where all ties are tight, valleys are long, flat and bent
+_ITERATIONS = 20  # iterations of a stage, 1
+_ROUND = 40  # iterations of a stage of a fit that may come to be good, 1
+_LAST_ITERATIONS = 100  # iterations of the last fit, 1: where all ties are tight, valleys are long, flat and bent
 ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
 FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change
-_RISE_TIME_SPREAD = 2.0
-_LONGEST_DELAY = 20.0  # sample intervals
-_MOST_DAMPING = 2.0  # damping ratio of a contact
+_RISE_TIME_SPREAD = 2.0  # prior standard deviation of the rise time's logarithm, 1
+_LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
+_MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
 _MOST_CURVED = 0.95  # of viscous friction, that goes with the square of the speed; or of what is missing there
-_LEAST_VISCOUS = 0.02  # of the inertia over a slip's duration: a damping ratio of 0.2 %
-_LEAST_STRIBECK_VELOCITY = 2e-3  # of the usual speed of a slip
-_LEAST_LAG = 1e-4  # of a slip's duration
+_LEAST_VISCOUS = 0.02  # viscous friction, of the inertia over a slip's duration: a damping ratio of 0.2 %
+_LEAST_STRIBECK_VELOCITY = 2e-3  # Stribeck velocity, of the usual speed of a slip: at least
+_LEAST_LAG = 1e-4  # lag, of a slip's duration: at least
 _LEAST_SHARE = 1e-9  # of F_s∞ at a breakaway: a fit may leave a slip no rest before it
-WIDE = 3.0  # standard deviation of a logarithm that nothing is known of
+WIDE = 3.0  # prior standard deviation of a logarithm that nothing is known of, 1
 
 
 @dataclass(frozen=True, kw_only=True)

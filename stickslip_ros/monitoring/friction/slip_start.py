@@ -20,15 +20,15 @@ from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-_POINTS = 96
-_HIGHEST_DEGREE = 13
-_AROUND = 0.3  # of a slip, how far from the detected breakaway it is looked for
-_BREAKAWAYS = 14
-_STRIBECK_VELOCITIES = np.geomspace(0.006, 2.0, 12)  # of the highest speed
-_LAGS = np.concatenate([[0.002], np.geomspace(0.01, 0.4, 9)])  # of the slip's duration
-_RIDGE = 1e-3
-_LEAST = 1e-12  # added to the diagonal of normal equations
-_END_WEIGHT = 30.0
+_POINTS = 96  # points of a slip at which its equation is fitted, 1
+_HIGHEST_DEGREE = 13  # degree of the polynomial through a slip, 1
+_AROUND = 0.3  # distance of the first breakaway tried from the detected one, of a slip
+_BREAKAWAYS = 14  # breakaways tried, 1
+_STRIBECK_VELOCITIES = np.geomspace(0.006, 2.0, 12)  # Stribeck velocities tried, of the highest speed
+_LAGS = np.concatenate([[0.002], np.geomspace(0.01, 0.4, 9)])  # lags tried, of the slip's duration
+_RIDGE = 1e-3  # weight of small coefficients, of an observation
+_LEAST = 1e-12  # addition to the diagonal of normal equations, whose diagonal is 1
+_END_WEIGHT = 30.0  # weight of the slip's end, where it stands, of all observations
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,22 +20,22 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS
 from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 
-_MOST_OBSERVATIONS = 240
-_SHAPE_NODES = 40  # for the reference and the effort, beside those of the observations
+_MOST_OBSERVATIONS = 240  # observations of a slip, 1: at most
+_SHAPE_NODES = 40  # nodes for reference and effort beside those of the observations, 1
 _BEFORE, _AFTER = 0.4, 0.12  # of the slip's duration: where it may begin and end, beside where it seems to
 _OF_DWELL = 0.5  # of a rest: so far into it counts may still change by this slip
 _SETTLED = (0.1, 0.6)  # of a dwell: where the joint stands after the slip
 _LEAVES = 0.9  # of the rest after the slip: where it may begin to leave
-_CREEPS = 3.0  # counts, or standard deviations of noise, that a joint may creep while it stands
+_CREEPS = 3.0  # creep of a joint that stands, counts or standard deviations of noise
 _EARLY = 0.4  # of what is seen of a rest
 _LEAST_STANDING = 0.02  # of the slip: a joint that stands for less creeps from its arrest on
-_LEAST_OBSERVATIONS = 5
+_LEAST_OBSERVATIONS = 5  # observations of a slip or samples of a rest, 1: at least
 _ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothing of their own
-_EFFORT_SMOOTHING = 1.0 / 12.0  # of the slip
+_EFFORT_SMOOTHING = 1.0 / 12.0  # span over which the effort is smoothed, of the slip
 _EVEN = 0.02  # mean deviation of sample intervals, relative: stamps with less jitter count as even
-_LINE_REACH = 4  # samples on either side
-_SAME_STIFFNESS = 0.1  # relative difference of two stiffnesses that are taken for one
-_LEAST_SHOWN = 3  # slips whose effort may contradict the gains
+_LINE_REACH = 4  # samples on either side of a local line, 1
+_SAME_STIFFNESS = 0.1  # difference of two stiffnesses, of the stiffness: with less they are one
+_LEAST_SHOWN = 3  # slips whose effort may contradict the gains, 1: at least
 
 
 class ForceSource(Enum):

@@ -18,7 +18,7 @@ from stickslip_ros.monitoring.friction.slip_fit import Prior
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-_PARAMETERS = 2  # of a trend
+_PARAMETERS = 2  # parameters of a trend, 1
 
 
 def with_trend(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:

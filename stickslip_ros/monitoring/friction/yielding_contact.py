@@ -22,7 +22,8 @@ from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_again
 from stickslip_ros.monitoring.samples import FloatArray
 
-_PARAMETERS = 2  # compliance and damping
+_PARAMETERS = 2  # parameters of a contact, 1: compliance and damping
+# Dwell, periods of the swing on the contact: after a shorter one the joint has not come to rest.
 _SETTLING_PERIODS = 2.0
 
 
