@@ -24,7 +24,7 @@ from stickslip_ros.model._slip_kernel import (
 SLIP_DURATION, SLIP_DISTANCE, DWELL, BREAKAWAY_LEVEL, ARREST_LEVEL = range(5)
 CYCLE_COLUMNS = ARREST_LEVEL + 1
 PERSISTS, DIES, NO_ANSWER = 1, 0, -1  # verdicts of `persists`
-FULL_ACCURACY, COARSE = 1.0, 0.15
+FULL_ACCURACY, COARSE = 1.0, 0.15  # patience of a verdict, 1: factor on the limits below
 
 _SHARPEST = 3000.0  # √(speed) or Stribeck friction, dimensionless: beyond it steps are too many
 LARGEST_DAMPING_RATIO = 20.0  # damping ratio, 1: verdicts and searches go no further

@@ -36,7 +36,7 @@ _SAMPLES_A_PERIOD = 64  # samples of continuous control in a natural period, 1
 _SLIDING_PERIODS = 16  # time without an event, natural periods: with more the joint slides
 # Stretches that are compared with as many where a joint is compensated, 1; ratio of swings that go on, 1.
 _BLOCKS, _GOES_ON = 6, 0.98
-# Stretches simulated under dither, 1; change of a swing from one to the next, of the swing.
+# Stretches simulated under dither, 1; scatter of slowest speed and swing over the last ones, of the commanded speed.
 _MOST_BLOCKS, _SAME_DITHERED = 25, 0.02
 _AT_REST = 0.01  # speed between like phases of a dither, of the commanded one: with less the joint is at rest
 # Periods of a dither in a number of samples, 1; error of the phase then, samples.

@@ -35,7 +35,7 @@ from stickslip_ros.model.simulation import point_arrays
 
 LARGEST_DAMPING_RATIO: float = _LARGEST
 _TOLERANCE = 1e-3  # error of a boundary, of the boundary
-_CHUNK = 64  # points computed between two reports of progress, 1
+_CHUNK = 64  # points that a thread computes at once, 1: a thread costs more than a joint's verdict
 _NO_GUESSES = np.empty(0)
 _LARGEST_STRIBECK = 30.0  # F*_s∞, 1: the search for a stiffness begins there
 _SCAN_STEPS_A_DECADE = 12  # steps of a scan for each decade, 1

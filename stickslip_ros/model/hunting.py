@@ -32,7 +32,8 @@ _LONGEST_STRETCH = 64  # longest simulation between two looks, of the shortest o
 _COARSER = 16  # factor on the interval between looks while the joint stands, 1
 _VANISHED = 1e-3  # swing, of the stretch that Stribeck friction alone holds: with less it has vanished
 _AGAIN = 4  # swings that are compared with as many before, 1
-# Change of a swing, of the swing: with less the same; with less, over blocks, nearly the same.
+# Change of a swing, of the swing: with less than the first there is none; with less than the second, from block to
+# block, the swings last.
 _ALIKE, _CLOSE = 1e-3, 0.05
 _MANY, _MOST_SWINGS, _BLOCK = 80, 400, 20  # swings, 1: from which on blocks are compared; at most; of a block
 _ONE_WAY = 30  # slips in one direction, 1: so many are no hunting

@@ -25,7 +25,7 @@ from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
-_STEP = 0.02  # step of a controller's force, of the Stribeck friction
+_STEP = 0.02  # step that a friction factor is rounded up to, 1
 
 
 @dataclass(frozen=True, kw_only=True)

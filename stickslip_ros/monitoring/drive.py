@@ -17,12 +17,13 @@ from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-_LATEST = 12  # slips, since somebody may have turned the gains after the earlier ones
-_LEAST = 3  # slips, 1: fewer have no scatter
-_WEIGHT = 1.0 / 6.0  # of one more slip; after a dozen nothing is left of gains that hold no more
-_LARGEST_ERROR = 0.2  # of the stiffness: beyond that the effort does not fall with the position
-_LEAST_NODES = 6  # nodes of a slip, 1: fewer show no gains
-_OF_MEDIAN = 1.2533  # standard error of a median over that of a mean
+# Slips that gains are estimated from, 1: at most, since somebody may have turned the gains after earlier ones.
+_LATEST = 12
+_LEAST = 3  # slips that gains are estimated from, 1: at least
+_WEIGHT = 1.0 / 6.0  # weight of one more slip, 1: after a dozen nothing is left of gains that hold no more
+_LARGEST_ERROR = 0.2  # standard error, of the stiffness: with more the effort does not fall with the position
+_LEAST_NODES = 6  # nodes of a slip that gains are estimated from, 1: at least
+_OF_MEDIAN = 1.2533  # standard error of a median, of that of a mean
 
 
 @dataclass(frozen=True, kw_only=True)

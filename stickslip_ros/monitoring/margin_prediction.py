@@ -20,8 +20,8 @@ from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.selected_model import SelectedModel, approximately_equal, select_model, uncertainty_of
 
-_SPEEDS_APART = 0.1  # difference of the logarithms of two speeds at which a reserve is integrated
-_TOLERANCE = 5e-3  # relative error of a critical damping ratio that makes no difference to a status
+_SPEEDS_APART = 0.1  # difference of the logarithms of two speeds at which a reserve is integrated, 1
+_TOLERANCE = 5e-3  # error of a critical damping ratio, of it: no status changes with it
 
 
 class MarginPrediction:

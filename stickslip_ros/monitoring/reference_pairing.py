@@ -15,7 +15,7 @@ import numpy as np
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import LATE_IN_A_ROW, LATEST_STAMP, Batch, FloatArray
 
-_LONGEST_WAIT = 0.2  # [s] of the data's own time, and on the clock: how far samples may run ahead of the reference
+_LONGEST_WAIT = 0.2  # time that samples may run ahead of the reference, s: of the data's own time, and on the clock
 _STALE = 1.0  # age of a reference, s: an older one says nothing
 
 

@@ -109,7 +109,7 @@ def effort_is_measured(effort: FloatArray) -> bool:
     return bool(np.isfinite(effort).all()) and len(effort) > 0 and float(np.ptp(effort)) >= LEAST_EFFORT_CHANGE
 
 
-ROUNDING_STD = 1.0 / math.sqrt(12.0)  # standard deviation of what rounding to a resolution leaves, in resolutions
+ROUNDING_STD = 1.0 / math.sqrt(12.0)  # standard deviation of what rounding to a resolution leaves, resolutions
 LATEST_STAMP = 1.0  # delay of a stamp behind the last one, s: with more, time began anew
 LATE_IN_A_ROW = 20  # late stamps in a row, 1: with more, the clock was set back a little
 

@@ -78,11 +78,12 @@ DETECTOR = np.dtype(
     ]
 )
 
-_LATEST, _ORDERED = 0, 1  # rows of the noise of the blocks
+_LATEST, _ORDERED = 0, 1  # rows of the blocks' noise: as it came, and in order
 FAST_SHARE = 0.9  # quantile of speeds, 1: noise and jittered stamps make the faster ones
 SLOW = 0.1  # speed in a gap, of the fastest motion beside it: a slower gap is slow
 _REVERSALS_KEPT = BLOCK - 2 - 3  # number, 1: a block has two reversals less than readings, and three may be impulses
-_REVERSAL_OF_UNIT_NOISE = 0.7236  # their mean for white noise of unit deviation (computed on 400,000 blocks)
+# Mean of these reversals for white noise, standard deviations: computed on 400,000 blocks.
+_REVERSAL_OF_UNIT_NOISE = 0.7236
 _BANDS_PER_NOISE = 5.0  # band, standard deviations of the noise
 _LEAST_BAND = 1e-15  # band, unit of the signal
 _ROUNDING = 1e-10  # difference of two readings, of the largest reading: a smaller one is arithmetic, not motion

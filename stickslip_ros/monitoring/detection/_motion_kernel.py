@@ -105,27 +105,27 @@ SLICE_COLUMNS = VELOCITY + 1
     FEW_READINGS,
 ) = range(11)  # fmt: skip
 
-PERIODS_TO_TRUST = 2.0  # motion must last so many cycle or natural periods before it is called smooth
-_OUTLIVES = 2.0  # times the longest recent slip, its distance, or the dwell, until what was found says nothing of now
-_CYCLES_AT_MOST = 1.9  # usual cycles, likewise: not two, since an arrest is seen a little late
-_RECENT_STOPS = 10.0  # times the motion needed: how long ago a stop may be
+PERIODS_TO_TRUST = 2.0  # duration of motion, cycle or natural periods: with less it is not called smooth
+_OUTLIVES = 2.0  # time, way or dwell, of that of the longest recent slip: with more what was found says nothing of now
+_CYCLES_AT_MOST = 1.9  # the same, usual cycles: not two, since an arrest is seen a little late
+_RECENT_STOPS = 10.0  # age of a stop, of the motion needed
 _CYCLES_FOR_STICK_SLIP = 2  # cycles in a row, 1
 _LEAST_CROSSINGS = 20  # crossings, 1: with fewer there is no finding
 # Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
 _DIP, DIP_AGAIN = 0.2, 0.7
-_DEEPER = 0.5  # of the reference's own share, at most
-_BANDS_OF_A_SPEED = 10.0  # so that a band more or less is a tenth
-_BRIEFEST = 0.02  # of the motion that is judged: less than half a cycle of the fastest stick slip
-_AGAIN = 5  # times in the motion that is judged: faster than a person moves, or most joints ring when they set off
-LEAST_READINGS = 20.0  # in the motion that is judged: stick slip has up to 10 cycles a second
-_START = 0.25  # of the motion needed: the start from rest is no dip
-_LOOK_AGAIN = 1.4  # times as long as at the last look: how long a joint must stand for the next
-_WINDOW_CROSSINGS = 6
-_STEPPED = 24  # crossings that tell whether a joint steps
-_GAPS_OF_A_STEP = 4  # a slip of so few bands is too short to be seen as one
-_UNEVEN = 4.0  # times as long as the shortest gap beside it: the longest one of a joint that steps
-_NOTICED = 0.5  # of the crossings
-_ENOUGH_CROSSINGS = 3
+_DEEPER = 0.5  # slowest share, of the reference's own: at most
+_BANDS_OF_A_SPEED = 10.0  # way that a speed is measured over, bands: a band more or less is a tenth
+_BRIEFEST = 0.02  # duration of a dip, of the motion that is judged: less than half a cycle of the fastest stick slip
+_AGAIN = 5  # dips in the motion that is judged, 1: faster than a person moves, or most joints ring when they set off
+LEAST_READINGS = 20.0  # readings in the motion that is judged, 1: stick slip has up to 10 cycles a second
+_START = 0.25  # start from rest, of the motion needed: it is no dip
+_LOOK_AGAIN = 1.4  # time that a joint stands, of that at the last look: with more there is a new look
+_WINDOW_CROSSINGS = 6  # crossings in half of the motion that is searched for dips, 1: at least
+_STEPPED = 24  # crossings that show whether a joint steps, 1
+_GAPS_OF_A_STEP = 4  # bands of a slip, 1: with fewer it is too short to be seen as one
+_UNEVEN = 4.0  # longest gap of a joint that steps, of the shortest one beside it
+_NOTICED = 0.5  # uneven gaps, of all gaps: with more the joint steps
+_ENOUGH_CROSSINGS = 3  # gaps that a speed spans, 1: the rhythm of counts and samples is no change of speed
 # Whether a reference repeats what was measured.
 _COMPARED = 3.0  # way from one comparison to the next, bands
 _SAME = 1e-3  # difference of joint and reference, of a band: with less they are the same

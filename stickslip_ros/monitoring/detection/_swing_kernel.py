@@ -11,14 +11,14 @@ from __future__ import annotations
 from stickslip_ros.compilation import helper
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
-SWING_COLUMNS = 11  # the fields of a Swing
-FLICKER = 6.0  # bands: a reading that is noisy now and then goes so far to and fro
-STANDS = 0.05  # of a swing or a slip: a reference that goes no farther stands
-_LED = 0.5  # of a swing, which the reference may go the same way: a joint that it leads goes as far as it
-_LEAST_TURN = 3.0  # bands: a joint that has gone back so far has turned, if the swing is small
-_LEAST_SAMPLES = 5.0  # in a swing: less may be noise
-_MIDDLE = 0.1  # of a swing: where its middle begins, and ends before its end
-_TURNED_BACK = 0.3  # of a swing: so far back the joint has turned for certain
+SWING_COLUMNS = 11  # fields of a Swing, 1
+FLICKER = 6.0  # motion, bands: a reading that is noisy now and then goes so far to and fro
+STANDS = 0.05  # motion of the reference, of a swing or a slip: with less it stands
+_LED = 0.5  # motion of the reference the same way, of a swing: with more it leads the joint
+_LEAST_TURN = 3.0  # motion back, bands: with more the joint has turned, if the swing is small
+_LEAST_SAMPLES = 5.0  # samples in a swing, 1: fewer may be noise
+_MIDDLE = 0.1  # ends of a swing that are not its middle, of the swing
+_TURNED_BACK = 0.3  # motion back, of a swing: with more the joint has turned for certain
 
 
 @helper()

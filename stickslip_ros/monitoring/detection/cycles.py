@@ -23,27 +23,29 @@ from stickslip_ros.monitoring.detection.motion import CycleRecord, Swing
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvidence
 
-_DRIVEN_SHARE = 0.35  # of the speed beside a rest: how fast the reference must go on during it to drive the joint
+_DRIVEN_SHARE = 0.35  # speed of the reference at rest, of the speed beside it: with more the reference drives the joint
 # Mean travel of the reference over a rest, in parts of its whole travel there: 0.5 if its speed is constant, next to
 # nothing if it steps at the end, next to 1 if it steps at the beginning, above 1 if it turns.
 _STEADY = (0.25, 0.8)
 _STEADY_BETWEEN_STEPS = (0.4, 0.6)  # likewise, where the reference stands while the joint moves
-_LEAST_ADVANCE = 0.2  # of a band, as a mean over a rest: less is noise
+_LEAST_ADVANCE = 0.2  # mean advance of the reference over a rest, bands: less is noise
 _LEAST_STEP = 0.2  # of the travel of the reference during the rest beside it: a slip that keeps up with the reference
-_CREEP_SHARE = 0.1  # of the motions on both sides: so little is creep within a rest
-_LARGEST_SLIP = 2.0  # of the slip before: the last slip of a train is like those before it
-_LEAST_PATH_EFFICIENCY = 0.5  # net travel over path: a lightly damped joint bounces back, a motion to and fro has less
-_LEAST_PEAK_SPEED_RATIO = 1.3  # peak speed over the reference's: with less the joint follows the reference
-_MOST_BURSTS = 2  # in a slip: between two the joint may have stopped too briefly to be seen, but not again and again
-_WHOLE_SLIP = 0.75  # of the train's median: less may be the first part of a slip that goes on in a moment
+_CREEP_SHARE = 0.1  # motion within a rest, of those on both sides: so little is creep
+_LARGEST_SLIP = 2.0  # last slip of a train, of the slip before: at most, as it is like those before
+# Net travel, of the path: a lightly damped joint bounces back, a motion to and fro has less.
+_LEAST_PATH_EFFICIENCY = 0.5
+_LEAST_PEAK_SPEED_RATIO = 1.3  # peak speed, of the reference's: with less the joint follows the reference
+_MOST_BURSTS = 2  # bursts in a slip, 1: between two it may have stopped too briefly to be seen, but not again and again
+# Slip, of the train's median: a smaller one may be the first part of a slip that goes on in a moment.
+_WHOLE_SLIP = 0.75
 _TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8  # swings in a row that are reported as hunting, 1; small swings
-_SMALL_SWING = 12.0  # bands: a reading that wanders swings so far now and then, though not evenly
-_HUNTING_SHRINKS = 0.7  # from one swing to the next: less is a motion that settles, and a growth by more no hunting
-_EVEN = 1.4  # times as long, without its stop, as the swing before the last, which went the same way
-_SUSTAINED = 0.95  # likewise for swings without a stop: less is free oscillation that dies out
-_MIDDLE_OF_HUNTING = 0.5  # of a swing's duration, for 80 % of its way: half a cosine takes 0.59
-_BEYOND = 0.2  # of a swing: so far the reference may lie outside the places that a hunting joint swings between
-_TRAIN = 9  # cycles whose median is the usual slip
+_SMALL_SWING = 12.0  # swing, bands: a reading that wanders swings so far now and then, though not evenly
+_HUNTING_SHRINKS = 0.7  # swing, of the last one: with less the motion settles; a growth by more is no hunting
+_EVEN = 1.4  # duration without its stop, of the swing before the last, which went the same way
+_SUSTAINED = 0.95  # swing without a stop, of the last one: less is free oscillation that dies out
+_MIDDLE_OF_HUNTING = 0.5  # duration of 80 % of a swing's way, of the swing's: half a cosine takes 0.59
+_BEYOND = 0.2  # distance of the reference from the places that a hunting joint swings between, of a swing: at most
+_TRAIN = 9  # cycles whose median is the usual slip, 1
 _PENDING = 64  # cycles that wait for their train, 1: at most
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
 
-_LEFT = (0.3, 0.6)  # of the fastest motion beside the rest: a slip that is no creep any more, and not yet turning
+_LEFT = (0.3, 0.6)  # speeds, of the fastest beside the rest: between them a slip creeps no more, and does not turn yet
 _FEW_COUNTS = 3  # counts, 1: so few may be those of a slip, which scatter about the power law
 _CERTAIN = 0.5  # time by which a creep is too early, of the time that the slip takes to get fast
 _WINDOW_SPEED = 0.4  # speed, of the fastest: up to it motion is extrapolated to the rest

@@ -46,13 +46,13 @@ _GENTLE = (
 _FINE = 2000.0  # way of a slip, bands: with more, counts say nothing by themselves
 _CREPT = 0.2  # creep, of the slip before: a joint at rest may creep so far
 _FEW_SAMPLES = 6.0  # duration of a stop, samples: with less its course must show it, as its ends cannot be extrapolated
-_SAMPLES_OF_A_COURSE = 9.0  # from half of the fastest motion to half of it again: fewer show no course
+_SAMPLES_OF_A_COURSE = 9.0  # duration between two halves of the fastest motion, samples: a shorter one shows no course
 _SHARE_OF_STOP = 0.38  # slow, of the time between half of the fastest motion: a dip to nothing has 0.41, see slow_times
 _STANDING = 0.002  # measured velocity less its noise, of the fastest motion: with less the joint stands
 _FEW_GAPS = 2  # gaps of a rest, 1: with more the joint crept
 _LEAST_CREEP = 0.005  # creep, of the slip before: less is how gently a slip begins
-_EDGE = 0.1  # of a rest: where a creeping joint is taken to have come to rest, and to leave
-_TURN = 1.5  # times as long as from the last crossing to the arrest: a joint that turns round sets a crossing by then
+_EDGE = 0.1  # time from the ends of a rest, of the rest: a creeping joint comes to rest, and leaves, there
+_TURN = 1.5  # time since the last crossing, of that to the arrest: a joint that turns round sets a crossing by then
 _FRACTIONS = np.linspace(0.02, 0.98, 17)  # places in a count, 1: where a joint may have come to rest
 _MIDDLE = np.array([0.5])  # the same, without a search
 

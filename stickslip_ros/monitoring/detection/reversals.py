@@ -15,12 +15,12 @@ from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import Batch
 
-_KEPT = 200  # of the latest, of which the medians are taken
+_KEPT = 200  # latest reversals whose medians are reported, 1
 _BEFORE = 1.0  # dwells, or seconds if that is more, before the arrest, in which the reference may have turned
-_LONGEST = 25.0  # after the breakaway, when the following error is looked at at last [s]
-_LEAD = 2.0  # before the joint, in which its reference may have turned, where it turns without a stop [s]
-_LEAST_TURN = 0.1  # of what its reference moves on after a turn: so far it came before
-_TURNS = 64  # latest
+_LONGEST = 25.0  # time after the breakaway, s: the following error is not measured later
+_LEAD = 2.0  # time by which the reference may turn before a joint that turns without a stop, s
+_LEAST_TURN = 0.1  # way of the reference before a turn, of that after it
+_TURNS = 64  # latest turns that are kept, 1
 
 
 @dataclass(frozen=True, kw_only=True)

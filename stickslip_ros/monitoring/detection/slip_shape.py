@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 # Parts of a slip whose speeds are compared, 1: at most; crossings of each, 1: at least.
 _PARTS, _CROSSINGS_A_PART = 32, 2
-_BURST, _DIP = 0.3, 0.125  # of the fastest motion: what a burst reaches, and how far the speed falls between two
-_UPPER_QUARTILE = 0.92  # of the speed in half a cosine, over the fastest
-_STRAIGHT = 0.43  # of a motion's duration, for its middle half: half a cosine takes 0.33, a steady slide 0.5
+_BURST, _DIP = 0.3, 0.125  # speed of a burst and its fall between two bursts, of the fastest motion
+_UPPER_QUARTILE = 0.92  # speed in half a cosine, of the fastest: upper quartile
+_STRAIGHT = 0.43  # duration of the middle half, of the motion's: half a cosine takes 0.33, a steady slide 0.5
 _SHARES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])  # shares of a slip's way whose times are compared, 1
 
 

@@ -22,21 +22,21 @@ from statistics import fmean, median
 
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape
 
-ENOUGH = 14.0  # for one motion in a million taken by chance; see the receiver operating curve
-_MOST = 1.5 * ENOUGH  # that what was once certain can be given up
+ENOUGH = 14.0  # evidence, nats: one motion in a million taken by chance; see the receiver operating curve
+_MOST = 1.5 * ENOUGH  # evidence, nats: at most, so that what was certain can be given up
 _GIVEN_UP = 0.5 * ENOUGH  # evidence with which a train is given up, nats
 _LOOKED_BACK = 15  # latest motions of a train, 1
-_ODD_ONES = 0.15  # of real slips do not fit: two in one, or an impulse
+_ODD_ONES = 0.15  # real slips that do not fit, of all: two in one, or an impulse
 # Standard deviations of the logarithms about their median, among slips and among separate motions.
 _DURATION, _DURATION_APART = 0.3, 1.1
 _SPEED, _SPEED_APART = 0.45, 1.8
 _ONE_WAY, _ONE_WAY_APART = 0.95, 0.55
-_LEAST = -3.0  # a motion that fits worse, within a train, is none of its slips
+_LEAST = -3.0  # evidence of a motion in a train, nats: with less it is none of the train's slips
 _LARGEST_ASYMMETRY = 1.45  # of most slips of a train; what follows a step of its reference is front-loaded
 _SCATTER_RATIO = 0.8  # speeds of slips scatter less than their distances: a larger one has a longer dwell
-_LEAST_SCATTER = 0.09  # of the speeds, in the same comparison
-_READINGS = 3.0  # of a count of a slip, likewise
-_ENOUGH_FOR_SCATTER = 4  # motions, 1: fewer have no scatter
+_LEAST_SCATTER = 0.09  # scatter of the logarithms of speeds in this comparison, 1: at least
+_READINGS = 3.0  # scatter that a count makes, counts of a slip
+_ENOUGH_FOR_SCATTER = 4  # motions that a scatter is estimated from, 1: at least
 
 
 @dataclass(frozen=True, kw_only=True)

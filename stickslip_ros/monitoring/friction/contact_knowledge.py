@@ -22,7 +22,7 @@ MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
 LEAST_RESTS = 6  # rests that a compliance is estimated from, 1: at least
 _SHOWN = 2.0  # compliance, standard errors: with less the rests do not show it
 _UNSEEN = 2.0  # creep of all rests together that may pass unseen, counts
-_LEAST_ERROR = 0.3  # of the compliance: what is seen at rest is not all that yields when the joint breaks away
+_LEAST_ERROR = 0.3  # error, of the compliance: what is seen at rest is not all that yields when the joint breaks away
 
 
 @dataclass(frozen=True, kw_only=True)

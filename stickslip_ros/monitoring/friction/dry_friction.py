@@ -29,9 +29,11 @@ SIGNIFICANT = 0.005  # probability of chance, 1: with less a term is claimed
 LEAST_SLIPS = 12  # slips, 1: fewer show no dependence of friction on time, place or load
 LEAST_OF_A_DIRECTION = 3  # slips of a direction, 1: fewer show no friction of their own
 _MOST_PLACES, _SLIPS_IN_A_PLACE = 12, 4  # places that the slips are divided into, 1: at most; slips in each, 1
-_PARTS, _LEAST_OF_A_PART = 3, 0.1  # of the time: each has that share of the slips, or they do not span it
+# Parts of the time, 1; slips in each, of all slips: with fewer in one the slips do not span the time.
+_PARTS, _LEAST_OF_A_PART = 3, 0.1
 _TOGETHER = 0.95  # correlation of time and position, 1: with more they are not distinguished
-_PARABOLA, _MOST_BENDS = 2, 4  # columns of a load over position: with four an arm's weight over a right angle is exact
+# Columns of a load over position, 1: with four an arm's weight over a right angle is exact.
+_PARABOLA, _MOST_BENDS = 2, 4
 _LOADS = 3  # loads that differ, 1: fewer show no dependence on the load
 
 

@@ -35,11 +35,12 @@ from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
-IDENTIFIED = 0.05  # relative standard error from which on the data are said to determine a parameter
+IDENTIFIED = 0.05  # standard error, of the value: with less the data determine a parameter
 DOES_NOT_FIT = "friction model does not fit"
 COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 
-_USABLE, USABLE_ASIDE = 0.02, 0.25  # of a slip left unexplained; of the slips
+# Misfit, of a slip, and slips set aside, of all slips: an estimate with more is not usable.
+_USABLE, USABLE_ASIDE = 0.02, 0.25
 _SEEN = 3.0  # value, standard errors
 _ROUGHLY = 0.3  # standard error, of the value: with less a parameter that is not identified is still no guess
 DRAWS = 128  # draws from the estimate, 1: half of them and their mirror images

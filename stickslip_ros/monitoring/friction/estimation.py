@@ -54,7 +54,7 @@ from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact,
 from stickslip_ros.monitoring.samples import FloatArray
 
 LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
-_KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm: right within a factor of two
+_KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm, 1: right within a factor of two
 _LARGEST_UNEXPLAINED = 0.001  # tolerance, slip distances: joints that the model explains need less
 _SCATTER = 0.05  # variation of the kinetic friction from slip to slip, of the Stribeck friction
 _ASIDE = 0.34  # slips that nothing explains, of all slips

@@ -28,17 +28,18 @@ from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
 _FEW = 8  # slips beyond the number of parameters, 1: with fewer their scatter says nothing
-_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square up to which errors stay; factor on what is beyond
-_RISEN, _LONGER = 0.1, 2.0  # of the usual rest: a rise time that has long passed; a rest that is longer
+_TOLERATED, _PER_MISFIT = 1.05, 20.0  # mean square of residuals up to which errors stay, 1; factor on what is beyond, 1
+_RISEN, _LONGER = 0.1, 2.0  # rise time that has long passed, of the usual rest; a longer rest, of the usual one
 _MORE = 0.1  # difference of a level's logarithm, 1: with more F_s∞ is too small for the level
 _ANY = 1.5  # standard error of a logarithm, 1: with more its value is open
 _CONFIGURED = 0.5  # information of a prior, 1: with more the rise time is configured
 _HALF_A_STEP = 0.5  # error of the force, of what a sample interval adds to the force
-_SURE = 6.0  # standard deviations: the right law comes to 4, with hundreds of residuals in each part
+# Excess of a mean square, standard deviations: the right law comes to 4, with hundreds of residuals in each part.
+_SURE = 6.0
 # What a law that is not the joint's leaves over is smaller than what its parameters take up, for that is smooth: in the
 # median so many times, on machines with drag, with two masses, and with Stribeck curves of exponents from ½ to 4.
 _WRONG_LAW = 10.0  # factor on the errors of a law that does not fit, 1
-_ABSORBED = 8  # of the parts of a slip: as many freedoms a fit has in each
+_ABSORBED = 8  # parts of a slip that a fit absorbs, 1: as many freedoms it has in each
 
 
 def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:

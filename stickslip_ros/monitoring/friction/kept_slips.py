@@ -27,10 +27,10 @@ MOST_SLIPS = 48  # slips that a study has, 1; once so many came, slips like the 
 _RUN = 4  # slips in a row that are kept or dropped together: Eq. (6) ties each to the one before
 # Circumstances so far apart tell different things. Of speeds, dwells and gains the logarithms.
 _SPEED, _DWELL, _GAIN = 0.25, 0.25, 0.2
-_OTHER_DIRECTION = 2.0  # distance of two slips of opposite direction, in the same units, on either side of 0
+_OTHER_DIRECTION = 2.0  # coordinate of a slip's direction, 1: opposite ones are twice as far apart
 _PLACES, _TIMES = 4.0, 1.5  # of the positions and of the times that the slips extend over, so many are distinguished
 _OTHER_PLACES = 8.0  # parts of the slips' range: a slip that is a part away from all others is at a new position
-_FEW_WAYS = 8.0  # slips one after the other, in a narrower range than which no place is another
+_FEW_WAYS = 8.0  # range of positions, slips one after the other: in a narrower one no position is another
 _OWN = 0.5  # variance of a slip's own noise, so that a second slip like it adds information
 
 

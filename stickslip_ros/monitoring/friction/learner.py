@@ -40,8 +40,9 @@ _FIRST_STUDY = 4  # slips before the first study, 1
 _LATER_STUDIES = 2.5  # slips, of those at the last study: a study is due
 _LAST_STUDY = 1.2  # the same, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, 1: from then on a study begins where the last one ended
-_NOW_AND_THEN, _IN_A_ROW = 50.0, 5  # [s]; slips then, for one tells of the level of the next
-_LIKE = 0.15  # relative difference of dwell, distance and duration, below which two slips are similar
+# Time between slips like the last one that are learnt from, s; slips then, 1: one shows the level of the next.
+_NOW_AND_THEN, _IN_A_ROW = 50.0, 5
+_LIKE = 0.15  # difference of dwell, distance and duration, of each: with less two slips are similar
 _LARGEST_STEP = 0.3  # change of a parameter's logarithm by one slip, 1: at most
 # Error of a slip's kinetic friction, standard deviations: with more the estimate does not explain the slip.
 _FORCE_OUTLIER = 6.0
@@ -49,8 +50,8 @@ _OFF = 0.01  # misfit, of the slip distance: less is no change
 _STEPS = 2.0  # misfit, steps of a controller's force: less is no change
 _FORCE_OFF = 0.02  # error of the kinetic friction, of the Stribeck friction: less is no change
 _WELL_STUDIED = 12  # slips of a study that is trusted, 1: at least
-_UPDATE_WEIGHT = 0.3  # of a slip by itself, whose errors the next study will know better
-_UPDATE_LINK = 0.03  # how well the level left by one slip is known at the next, without the slips before
+_UPDATE_WEIGHT = 0.3  # weight of a slip by itself, 1: the next study knows its errors better
+_UPDATE_LINK = 0.03  # error of the logarithm of the level that a slip leaves for the next, 1: without the slips before
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,14 +19,15 @@ from stickslip_ros.monitoring.samples import ROUNDING_STD, FloatArray
 
 _LONG_SLIP = 1.6  # distance, of the neighbours': a longer slip is two, the rest between them unseen
 _NEIGHBOURS = 5  # slips on either side that a slip is compared with, 1
-_SAME_REST = 0.02  # of a dwell: how well two cycles agree on the rest between them
-_OTHER_SPEED = 0.12  # a change of the mean speed of cycles by this factor is a change of the reference's
+_SAME_REST = 0.02  # difference of two cycles' arrests, of a dwell: with less they agree on the rest between them
+_OTHER_SPEED = 0.12  # change of the mean speed of cycles, of it: with more the reference has another speed
 _LASTING = 3  # slips, 1: a change of speed lasts
 _SLOWEST = 0.02  # speed, of a slip's mean: slower motion says no more about an edge
-_PARTS = 16  # of a slip, in which residuals are compared from slip to slip
+_PARTS = 16  # parts of a slip in which residuals are compared from slip to slip, 1
 _FINEST = 2e-5  # error of a position, of a slip: neither stamps nor integration are more exact
-_KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03  # relative errors of a reference's speed
-_LARGEST_JITTER = 0.5  # standard deviation of time stamps, in sample intervals: more would exchange samples
+# Errors of a reference's speed, of it: known, as a mean, of few cycles.
+_KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03
+_LARGEST_JITTER = 0.5  # standard deviation of time stamps, sample intervals: more would exchange samples
 
 
 def follows_on(before: SlipWindow, window: SlipWindow) -> bool:

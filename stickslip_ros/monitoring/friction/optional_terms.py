@@ -30,11 +30,11 @@ from stickslip_ros.monitoring.friction.slip_problem import CURVATURE, LATE, PARA
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
-_MUCH = 0.98  # share of the upper bound above which a parameter is at its bound: the fit stops short of it
+_MUCH = 0.98  # parameter, of its upper bound: one that is larger is at its bound, as the fit stops short of it
 _LITTLE = (
     0.005  # tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes
 )
-_FARTHEST = 2.0  # prior standard deviations: the linear step of the score test holds no further
+_FARTHEST = 2.0  # parameter, prior standard deviations: the linear step of the score test holds no further
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,16 +29,17 @@ from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 
 _KEPT = 100  # latest rests that are kept, 1
-_SETTLED, _LEAVING = 0.15, 0.05  # of a dwell at its ends, in which the joint swings to rest or speeds up
-_BELOW_LIMIT = 0.65  # of the limit: nearer to it a contact that yields asks for a limit better known than it is
-_OTHER_SIDE, _MOSTLY = 0.3, 0.5  # of the limit; of what is known
+# Times at both ends of a dwell in which the joint swings to rest or speeds up, of the dwell.
+_SETTLED, _LEAVING = 0.15, 0.05
+_BELOW_LIMIT = 0.65  # force, of its limit: nearer to it a contact that yields needs a limit better known than it is
+_OTHER_SIDE, _MOSTLY = 0.3, 0.5  # force on the other side, of its limit; information of the rests that turn, of all
 _BINS, _LEAST_BINS = 32, 6  # bins of a rest, 1; bins with a sample that it must have, 1
-_YIELDING = np.array([math.inf, 3.0, 1.5, 1.2, 1.1, 1.05, 1.02])  # φ
-_ELASTIC, _YIELDS = 1.5, 1.2  # φ, from which on the contact is elastic, and up to which it is LuGre's
+_YIELDING = np.array([math.inf, 3.0, 1.5, 1.2, 1.1, 1.05, 1.02])  # φ that are tried, 1
+_ELASTIC, _YIELDS = 1.5, 1.2  # φ, 1: with more the contact is elastic; with less it is LuGre's
 _EXCLUDED = 3.0  # misfit, standard errors: with more a curve of yielding is excluded
 _SHOWN = 3.0  # compliance, standard errors: with less creep may be an accident of counts
 _BOUND = 2.0  # bound of a compliance, standard errors; of what a count hides, counts
-_BESIDE = 0.2  # of the force's change in a rest: more beside it in the effort is a force that is not known
+_BESIDE = 0.2  # change of the effort beside the force's, of that: with more a force is not known
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 SIGNIFICANT_ERRORS = 4.0  # difference, standard errors: a larger one is no accident
 _LARGEST_AUTOCORRELATION = 0.9  # correlation of neighbours, 1: beyond it nothing is left to count
-_LEAST_FREE = 0.05  # of an observation: what its own residual shows where the fit goes through it
+_LEAST_FREE = 0.05  # own residual, of an observation: at least, where the fit goes through it
 _SINGULAR = 1e-10  # singular value, of the largest: a smaller one is none
 
 

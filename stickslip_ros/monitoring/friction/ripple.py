@@ -22,14 +22,14 @@ from stickslip_ros.monitoring.samples import FloatArray
 _PER_PEAK = 10  # frequencies tried within the width of a peak, 1
 _MOST_TRIED = 20_000  # frequencies tried, 1: at most
 _SHORTER = 10.0  # range of other periods, of the period found: so much shorter ones are searched
-_EQUALLY_LIKELY = 6.0  # twice the logarithm of a likelihood ratio, below which two periods are equally likely
+_EQUALLY_LIKELY = 6.0  # twice the logarithm of a likelihood ratio, 1: with less two periods are equally likely
 _MOST_ALIASES = 4  # periods reported that explain as much, 1: at most
 _DIGITS = 6  # decimals in which two likelihoods are compared, 1: the rest is rounding
 _ROUNDING = 1e-10  # scatter of values, of the largest value: less is rounding
 _LEAST_SEEN, _LEAST_ROUND = 0.2, 0.05  # of a sine and cosine: beside what is known otherwise, and beside each other
 _BLOCK = 2000  # frequencies tried at once, 1
-_NARROWED = 4  # times, by a tenth each
-_PERIODS_SEEN = 1.5  # in the range of positions: less than this is no period but a bend
+_NARROWED = 4  # refinements of a frequency, 1: by a tenth each
+_PERIODS_SEEN = 1.5  # periods in the range of positions, 1: with less there is no period but a bend
 
 
 @dataclass(frozen=True, kw_only=True)

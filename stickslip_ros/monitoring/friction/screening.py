@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_solution import truncated_fit, usual_level
 from stickslip_ros.monitoring.samples import FloatArray
 
-_WORSE = 60.0  # twice the logarithm of a likelihood ratio, above which more slips do not change the order of laws
+_WORSE = 60.0  # twice the logarithm of a likelihood ratio, 1: with more, more slips do not change the order of laws
 _SPEEDS = 64  # speeds at which curves are compared, 1
 _SCALES = np.geomspace(0.4, 2.5, 15)  # Stribeck velocities that are tried, of the one fitted
 

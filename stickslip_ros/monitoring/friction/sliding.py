@@ -30,8 +30,8 @@ _COUNTS = 4.0  # way of a stretch, resolutions: with less its speed means nothin
 _LONGEST = 1.0  # duration of a stretch, s
 _GAP = 0.3  # time without a sample, s: a longer one ends a stretch
 _STARTS = (0.1, 0.3, 1.0, 3.0)  # Stribeck velocities from which a fit begins, of the median speed
-_IDENTIFIED = 0.15  # relative standard error: a curve from noisy efforts is of use with three times that of slips
-# Ranges of speeds that count alike, 1; stretches from which on a range counts in full, 1.
+_IDENTIFIED = 0.15  # standard error, of the value: a curve from noisy efforts is of use with three times that of slips
+# Ranges of speeds of equal weight, 1; stretches with less than which a range weighs less, 1.
 _SPEED_RANGES, _LEAST_IN_RANGE = 10, 3
 _RUNS = 12  # parts of a record, 1: their scatter gives the errors
 

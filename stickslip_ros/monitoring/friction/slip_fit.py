@@ -22,7 +22,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 _STEP = 1e-4  # difference of a logarithm for a slope, 1
 _LONGEST_STEP = 0.7  # change of a logarithm by an iteration, 1: at most
 _ATTEMPTS = 8  # dampings tried in an iteration, 1
-_LEAST_GAIN = 0.05  # gain of an iteration, in distances to the wanted cost: with less the fit does not get there
+_LEAST_GAIN = 0.05  # gain of an iteration, of the distance to the wanted cost: with less the fit does not get there
 _ENOUGH_OF_OWN = 0.02  # gain of an iteration on the slips' own unknowns alone, of the cost
 _LEAST = 1e-12  # addition to the diagonal of normal equations, of their trace
 _FIXED = 1e-5  # prior standard deviation of a logarithm, 1: a narrower prior holds a parameter

@@ -40,12 +40,12 @@ _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # steps in a slip, 1: at least, and at most
 LATE = 1.5  # prior standard deviation of a controller's delay, sample intervals
-_LATEST = 2.0  # longest delay, `LATE`
-_FACTOR_STD = 0.5  # prior standard deviation of the share of Stribeck friction that the covariate scales
+_LATEST = 2.0  # longest delay, of `LATE`
+_FACTOR_STD = 0.5  # prior standard deviation of the Stribeck friction that the covariate scales, of it
 _TREND = 0.1  # prior standard deviation of a trend from the first slip to the last, of the Stribeck friction
 _DAMPING_RATIO = 0.5  # damping ratio of a contact that yields, 1: prior mean and standard deviation
-CURVATURE = 0.5  # of viscous friction, standard deviation; 1 if it goes with the square of the speed, 0 with the speed
-_SWIFT = 1.33  # of the mean speed of a slip that is half a sine: where friction takes as much as it does on average
+CURVATURE = 0.5  # prior standard deviation of the quadratic part of viscous friction, of it
+_SWIFT = 1.33  # speed, of the mean of a slip that is half a sine: friction takes as much there as on average
 _LEAST_INERTIA = 0.1  # inertia that a delay leaves, of the inertia: at least
 LEAST_VISCOUS = (
     0.3  # viscous friction, of its standard error: less is no friction to speak of, and its logarithm needs some

@@ -32,7 +32,7 @@ from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerance
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
-FITS = 1.2  # mean square of residuals of a model that explains slips: noise makes 1, jitter a little more
+FITS = 1.2  # mean square of residuals, 1: that of a model that explains slips; noise makes 1, jitter a little more
 GOOD = 1.3  # mean square of residuals, 1: with less the search ends
 _NEARLY_GOOD = 2.0  # mean square of residuals, 1: with less a fit may come to be good
 # Mean square of a slip's residuals, 1, and its ratio to the median of the slips, 1: a slip with more is set aside.
@@ -40,9 +40,8 @@ OUTLIER, _OUTLIER_SHARE = 9.0, 25.0
 USUAL_RISE_TIME = 0.3  # rise time, s: the prior mean of a joint that nothing is known of
 # Tolerance of positions (of the slip distance), of balance (of the level), of levels: ever tighter.
 _TIGHTENING = ((0.01, 0.2, 0.2), (0.003, 0.05, 0.05), (0.003, 0.01, 0.003), (0.0, 0.002, 3e-4))
-TIGHT_LEVEL = 1e-4  # scatter of levels' logarithms, 1: the tightest tie
-_FIRST_OF_AGAIN = 1  # index of the first stage of the tightening where the shape is known
-_MOST_USABLE = 0.8  # share of slips that a fit must explain to be believed without a search
+TIGHT_LEVEL = 1e-4  # scatter of levels' logarithms about Eq. (6) in a tight fit, 1: at least
+_MOST_USABLE = 0.8  # slips, of all: a fit that explains so many is accepted without a search
 _LEAST_BALANCE = 1e-4  # error of the balance of forces, of the level: what rounding makes
 _FINAL = 3  # fits after the tightening, 1
 _LOOSE_ROUNDS = 5  # rounds of a loose fit, 1
@@ -50,16 +49,16 @@ LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3  # scatter of levels' logarithms about Eq.
 _ITERATIONS = 20  # iterations of a stage, 1
 _ROUND = 40  # iterations of a stage of a fit that may come to be good, 1
 _LAST_ITERATIONS = 100  # iterations of the last fit, 1: where all ties are tight, valleys are long, flat and bent
-ROUGHLY, _NEARLY = 0.1, 0.003  # gains of an iteration below which a stage, and the last ones, end
-FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change
+ROUGHLY, _NEARLY = 0.1, 0.003  # gain of an iteration, 1: with less a stage ends; the last ones
+FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change, 1
 _RISE_TIME_SPREAD = 2.0  # prior standard deviation of the rise time's logarithm, 1
 _LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
 _MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
-_MOST_CURVED = 0.95  # of viscous friction, that goes with the square of the speed; or of what is missing there
+_MOST_CURVED = 0.95  # quadratic part of viscous friction, of it, or what is missing there: at most
 _LEAST_VISCOUS = 0.02  # viscous friction, of the inertia over a slip's duration: a damping ratio of 0.2 %
 _LEAST_STRIBECK_VELOCITY = 2e-3  # Stribeck velocity, of the usual speed of a slip: at least
 _LEAST_LAG = 1e-4  # lag, of a slip's duration: at least
-_LEAST_SHARE = 1e-9  # of F_s∞ at a breakaway: a fit may leave a slip no rest before it
+_LEAST_SHARE = 1e-9  # level at a breakaway, of F_s∞: at least, as a fit may leave a slip no rest before it
 WIDE = 3.0  # prior standard deviation of a logarithm that nothing is known of, 1
 
 
@@ -132,7 +131,7 @@ def fit_from(
 ) -> Solution:
     """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
     level, known = math.exp(start[STRIBECK]), with_usual_rise_time(known)
-    return fit_all(problem, start, level, known, _TIGHTENING[_FIRST_OF_AGAIN:], patience)
+    return fit_all(problem, start, level, known, _TIGHTENING[1:], patience)
 
 
 def truncated_fit(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:

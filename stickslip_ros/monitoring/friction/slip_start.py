@@ -22,7 +22,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 _POINTS = 96  # points of a slip at which its equation is fitted, 1
 _HIGHEST_DEGREE = 13  # degree of the polynomial through a slip, 1
-_AROUND = 0.3  # distance of the first breakaway tried from the detected one, of a slip
+_AROUND = 0.3  # distance of the breakaways tried from the detected one, of a slip: at most
 _BREAKAWAYS = 14  # breakaways tried, 1
 _STRIBECK_VELOCITIES = np.geomspace(0.006, 2.0, 12)  # Stribeck velocities tried, of the highest speed
 _LAGS = np.concatenate([[0.002], np.geomspace(0.01, 0.4, 9)])  # lags tried, of the slip's duration

@@ -22,17 +22,17 @@ from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, ef
 
 _MOST_OBSERVATIONS = 240  # observations of a slip, 1: at most
 _SHAPE_NODES = 40  # nodes for reference and effort beside those of the observations, 1
-_BEFORE, _AFTER = 0.4, 0.12  # of the slip's duration: where it may begin and end, beside where it seems to
-_OF_DWELL = 0.5  # of a rest: so far into it counts may still change by this slip
-_SETTLED = (0.1, 0.6)  # of a dwell: where the joint stands after the slip
-_LEAVES = 0.9  # of the rest after the slip: where it may begin to leave
+_BEFORE, _AFTER = 0.4, 0.12  # times before and after a slip in which it may begin and end, of the slip's duration
+_OF_DWELL = 0.5  # time into a rest, of the rest: so far counts may still change by the slip
+_SETTLED = (0.1, 0.6)  # times in a dwell between which the joint stands after the slip, of the dwell
+_LEAVES = 0.9  # time in the rest after the slip, of the rest: the joint may begin to leave then
 _CREEPS = 3.0  # creep of a joint that stands, counts or standard deviations of noise
-_EARLY = 0.4  # of what is seen of a rest
-_LEAST_STANDING = 0.02  # of the slip: a joint that stands for less creeps from its arrest on
+_EARLY = 0.4  # early part of a rest, of what is seen of it
+_LEAST_STANDING = 0.02  # time at rest, of the slip: a joint that stands for less creeps from its arrest on
 _LEAST_OBSERVATIONS = 5  # observations of a slip or samples of a rest, 1: at least
-_ANALOG = 0.5  # of a resolution: with more noise than this the counts say nothing of their own
+_ANALOG = 0.5  # noise, of a resolution: with more the counts say nothing of their own
 _EFFORT_SMOOTHING = 1.0 / 12.0  # span over which the effort is smoothed, of the slip
-_EVEN = 0.02  # mean deviation of sample intervals, relative: stamps with less jitter count as even
+_EVEN = 0.02  # mean deviation of sample intervals, of their mean: stamps with less jitter count as even
 _LINE_REACH = 4  # samples on either side of a local line, 1
 _SAME_STIFFNESS = 0.1  # difference of two stiffnesses, of the stiffness: with less they are one
 _LEAST_SHOWN = 3  # slips whose effort may contradict the gains, 1: at least
