@@ -105,6 +105,14 @@ def test_factors_lead_to_the_boundary(
             assert at(**{key: factor * (1 - 1e-6)}) <= 0
 
 
+def test_direction_changes_no_factor(puma: Joint) -> None:
+    """The sign of the commanded velocity does not matter to what would bring a joint to the boundary."""
+    gains = Gains(stiffness=630.0, damping=20.0)
+    forward, backward = (change_factors(puma, gains, velocity) for velocity in (0.005, -0.005))
+    assert forward["velocity"] > 0
+    assert backward == forward
+
+
 def test_damping_reserve(puma: Joint) -> None:
     """Issue 8: 0 on the boundary, −1 without damping, ∞ where none is needed, NaN where the equation does not apply."""
     speeds = np.array([0.005, 0.005, 0.5, 0.0])
