@@ -212,6 +212,7 @@ def test_a_limit_far_away_changes_nothing(puma: Joint, largest: float) -> None:
     velocity=st.floats(-6, 0).map(lambda decade: 10.0**decade),
 )
 @settings(max_examples=15)
+@example(position=1e-2, velocity=1e-4)  # the stiffness of now makes six times as much
 def test_noise_makes_a_tenth_of_the_breakaway_torque_at_most(position: float, velocity: float) -> None:
     """Issue 36: k_p times the noise of the position and k_v times that of the velocity, or what the gains of now make.
 
@@ -298,6 +299,16 @@ def test_a_near_tie_is_decided_by_softness(puma: Joint, condition: Criterion) ->
                 AdviceLimits(condition=condition),
             )
             assert 1.0 <= advice[Kind.LEAST_CHANGE].stiffness_factor < 2.01
+
+
+@pytest.mark.parametrize(("condition", "stiffness"), [(Criterion.PAPER, 2000.0), (Criterion.EXACT, 6000.0)])
+def test_both_gains_change_where_that_is_clearly_less(puma: Joint, condition: Criterion, stiffness: float) -> None:
+    """Issue 36: one gain is advised in place of both only if its change is larger by less than 0.1."""
+    limits = AdviceLimits(condition=condition, steady_sliding=condition is Criterion.EXACT)
+    advice = recommend(puma, Gains(stiffness=stiffness), SPEED, limits)
+    both, alone = advice[Kind.LEAST_CHANGE], advice[Kind.DAMPING_ONLY]
+    assert both.stiffness_factor > 1.1
+    assert both.change < alone.change - 0.1
 
 
 @pytest.mark.parametrize("gains_known", [True, False])

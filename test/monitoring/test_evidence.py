@@ -59,6 +59,11 @@ def test_slips_of_one_spring_are_told_by_their_number() -> None:
     assert 7 <= needed(slips) <= 12
 
 
+def test_the_first_dwell_of_a_train_does_not_count() -> None:
+    """A joint that stood for long before its first slip is known to stick by as many slips as any other."""
+    assert needed([of(0.01, 4.5, 0.1)] + [of(0.01, 1.0, 0.1)] * 20) == 7
+
+
 @pytest.mark.parametrize(
     "separate",
     [
@@ -90,6 +95,22 @@ def test_separate_motions_are_none_however_many(separate: str) -> None:
             )
         )
     assert needed(motions) == 0
+
+
+@pytest.mark.parametrize(("creep", "sticks"), [(0.0, True), (0.14, False), (0.15, False), (0.16, False)])
+def test_what_the_joint_crept_is_not_left_behind(creep: float, sticks: bool) -> None:
+    """A reference that all but waits leaves a joint behind that stands; one that creeps after it does not stick."""
+    rest, moves, slow = 0.6, 0.1, 0.36  # the reference's speed during a rest is a share of that during a slip
+    times = np.arange(0.0, 20.0, 0.001)
+    number, phase = np.divmod(times, rest + moves)
+    way = slow * rest + moves
+    reference = number * way + np.where(phase < rest, slow * phase, slow * rest + phase - rest)
+    slip = 0.5 * (1.0 - np.cos(np.pi * np.clip((phase - rest) / moves, 0.0, 1.0)))
+    position = number * way + creep * np.minimum(phase, rest) + (way - creep * rest) * slip
+    counts = 1.25e-4 * np.round(position / 1.25e-4)
+    monitor = JointMonitor(options=OPTIONS)
+    cycles = monitor.process(Batch(time=times, position=0.02 * counts, reference_position=0.02 * reference))
+    assert (len(cycles) > 20) if sticks else not cycles
 
 
 def test_certainty_is_given_up() -> None:

@@ -16,6 +16,7 @@ from support import record
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import exact_verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
@@ -126,6 +127,16 @@ def test_the_reserve_in_passing_is_that_of_the_verdict(puma: Joint) -> None:
     assert np.isnan(JointMonitor().damping_reserve(0.005))
 
 
+def test_each_speed_has_its_own_margin(puma: Joint) -> None:
+    """The margin asked for at one speed is none at another."""
+    monitor = JointMonitor(puma, STICKING)
+    monitor.process(record(puma, STICKING, 0.0058, duration=3.0).batch)
+    for velocity in (0.0058, 0.02, 0.0058):
+        margin = monitor.assessment(velocity).margin
+        assert margin is not None
+        assert margin.energy_margin == stability_margin(puma, STICKING, velocity).energy_margin
+
+
 def test_without_gains_or_joint_the_motion_is_judged_all_the_same(puma: Joint) -> None:
     """Issue 2: status needs neither gains nor friction; the margin says what it lacks."""
     batch = record(puma, STICKING, 0.0058, duration=10.0).batch
@@ -223,6 +234,19 @@ def test_a_silence_ends_the_record_however_it_is_batched(puma: Joint) -> None:
         monitor = JointMonitor()
         pieces = [cut.where(slice(i, i + size)) for i in range(0, len(cut), size)]
         assert [cycle for piece in pieces for cycle in monitor.process(piece)] == expected
+
+
+def test_segments_have_their_mean_velocities(puma: Joint) -> None:
+    """Also those that became stick slip later, and were joined then."""
+    batch = record(puma, STICKING, 0.0058, duration=20.0).batch
+    monitor = JointMonitor(options=MonitorOptions(learn=False), segments_kept=None)
+    for begin in range(0, len(batch), 500):
+        monitor.process(batch.where(slice(begin, begin + 500)))
+    monitor.finish()
+    assert Status.STICK_SLIP in {segment.status for segment in monitor.segments}
+    for segment in monitor.segments:
+        begin, end = np.interp([segment.start, segment.end], batch.time, batch.position)
+        assert segment.velocity == pytest.approx((end - begin) / (segment.end - segment.start), abs=2e-4), segment
 
 
 def test_one_late_stick_is_soon_forgotten(puma: Joint) -> None:

@@ -153,6 +153,26 @@ def test_intervals_hold_off_the_law(condition: str, seed: int) -> None:
     assert not outside(recording, estimate)
 
 
+def test_what_repeats_beneath_the_noise_widens_the_errors() -> None:
+    """A wave of a hundredth in every slip, no more than the noise of a sample, does not average out."""
+    recording = random_recording(7, CONDITIONS["base"])
+    windows = cut_slips(recording.batch, recording.gains)[0][:14]
+
+    def error(wave: float) -> float:
+        generator = np.random.default_rng(1)
+        slips = []
+        for one in windows:
+            way = np.clip((one.values - one.rest_position) / one.slip_distance, 0.0, 1.0)
+            added = wave * np.sin(5.0 * np.pi * way) + 0.01 * generator.standard_normal(len(way))
+            noise = 0.01 * abs(one.slip_distance)
+            slips.append(replace(one, noise=noise, values=one.values + one.slip_distance * added))
+        estimate = estimate_friction(slips)
+        assert estimate is not None
+        return estimate["inertia"].std / estimate["inertia"].value
+
+    assert error(0.01) > 6.0 * error(0.0)
+
+
 @pytest.mark.parametrize(("condition", "seed"), [("base", 0), nightly("trapezoid", 4), nightly("load_one_way", 2)])
 def test_more_data_make_no_answer_worse(condition: str, seed: int) -> None:
     """Issue 18: after the whole no error is more than 1.2 times that after a prefix, plus its own standard error."""

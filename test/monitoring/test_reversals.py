@@ -24,12 +24,12 @@ PERIOD, COUNTS = 1e-3, 2.5e-5
 GAINS = Gains(stiffness=6300.0, damping=200.0)
 
 
-def recorded(joint: Joint, reference: ReferenceMotion, duration: float, seed: int = 1) -> Batch:
+def recorded(joint: Joint, reference: ReferenceMotion, duration: float, seed: int = 1, gains: Gains = GAINS) -> Batch:
     """What an encoder sees of a joint that follows a reference again and again."""
     times = PERIOD * np.arange(round(duration / PERIOD) + 1)
     length = reference.period * (len(reference.position) - 1)
     position = np.interp(times % length, reference.period * np.arange(len(reference.position)), reference.position)
-    motion = followed(joint, GAINS, ReferenceMotion(period=PERIOD, position=position))
+    motion = followed(joint, gains, ReferenceMotion(period=PERIOD, position=position))
     noise = 0.04 * COUNTS * np.random.default_rng(seed).standard_normal(len(motion.time))
     return Batch(
         time=motion.time,
@@ -59,6 +59,17 @@ def test_what_is_seen_is_what_was_predicted(puma: Joint, amplitude: float, frequ
     assert record.lost_motion == pytest.approx(predicted.lost_motion, rel=0.08)
     assert record.peak_error == pytest.approx(predicted.peak_error, rel=0.03)
     assert record.last.running_error == pytest.approx(predicted.running_error, rel=0.1)
+
+
+def test_stops_after_a_reversal_are_part_of_it(puma: Joint) -> None:
+    """A joint that stops three times more after it has turned settles when it breaks away from the last stop."""
+    gains = Gains(stiffness=6300.0, damping=20.0)
+    reference = triangle(0.02, 0.03, puma, gains)
+    predicted = reversals(puma, gains, reference)[-1]
+    record = seen(recorded(puma, reference, 60.0, gains=gains))
+    assert record is not None
+    assert record.last.stops == predicted.stops == 3
+    assert record.last.settles_after == pytest.approx(predicted.settles_after, rel=0.02)
 
 
 @pytest.mark.parametrize("contact", ["elasto_plastic", "lugre"])
