@@ -290,11 +290,13 @@ def test_what_could_be_several_topics_is_listed_with_its_option(tmp_path: Path) 
 def test_missing_stamps_are_times_of_recording(tmp_path: Path) -> None:
     """Issue 6, item 1: a stamp of zero means none; the time of recording stands in, as of arrival live."""
     rows = [
-        ("/joint_states", JOINT_STATE, 5.0 + 0.01 * index, joint_state(0.0, ["a"], position=[float(index)]))
+        (topic, JOINT_STATE, time + 0.01 * index, joint_state(0.0, ["a"], position=[float(index)]))
         for index in range(20)
+        for topic, time in (("/joint_references", 4.996), ("/joint_states", 5.0))
     ]
     batch = read_joint(write_mcap(tmp_path / "bag.mcap", rows), "a")
     np.testing.assert_allclose(batch.time, 5.0 + 0.01 * np.arange(20))
+    np.testing.assert_allclose(batch.reference_position[:-1], np.arange(19) + 0.4)
 
 
 def test_a_database_that_is_none(tmp_path: Path) -> None:

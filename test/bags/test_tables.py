@@ -33,6 +33,28 @@ def write_text(path: Path, names: Sequence[str], columns: Sequence[np.ndarray], 
 
 
 @pytest.mark.parametrize(
+    ("field", "unit", "si"),
+    [
+        ("position", "deg", np.pi / 180.0),
+        ("position", "mm", 1e-3),
+        ("position", "um", 1e-6),
+        ("velocity", "deg/s", np.pi / 180.0),
+        ("velocity", "mm/s", 1e-3),
+        ("velocity", "rpm", 2.0 * np.pi / 60.0),
+        ("effort", "mN·m", 1e-3),
+    ],
+)
+def test_every_unit_becomes_si(field: str, unit: str, si: float, tmp_path: Path) -> None:
+    """What docs/recordings.md lists of units, in brackets behind a name."""
+    names, columns = ["time_s", f"{field} [{unit}]"], [TIMES, POSITIONS[:, 1]]
+    if field != "position":
+        names, columns = [*names, "position"], [*columns, POSITIONS[:, 0]]
+    table = load_table(write_text(tmp_path / "a.csv", names, columns))
+    (batch,) = table.batches.values()
+    np.testing.assert_allclose(getattr(batch, field), si * POSITIONS[:, 1])
+
+
+@pytest.mark.parametrize(
     ("name", "field", "joint", "unit"),
     [
         ("time_s", "time", "", "s"),
@@ -156,6 +178,12 @@ def test_the_unit_of_time_is_told_by_its_values(values: np.ndarray, unit: str, t
     table = load_table(tmp_path / "a.npz")
     assert [(use.unit, use.assumed) for use in table.time] == [(unit, True)]
     np.testing.assert_allclose(np.diff(table.batches["joint1"].time), 0.004, atol=1e-6)
+
+
+def test_seconds_of_a_slow_logger_are_no_milliseconds(tmp_path: Path) -> None:
+    """Two rows a second: steps of half a unit are seconds."""
+    np.savez(tmp_path / "a.npz", timestamp=0.5 * np.arange(40), q1=POSITIONS[:, 0])
+    assert load_table(tmp_path / "a.npz").time[0].unit == "s"
 
 
 def test_stamps_in_two_columns_and_dates(tmp_path: Path) -> None:
