@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+import time
+from types import SimpleNamespace
+
 import pytest
 
-from stickslip_ros.nodes.self_diagnosis import Meters, why_late
+from stickslip_ros.nodes.self_diagnosis import Meters, SelfDiagnosis, why_late
 
 BEGIN = Meters(steady=10.0, system=1000.0, used=5.0, waited=1.0, busy=50.0, all=100.0)
 
@@ -41,3 +44,19 @@ def test_meters_of_this_process() -> None:
     assert end.busy > begin.busy > 0
     assert end.all > begin.all
     assert end.waited >= begin.waited >= 0
+
+
+def test_the_processor_is_in_per_cent() -> None:
+    """A process that works all the time uses most of a core, or as much of it as others leave."""
+    states = SimpleNamespace(oldest=0.0, waiting=0, lost=0, publishers=1, messages=0, reset_figures=lambda: None)
+    work = SimpleNamespace(process_ids=(), skipped=0, lateness=0.0, waiting=0, failures=0)
+    diagnosis = SelfDiagnosis(states, work, ())  # type: ignore[arg-type]
+    diagnosis.note()
+    begin, used = time.monotonic(), time.process_time()
+    while time.monotonic() < begin + 0.3:
+        pass
+    states.messages = 30
+    diagnosis.note()
+    figures, duration = dict(diagnosis.values()), time.monotonic() - begin
+    assert figures["processor [%]"] == pytest.approx(100.0 * (time.process_time() - used) / duration, rel=0.5)
+    assert figures["message rate [Hz]"] == pytest.approx(30.0 / duration, rel=0.5)
