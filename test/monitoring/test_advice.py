@@ -13,6 +13,7 @@ from conftest import nightly
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_advice import brute_force, random_case
+from scipy.optimize import newton
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import OperatingConditions
@@ -501,6 +502,30 @@ def test_where_a_condition_does_not_apply_there_is_no_advice(puma: Joint) -> Non
         assert word in advice[Kind.LEAST_CHANGE].reason
     nothing = recommend(puma, STICKING, 0.0, AdviceLimits(condition=Criterion.EXACT))
     assert "velocity is zero" in nothing[Kind.LEAST_CHANGE].reason
+
+
+def test_with_integral_action_advice_has_damping_to_spare() -> None:
+    """Issue 36, item 7: gains were advised whose oscillation about steady sliding decays by a thousandth a period.
+
+    Its root of M s³ + (k_v + F_v − F_s' e^{−s τ_L}) s² + k_p s + k_i, with F_s' the slope of the Stribeck curve.
+    """
+    friction = Friction(
+        coulomb=0.2183, viscous=0.05837, stribeck=0.06005, stribeck_velocity=0.006151, lag=0.09455, rise_time=1.089
+    )
+    joint = Joint(inertia=0.4267, friction=friction)
+    velocity, integral = 0.005146, 31.67
+    share = velocity / 0.006151
+    falls = 2.0 * 0.06005 / 0.006151 * share / (1.0 + share**2) ** 2
+    for damping in (0.0, 0.7):
+        best = recommend(joint, Gains(stiffness=121.9, damping=damping, integral=integral), velocity).variants[0]
+
+        def characteristic(root: complex, gains: Gains = best.gains) -> complex:
+            damped = gains.damping + friction.viscous - falls * np.exp(-root * friction.lag)
+            return complex(0.4267 * root**3 + damped * root**2 + gains.stiffness * root + integral)
+
+        root = newton(characteristic, 1j * math.sqrt(best.stiffness / 0.4267))
+        assert abs(characteristic(root)) < 1e-6
+        assert 0.01 < -root.real / abs(root) < 0.05
 
 
 def test_integral_action_and_sampled_control_count_exactly(puma: Joint) -> None:

@@ -300,15 +300,18 @@ class _Case:
         if self._steady is not None and not self._reaches(self._steady, gains):
             return False
         own = float(self._joint.own_damping(gains.stiffness))
-        less = (float(gains.damping) + own) / (1.0 + self._limits.wanted_margin) - own
-        for one in (gains, replace(gains, damping=less)):
-            trial = replace(one, integral=self._gains.integral)
+        # With the wanted margin less damping it is smooth and steady too, and with more it stays so.
+        for factor in (1.0, 1.0 / (1.0 + self._limits.wanted_margin), _STEADY_FACTORS[-1]):
+            damping = (float(gains.damping) + own) * factor - own
+            trial = replace(gains, damping=damping, integral=self._gains.integral)
             # Friction may hold it at this speed; a larger error would run away.
             if loop_is_unstable(self._joint, trial, self._loop.conditions):
                 return False
             if exactly_smooth(self._joint, trial, self._slowest, self._loop.conditions) is False:
                 return False
-        return self._steady is None or self._outcome(gains) in (Outcome.STEADY, None)
+            if self._steady is not None and self._outcome(trial) not in (Outcome.STEADY, None):
+                return False
+        return True
 
     @staticmethod
     def _reaches(condition: Condition, gains: Gains) -> bool:
