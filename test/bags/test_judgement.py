@@ -165,7 +165,7 @@ def test_a_joint_that_sticks_for_a_while(joints: dict[str, JointAnalysis]) -> No
     assert "starting moves smoothly most of the time, but sticks and slips at 0.00" in said
     assert f"for {100.0 * joint.stick_slip_share:.0f} % of its moving time" in said
     assert f"It stuck {len(joint.cycles)} times after starting and has been smooth since." in said
-    assert words.advice(joint).startswith("Change stiffness")
+    assert words.advice(joint).startswith("Change damping")
 
 
 def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:

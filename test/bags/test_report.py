@@ -66,7 +66,7 @@ def test_the_page_is_one_file_that_needs_nothing(report: Path) -> None:
     assert report.stat().st_size < 3_000_000
     assert not re.search(r"<(script|img|iframe)[^>]*\ssrc=|<link[^>]*href=['\"](?!data:)", text)
     assert "shoulder sticks and slips at 0.00" in text
-    assert "Change stiffness from 630 to" in text
+    assert "Change damping from 0 to" in text
     assert "Friction compensation, with the advised gains" in text
     assert "Steps: position less its reference" in text
     assert "2026-" in text

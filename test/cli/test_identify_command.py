@@ -82,7 +82,7 @@ def test_without_gains_the_joint_file_is_per_inertia(
     capsys.readouterr()
     assert main(["recommend", "--joint", str(out), "--velocity", "0.0058"]) == 0
     advice = capsys.readouterr().out
-    assert "stiffness × " in advice
+    assert "damping × " in advice
     assert "N·m" not in advice
     # As a prior, which has an inertia, it will not do.
     assert main(["identify", str(table), "--prior", str(out)]) == 2

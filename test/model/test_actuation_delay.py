@@ -109,7 +109,7 @@ def test_a_simulation_with_a_delay(puma: Joint) -> None:
 @pytest.mark.parametrize("damping", [10.0, 0.0])
 def test_advice_gives_back_what_the_delay_takes(puma: Joint, condition: Criterion, damping: float) -> None:
     """At the same stiffness k_p τ more damping, also where the present gains have less than none in all."""
-    delay, gains = 0.012, Gains(stiffness=630.0, damping=damping)
+    delay, gains = 0.008, Gains(stiffness=630.0, damping=damping)
     late, limits = replace(puma, actuation_delay=delay), AdviceLimits(condition=condition, steady_sliding=False)
     plain = recommend(puma, gains, SPEED, limits)[Kind.DAMPING_ONLY]
     answer = recommend(late, gains, SPEED, limits)

@@ -163,7 +163,7 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
         )
         # Eq. (43) asks for other gains than the integration.
         one.wait(
-            lambda: abs(one.get_parameters("/stickslip_monitor", names)[0] / steady[0] - 1.0) > 0.1, 10.0, "its gains"
+            lambda: abs(one.get_parameters("/stickslip_monitor", names)[1] / steady[1] - 1.0) > 0.1, 10.0, "its gains"
         )
         assert "one of paper, exact" in one.set_parameters("/stickslip_monitor", {"condition": "guess"})[0]
         assert "one of least_change" in one.set_parameters("/stickslip_monitor", {"variant": "none"})[0]

@@ -24,7 +24,8 @@ JOINT = {"rate": 200.0, "time_factor": 2.0, "gains.joint1.p": 630.0, "gains.join
 def monitor(references: bool = True, **more: object) -> NodeProcess:
     parameters: dict[str, object] = {
         "joints": "[joint1]", "controller": CONTROLLER, "learn": "false", "allow_apply": "true",
-        "model.joint1": "puma560_joint1", "limits.joint1.p_max": 10000.0, "limits.joint1.d_max": 300.0,
+        # With so little damping both gains change.
+        "model.joint1": "puma560_joint1", "limits.joint1.p_max": 10000.0, "limits.joint1.d_max": 100.0,
     }  # fmt: skip
     return NodeProcess("monitor", parameters | more, None if references else {"joint_references": "nobody"})
 
