@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 # Tests run side by side, each on a ROS domain of its own. Those over DDS wait most of the time, so that there are more
 # workers than cores; a file stays on one of them, with what it compiled and simulated, in the order of
 # test/conftest.py. The times are kept for `python tools/slowest_tests.py`.
-WORKERS ?= 3
+WORKERS ?= 4
 SIDE_BY_SIDE := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST

@@ -25,7 +25,7 @@ from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.monitoring.detection._motion_kernel import DIP_AGAIN
+from stickslip_ros.monitoring.detection._judgement_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status
 from stickslip_ros.monitoring.exact_question import ExactQuestion, as_seen

@@ -19,6 +19,7 @@ from stickslip_ros.model.verdict import beyond_the_paper
 from stickslip_ros.monitoring.advice.adviser import Adviser
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop, crossover_frequency
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
+from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
 from stickslip_ros.monitoring.detection.motion import Swing
@@ -208,14 +209,14 @@ class JointMonitor:
     def why_not_judged(self) -> Reason | None:
         """For most of the time that was not judged, why; None where too little was seen to say it."""
         codes = (
-            kernel.STOPS_AND_GOES, kernel.STEPS_OF_COUNTS, kernel.REVERSING, kernel.FEW_COUNTS, kernel.FEW_READINGS,
-            kernel.TOO_SHORT,
+            judgement.STOPS_AND_GOES, judgement.STEPS_OF_COUNTS, judgement.REVERSING, judgement.FEW_COUNTS,
+            judgement.FEW_READINGS, judgement.TOO_SHORT,
         )  # fmt: skip
         code = max(codes, key=self._slices.__getitem__)
-        if self._slices[code] == 0 or code == kernel.TOO_SHORT:
+        if self._slices[code] == 0 or code == judgement.TOO_SHORT:
             return None
-        if code == kernel.FEW_READINGS:
-            return self._found(code, self._sample_rate(), kernel.LEAST_READINGS / self.options.least_motion).reason
+        if code == judgement.FEW_READINGS:
+            return self._found(code, self._sample_rate(), judgement.LEAST_READINGS / self.options.least_motion).reason
         return self._found(code, math.nan, math.nan).reason
 
     @property
@@ -356,10 +357,10 @@ class JointMonitor:
         if not self._keeps_the_past:
             rows = rows[-1:]
         codes = rows[:, kernel.CODE].astype(int)
-        moves = np.flatnonzero(codes == kernel.MOVES)
+        moves = np.flatnonzero(codes == judgement.MOVES)
         if len(moves):
             reserves, _ = self._damping_reserves(rows[moves, kernel.VELOCITY])
-            codes[moves[reserves < self.options.warn_margin]] = kernel.DIPS
+            codes[moves[reserves < self.options.warn_margin]] = judgement.DIPS
         self._latest_status = STATUS_OF[int(codes[-1])]
         if self._keeps_the_past:
             self._slices += np.bincount(codes, minlength=len(self._slices))
@@ -377,28 +378,28 @@ class JointMonitor:
         """What a code of the kernel's means, with the two numbers that explain it."""
         status = STATUS_OF[code]
         reason: Reason | None = None
-        if code == kernel.TOO_FEW:
+        if code == judgement.TOO_FEW:
             reason = TooFewSamples()
-        elif code == kernel.STICKS:
+        elif code == judgement.STICKS:
             reason = Hunting() if any(cycle.hunting for cycle in self._recent) else None
-        elif code == kernel.AT_REST and second > _TRAVELLED * self._motion.band:
+        elif code == judgement.AT_REST and second > _TRAVELLED * self._motion.band:
             reason = Stuck(duration=first, travel=second)
-        elif code == kernel.REVERSING:
+        elif code == judgement.REVERSING:
             record = self._reversals.record
             reason = Reversing() if record is None else Reversing(record=record)
-        elif code == kernel.STOPS_AND_GOES:
+        elif code == judgement.STOPS_AND_GOES:
             reason = StopsAndGoes()
-        elif code == kernel.TOO_SHORT:
+        elif code == judgement.TOO_SHORT:
             reason = TooShort(moving=first, needed=second)
-        elif code == kernel.STEPS_OF_COUNTS:
+        elif code == judgement.STEPS_OF_COUNTS:
             reason = TooCoarse(counts=first)
-        elif code == kernel.FEW_COUNTS:
+        elif code == judgement.FEW_COUNTS:
             reason = TooFewCounts()
-        elif code == kernel.FEW_READINGS:
+        elif code == judgement.FEW_READINGS:
             reason = SampledTooSlowly(rate=first, needed=second)
-        elif code == kernel.DIPS:
+        elif code == judgement.DIPS:
             reason = SpeedFalls(share=first)
-        elif code == kernel.MOVES:
+        elif code == judgement.MOVES:
             velocity, _ = self.velocity()
             reserves, condition = self._damping_reserves(np.array([velocity]))
             reserve = float(reserves[0])
@@ -410,10 +411,10 @@ class JointMonitor:
         """Let the judgement know how long motion without a rest must last before it is called smooth."""
         needed = self.options.least_motion
         if self._recent:
-            needed = max(needed, kernel.PERIODS_TO_TRUST * self._motion.period)
+            needed = max(needed, judgement.PERIODS_TO_TRUST * self._motion.period)
         elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
             natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
-            needed = max(needed, kernel.PERIODS_TO_TRUST * natural_period)
+            needed = max(needed, judgement.PERIODS_TO_TRUST * natural_period)
         self._motion.require(motion=needed, window=self.options.least_motion)
 
     def damping_reserve(self, velocity: float) -> float:
@@ -442,7 +443,7 @@ class JointMonitor:
         duration = sum(cycle.period for cycle in self._recent)
         # In a dwell the joint rests for longer than the window; that is not to be told to stand still.
         since = self._motion.last_time - self._noted_until
-        if self._motion.judge()[0] == kernel.STICKS or since * len(self._recent) < _STILL_STICKING * duration:
+        if self._motion.judge()[0] == judgement.STICKS or since * len(self._recent) < _STILL_STICKING * duration:
             return way / duration, "mean motion"
         mean = self._motion.mean_velocity(window)
         return mean, "mean motion" if math.isfinite(mean) else ""

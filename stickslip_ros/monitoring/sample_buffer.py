@@ -13,7 +13,7 @@ from collections import deque
 
 import numpy as np
 
-from stickslip_ros.monitoring._buffer_kernel import store
+from stickslip_ros.monitoring._samples_kernel import store
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 MOST_BYTES = 450_000  # memory for the samples of one joint, bytes

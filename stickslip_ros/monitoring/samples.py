@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import LARGEST, LEAST_EFFORT_CHANGE, SMALLEST
-from stickslip_ros.monitoring._bounds_kernel import scan_bounds
+from stickslip_ros.monitoring._samples_kernel import scan_bounds
 
 FloatArray = NDArray[np.float64]
 

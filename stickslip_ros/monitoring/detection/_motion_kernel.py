@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled path of the samples: the recent past of a joint, its rests, and a judgement every slice of time.
+"""Compiled path of the samples: they fill the record of a joint's recent past, which is judged every slice of time.
 
 :mod:`.motion` is its face. A slice closes with the first sample of the next one, so that nothing depends on how
 the samples were batched.
@@ -14,83 +14,15 @@ from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.monitoring._quantile_kernel import quantile
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
+from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _swing_kernel as swings
 
 SLICE_LENGTH = 0.05  # length of a slice, s: how finely findings are dated
-PAST = 4096  # latest slices that are kept, 1
-STEPS = 256  # sample intervals of a slice that are kept, 1
-TURNS = 256  # turns that are kept, 1: samples that are followed at once hold no more
 LONGEST_SILENCE = 2.0  # time without a sample, s
 _SHORTEST_SILENCE = 0.6  # time without a sample, s: a network may lose so much now and then
 _UNSEEN_INTERVALS = 10.0  # time without a reference, usual sample intervals
 _INTERVAL_WEIGHT = 0.1  # weight of the last interval in the mean one, 1
-_RECENT_CROSSINGS = 64  # latest crossings that are compared with the present gap, 1
-_GAPS_AT_REST = 3.0  # time since the last crossing, usual gaps: after a longer one the joint is at rest
-_FEW_STEPS = 2  # steps of a reading that flickers, 1: so few may go one way
-
-# Columns of what is remembered of a slice.
-TIME, PLACE, REFERENCE_PLACE, WAY, ERROR, VELOCITY_ERROR = range(6)
-PAST_COLUMNS = VELOCITY_ERROR + 1
-MOTION = np.dtype(
-    [
-        ("first_time", float),
-        ("now", float),
-        ("position", float),
-        ("reference", float),
-        ("reference_velocity", float),
-        ("way", float),  # place of the reference, or the way that it has gone where only its velocity is given
-        ("travels", np.bool_),  # whether the reference is known
-        ("referenced", float),  # when it was known last
-        ("follows", np.bool_),  # whether the reference only repeats what was measured
-        ("before", float),  # where the joint was when the two were compared last
-        ("compared", float),  # how often they were, lately
-        ("followed", float),  # how often the reference had followed
-        ("interval", float),  # between samples
-        ("turned", float),  # when the motion turned
-        ("turns", float, TURNS),  # when it did so, the latest times
-        ("turn_count", np.int64),  # how often
-        ("direction", float),
-        ("rested_at", float),  # when it was last seen at rest
-        ("rest_began", float),  # and since when it was
-        ("slice", float),  # number of the slice that is open, NaN if none is
-        ("slice_begin", float),  # first stamp in it
-        ("slice_error", float),  # largest tracking error in it
-        ("slice_referenced", np.bool_),  # whether each sample in it had a reference position
-        ("steps", float, STEPS),  # intervals in it
-        ("slice_steps", np.int64),  # how many
-        ("last_end", float),  # last stamp of the slice before
-        ("last_position", float),  # position there
-        ("last_reference", float),  # reference there
-        ("past", float, (PAST, PAST_COLUMNS)),  # the slices remembered
-        ("entries", np.int64),  # slices ever remembered
-        ("closed", np.int64),  # slices reported since this was set to zero
-        ("window", float),  # over which velocities are taken where none is given
-        # What is known of the cycles.
-        ("cycles", np.int64),  # recent ones
-        ("period", float),  # their median
-        ("slip", float),  # longest of them
-        ("dwell", float),  # likewise
-        ("distance", float),  # farthest of them
-        ("reached", float),  # where the last one ended
-        ("cycle_end", float),  # end of the last cycle, or of the rest in which it ended
-        ("last_breakaway", float),  # of the last rest, NaN before the first
-        ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
-        ("needed", float),  # how long motion without a rest must last before it is called smooth
-        # Swings about the reference.
-        ("way_began", float),  # of the reference, where it began to go the way that it goes
-        ("way_farthest", float),  # and how far it has come
-        ("swing_direction", float),  # of the motion since the last turn, 0 before the first
-        ("swing_turned", np.bool_),  # whether a turn was seen since then
-        ("turn", np.int64),  # crossing of the last turn
-        ("farthest", np.int64),  # crossing that has gone farthest since then
-        ("swing", float, swings.SWING_COLUMNS),  # the latest complete one
-        ("swung", np.bool_),  # whether it is new
-        # When to look whether the joint has come to rest.
-        ("awaits_rest", np.bool_),  # whether anybody asks
-        ("looked", np.int64),  # crossings there were at the last look, -1 before the first
-        ("look_after", float),  # for how long it must then have stood
-    ]
-)
+_LOOK_AGAIN = 1.4  # time that a joint stands, of that at the last look: with more there is a new look
 
 # What ends a call of `follow`.
 ENDED, LOW_SPEED, STANDS, SWUNG, SILENT = range(5)
@@ -99,33 +31,6 @@ ENDED, LOW_SPEED, STANDS, SWUNG, SILENT = range(5)
 BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
 SLICE_COLUMNS = VELOCITY + 1
 
-# What the motion shows.
-(
-    TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS,
-    FEW_READINGS,
-) = range(11)  # fmt: skip
-
-PERIODS_TO_TRUST = 2.0  # duration of motion, cycle or natural periods: with less it is not called smooth
-_OUTLIVES = 2.0  # time, way or dwell, of that of the longest recent slip: with more what was found says nothing of now
-_CYCLES_AT_MOST = 1.9  # the same, usual cycles: not two, since an arrest is seen a little late
-_RECENT_STOPS = 10.0  # age of a stop, of the motion needed
-_CYCLES_FOR_STICK_SLIP = 2  # cycles in a row, 1
-_LEAST_CROSSINGS = 20  # crossings, 1: with fewer there is no finding
-# Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
-_DIP, DIP_AGAIN = 0.2, 0.7
-_DEEPER = 0.5  # slowest share, of the reference's own: at most
-_BANDS_OF_A_SPEED = 10.0  # way that a speed is measured over, bands: a band more or less is a tenth
-_BRIEFEST = 0.02  # duration of a dip, of the motion that is judged: less than half a cycle of the fastest stick slip
-_AGAIN = 5  # dips in the motion that is judged, 1: faster than a person moves, or most joints ring when they set off
-LEAST_READINGS = 20.0  # readings in the motion that is judged, 1: stick slip has up to 10 cycles a second
-_START = 0.25  # start from rest, of the motion needed: it is no dip
-_LOOK_AGAIN = 1.4  # time that a joint stands, of that at the last look: with more there is a new look
-_WINDOW_CROSSINGS = 6  # crossings in half of the motion that is searched for dips, 1: at least
-_STEPPED = 24  # crossings that show whether a joint steps, 1
-_GAPS_OF_A_STEP = 4  # bands of a slip, 1: with fewer it is too short to be seen as one
-_UNEVEN = 4.0  # longest gap of a joint that steps, of the shortest one beside it
-_NOTICED = 0.5  # uneven gaps, of all gaps: with more the joint steps
-_ENOUGH_CROSSINGS = 3  # gaps that a speed spans, 1: the rhythm of counts and samples is no change of speed
 # Whether a reference repeats what was measured.
 _COMPARED = 3.0  # way from one comparison to the next, bands
 _SAME = 1e-3  # difference of joint and reference, of a band: with less they are the same
@@ -147,283 +52,12 @@ def unbroken(times, positions, after, largest):
     return times.shape[0] > 0
 
 
-@compiled()
-def errors(since, motion):
-    """Largest tracking error and velocity error of the slices since a time; NaN where none is known."""
-    tracking, velocity = motion.slice_error, np.nan
-    for n in range(motion.entries - 1, max(-1, motion.entries - PAST - 1), -1):
-        entry = n % PAST
-        if motion.past[entry, TIME] < since:
-            break
-        if not motion.past[entry, ERROR] <= tracking and np.isfinite(motion.past[entry, ERROR]):
-            tracking = motion.past[entry, ERROR]
-        if not motion.past[entry, VELOCITY_ERROR] <= velocity and np.isfinite(motion.past[entry, VELOCITY_ERROR]):
-            velocity = motion.past[entry, VELOCITY_ERROR]
-    return tracking, velocity
-
-
 @inlined()
 def _all_finite(values):
     finite = True
     for n in range(values.shape[0]):
         finite = finite and np.isfinite(values[n])
     return finite
-
-
-@helper()
-def _last_crossing_time(detector):
-    head = detector.head
-    return detector.crossings[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
-
-
-@helper()
-def _flickers_since(least_duration, detector):
-    """Since when the joint has stayed within less than any slip, to and fro, if for so long or always; else NaN.
-
-    A joint that goes one way moves, however slowly; two steps are too few to tell.
-    """
-    head = detector.head
-    low, high, steps, turns, step_before, since = np.inf, -np.inf, -1, 0, 0.0, np.nan
-    n = head - 1
-    while n >= max(0, head - kernel.RING):
-        place = detector.crossings[n % kernel.RING, kernel.POSITION]
-        low, high = min(low, place), max(high, place)
-        if high - low > swings.FLICKER * detector.position.band:
-            break
-        steps += 1
-        if steps > 0:
-            step = detector.crossings[(n + 1) % kernel.RING, kernel.POSITION] - place
-            turns += 1 if step * step_before < 0.0 else 0
-            step_before = step
-        since = detector.crossings[n % kernel.RING, kernel.TIME]
-        if detector.last_time - since >= least_duration and turns > 0:
-            return since
-        n -= 1
-    long_enough = n < 0 or detector.last_time - since >= least_duration
-    return since if long_enough and (turns > 0 or steps <= _FEW_STEPS) else np.nan
-
-
-@compiled()
-def open_rest(least_duration, detector):
-    """Since when the joint has been at rest, if by now that can be told from slow motion; else NaN.
-
-    A reading that flickers for so long [s] is at rest, too.
-    """
-    head = detector.head
-    last = _last_crossing_time(detector)
-    if head < 2:
-        return last if head else np.nan
-    flat = detector.last_time - last
-    if not flat > _GAPS_AT_REST * detector.update:
-        return _flickers_since(least_duration, detector)
-    count = min(head, _RECENT_CROSSINGS) - 1
-    gaps, speeds = np.empty(count), np.empty(count)
-    for n in range(count):
-        crossing, before = (head - 1 - n) % kernel.RING, (head - 2 - n) % kernel.RING
-        gaps[n] = detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME]
-        speeds[n] = abs(detector.crossings[crossing, kernel.SPEED])
-    usual = max(quantile(gaps, count, 0.5), detector.update)
-    fastest = quantile(speeds, count, kernel.FAST_SHARE)
-    stands = flat > _GAPS_AT_REST * usual and detector.position.band < kernel.SLOW * fastest * flat
-    return last if stands else _flickers_since(least_duration, detector)
-
-
-@inlined()
-def slowest_share(since, detector):
-    """Slowest motion since a time over the mean there, 0 to 1, and how often the speed dipped.
-
-    1 and 0 if there is too little to tell.
-    """
-    head = detector.head
-    first = head
-    while first > max(0, head - kernel.RING) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:
-        first -= 1
-    if head - first < 2 * _WINDOW_CROSSINGS:
-        return 1.0, 0
-    begin, end = first % kernel.RING, (head - 1) % kernel.RING
-    way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
-    mean = way / (detector.crossings[end, kernel.TIME] - detector.crossings[begin, kernel.TIME])
-    if mean == 0.0:
-        return 1.0, 0
-    least, briefest = _BANDS_OF_A_SPEED * detector.position.band, _BRIEFEST * (detector.last_time - since)
-    # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. Slowing
-    # down at the end is no dip before the motion has picked up again.
-    recovered, slowest, candidate = False, np.inf, np.inf
-    dips, lowest, back = 0, np.inf, first
-    for n in range(first + _ENOUGH_CROSSINGS, head):
-        crossing, before = n % kernel.RING, (n - _ENOUGH_CROSSINGS) % kernel.RING
-        way = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[before, kernel.POSITION])
-        speed = way / (detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME])
-        candidate = min(candidate, speed)
-        if speed >= 0.5 * mean:
-            recovered = True
-            slowest = min(slowest, candidate)
-        # Shallow dips count only where neither counts nor samples can make them.
-        place, now = detector.crossings[crossing, kernel.POSITION], detector.crossings[crossing, kernel.TIME]
-        while back + 1 + _ENOUGH_CROSSINGS <= n and (
-            abs(place - detector.crossings[(back + 1) % kernel.RING, kernel.POSITION]) >= least
-            and now - detector.crossings[(back + 1) % kernel.RING, kernel.TIME] >= briefest
-        ):
-            back += 1
-        way = abs(place - detector.crossings[back % kernel.RING, kernel.POSITION])
-        elapsed = now - detector.crossings[back % kernel.RING, kernel.TIME]
-        if way >= least and elapsed >= briefest:
-            speed = way / elapsed
-            lowest = min(lowest, speed)
-            if speed >= mean:
-                dips += 1 if lowest < DIP_AGAIN * mean else 0
-                lowest = np.inf
-    return (min(slowest / mean, 1.0) if recovered else 1.0), dips
-
-
-@helper()
-def reference_slowest_share(since, motion):
-    """Slowest motion of the reference since a time over its mean there, 0 to 1; 1 if there is too little to tell."""
-    slowest, way, duration = np.inf, 0.0, 0.0
-    for n in range(motion.entries - 1, max(1, motion.entries - PAST + 2), -1):
-        entry, before = n % PAST, (n - 2) % PAST
-        # The joint answers a little later.
-        if motion.past[before, TIME] < since - 0.5 * (motion.now - since):
-            break
-        step = abs(motion.past[entry, WAY] - motion.past[before, WAY])
-        elapsed = motion.past[entry, TIME] - motion.past[before, TIME]
-        if not (np.isfinite(step) and elapsed > 0.0):
-            return 1.0
-        slowest = min(slowest, step / elapsed)
-        way, duration = way + step, duration + elapsed
-    return min(slowest * duration / way, 1.0) if way > 0.0 else 1.0
-
-
-@helper()
-def _entry_at(time, motion):
-    """Index of the latest slice remembered that ends not after a time, or of the oldest; -1 if there is none."""
-    entries = motion.entries
-    oldest = max(0, entries - PAST)
-    low, high = oldest, entries
-    while low < high:
-        middle = (low + high) // 2
-        if motion.past[middle % PAST, TIME] <= time:
-            low = middle + 1
-        else:
-            high = middle
-    return max(low - 1, oldest) % PAST if entries else -1
-
-
-@inlined()
-def travel_since(time, motion):
-    """How far the reference is from where it was at a time; 0 if unknown."""
-    at = _entry_at(time, motion)
-    travel = abs(motion.way - motion.past[at, WAY]) if at >= 0 and motion.travels else np.nan
-    return travel if np.isfinite(travel) else 0.0
-
-
-@compiled()
-def mean_velocity(window, motion):
-    """Mean velocity of the joint over the last ``window`` seconds; NaN if unknown."""
-    at = _entry_at(motion.now - window, motion)
-    if at < 0 or not motion.now > motion.past[at, TIME]:
-        return np.nan
-    return (motion.position - motion.past[at, PLACE]) / (motion.now - motion.past[at, TIME])
-
-
-@compiled()
-def reference_velocity(window, motion):
-    """Desired velocity now: as given, else over the last ``window`` seconds; NaN if unknown."""
-    if np.isfinite(motion.reference_velocity):
-        return motion.reference_velocity
-    at = _entry_at(motion.now - window, motion)
-    if at < 0 or not motion.now > motion.past[at, TIME]:
-        return np.nan
-    return (motion.reference - motion.past[at, REFERENCE_PLACE]) / (motion.now - motion.past[at, TIME])
-
-
-@helper()
-def _counts_of_a_step(since, motion, detector):
-    """Counts from one stand to the next, of a joint that steps by a few bands at a time; 0 if it moves evenly.
-
-    Noise and whole samples make gaps uneven too, but not so much; a change of speed makes none of those side by side.
-    """
-    head = detector.head
-    first = head
-    while first > max(0, head - _STEPPED) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:
-        first -= 1
-    windows, uneven, stands = 0, 0, 0
-    for crossing in range(first + _GAPS_OF_A_STEP, head):
-        shortest, longest, latest = np.inf, 0.0, 0.0
-        for n in range(crossing - _GAPS_OF_A_STEP, crossing):
-            now, before = (n + 1) % kernel.RING, n % kernel.RING
-            gap = detector.crossings[now, kernel.TIME] - detector.crossings[before, kernel.TIME]
-            latest = max(gap, motion.interval)
-            shortest, longest = min(shortest, latest), max(longest, latest)
-        windows += 1
-        if longest >= _UNEVEN * shortest:
-            uneven += 1
-            # Long on the scale of ratios.
-            stands += 1 if latest * latest >= longest * shortest else 0
-    if 2 * windows < _STEPPED or uneven < _NOTICED * windows or stands == 0:
-        return 0.0
-    begin, end = (first + _GAPS_OF_A_STEP - 1) % kernel.RING, (head - 1) % kernel.RING
-    way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
-    return way / stands / detector.position.resolution if detector.position.resolution > 0.0 else 0.0
-
-
-@helper()
-def _goes_on_sticking(rest, motion):
-    """Whether what the cycles have shown holds now: no motion and no rest since then outlived them.
-
-    A cycle becomes known only when it has ended; until then, a motion or a rest like those before speaks.
-    """
-    if motion.cycles < _CYCLES_FOR_STICK_SLIP:
-        return False
-    if motion.now - motion.cycle_end > _CYCLES_AT_MOST * motion.period:
-        return False
-    if abs(motion.position - motion.reached) > _OUTLIVES * motion.distance:
-        return False
-    slip, dwell = _OUTLIVES * motion.slip, _OUTLIVES * motion.dwell
-    if np.isfinite(rest):
-        return rest - motion.cycle_end <= slip and motion.now - rest <= dwell
-    since = motion.cycle_end
-    if motion.rested_at > since and motion.rest_began - since <= slip and motion.rested_at - motion.rest_began <= dwell:
-        since = motion.rested_at
-    return motion.now - since <= slip
-
-
-@compiled()
-def judge(rest, motion, detector):
-    """What the motion shows now, with the rest that is open: a code, and two numbers that explain it."""
-    now = motion.now
-    if detector.samples < kernel.BLOCK:
-        return TOO_FEW, 0.0, 0.0
-    if _goes_on_sticking(rest, motion):
-        return STICKS, 0.0, 0.0
-    left = motion.last_breakaway if np.isfinite(motion.last_breakaway) else motion.first_time
-    if np.isfinite(rest) or detector.head <= 1:
-        since = rest if np.isfinite(rest) else motion.first_time
-        return AT_REST, now - since, travel_since(since, motion)
-    # A rest is known in full only some time after its end.
-    began = max(left, motion.rested_at)
-    moving, needed = now - max(motion.turned, began), motion.needed
-    stops_and_goes = not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed
-    if moving < needed:
-        if stops_and_goes:
-            return STOPS_AND_GOES, 0.0, 0.0
-        return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
-    if detector.head < _LEAST_CROSSINGS:
-        return FEW_COUNTS, 0.0, 0.0
-    if not motion.interval * LEAST_READINGS <= motion.window:
-        return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
-    since = max(now - needed, began + _START * needed)
-    dip, dips = slowest_share(since, detector)
-    if dips >= _AGAIN and dip >= _DIP:
-        return DIPS, min(dip, DIP_AGAIN), 0.0
-    if dip < _DIP:
-        if stops_and_goes:
-            return STOPS_AND_GOES, 0.0, 0.0
-        # Where the reference itself slows down, the joint has to.
-        if dip < _DEEPER * reference_slowest_share(since, motion):
-            return DIPS, dip, 0.0
-    counts = _counts_of_a_step(began, motion, detector)
-    return STEPS_OF_COUNTS if counts > 0.0 else MOVES, counts if counts > 0.0 else dip, 0.0
 
 
 @compiled()
@@ -445,31 +79,38 @@ def close_slice(slices, motion, detector):
         if not np.isfinite(desired) and motion.slice_referenced:
             desired = (motion.reference - motion.last_reference) / duration
         velocity_error = abs(desired - moved / duration)
-    entry = motion.entries % PAST
-    motion.past[entry, TIME], motion.past[entry, PLACE], motion.past[entry, REFERENCE_PLACE] = (
+    entry = motion.entries % judgement.PAST
+    (
+        motion.past[entry, judgement.TIME],
+        motion.past[entry, judgement.PLACE],
+        motion.past[entry, judgement.REFERENCE_PLACE],
+    ) = (
         now,
         motion.position,
         motion.reference,
     )
-    motion.past[entry, WAY] = motion.way if motion.travels else np.nan
-    motion.past[entry, ERROR], motion.past[entry, VELOCITY_ERROR] = motion.slice_error, velocity_error
+    motion.past[entry, judgement.WAY] = motion.way if motion.travels else np.nan
+    motion.past[entry, judgement.ERROR], motion.past[entry, judgement.VELOCITY_ERROR] = (
+        motion.slice_error,
+        velocity_error,
+    )
     motion.entries += 1
     sign = detector.sign
     if sign != 0.0 and sign != motion.direction:
         if motion.direction != 0.0:
-            motion.turned = _last_crossing_time(detector)
-            motion.turns[motion.turn_count % TURNS] = motion.turned
+            motion.turned = judgement.last_crossing_time(detector)
+            motion.turns[motion.turn_count % judgement.TURNS] = motion.turned
             motion.turn_count += 1
         motion.direction = sign
-    rest = open_rest(motion.window, detector)
+    rest = judgement.open_rest(motion.window, detector)
     if np.isfinite(rest):
         motion.rested_at, motion.rest_began = now, rest
-    code, _, _ = judge(rest, motion, detector)
+    code, _, _ = judgement.judge(rest, motion, detector)
     velocity = np.nan
-    if code == MOVES:
-        velocity = reference_velocity(motion.window, motion)
+    if code == judgement.MOVES:
+        velocity = judgement.reference_velocity(motion.window, motion)
         if not np.isfinite(velocity):
-            velocity = mean_velocity(motion.window, motion)
+            velocity = judgement.mean_velocity(motion.window, motion)
     row = motion.closed
     slices[row, BEGIN], slices[row, END] = motion.slice_begin, now
     slices[row, CODE], slices[row, VELOCITY] = code, velocity
@@ -518,7 +159,7 @@ def _note(time, position, reference, reference_speed, motion, detector):
         motion.first_time = time
         motion.last_position = position
         step = 0.0
-    elif motion.slice_steps < STEPS:
+    elif motion.slice_steps < judgement.STEPS:
         motion.steps[motion.slice_steps] = step
         motion.slice_steps += 1
     motion.now, motion.position = time, position
@@ -549,14 +190,14 @@ def _note(time, position, reference, reference_speed, motion, detector):
 def _may_rest(motion, detector):
     """Whether it is time to look if the joint has come to rest: it stands, and did so for too short a time before."""
     head = detector.head
-    flat = detector.last_time - _last_crossing_time(detector)
+    flat = detector.last_time - judgement.last_crossing_time(detector)
     if head != motion.looked:
         if head < 3 or not np.isfinite(detector.peak):
             return False
         newest, before = (head - 1) % kernel.RING, (head - 2) % kernel.RING
         gap = detector.crossings[newest, kernel.TIME] - detector.crossings[before, kernel.TIME]
         motion.looked = head
-        motion.look_after = _GAPS_AT_REST * max(gap, motion.now - detector.last_time)
+        motion.look_after = judgement.GAPS_AT_REST * max(gap, motion.now - detector.last_time)
     # Times that differ by less than the samples do are equal, however stamps are rounded.
     equal = 0.25 * (motion.now - detector.last_time)
     if not flat >= motion.look_after - equal or not detector.position.band < kernel.SLOW * detector.peak * flat:

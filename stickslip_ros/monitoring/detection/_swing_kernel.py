@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """Compiled search for swings about a reference that stands or goes on evenly, from turn to turn.
 
-It takes the records of :mod:`._motion_kernel`, whose search for rests misses them: a joint that turns round need not
+It takes the records of :mod:`._judgement_kernel`, whose search for rests misses them: a joint that turns round need not
 stop.
 """
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.monitoring.detection import _crossing_kernel as crossing_kernel
+from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray
 
@@ -87,7 +88,7 @@ class MotionRecord:
 
     def __init__(self, window: float = 1.0) -> None:
         # A record, and the array that it lies in.
-        self._motions: Any = np.zeros(1, kernel.MOTION)
+        self._motions: Any = np.zeros(1, judgement.MOTION)
         self._motion = self._motions[0]
         for name in ("now", "turned", "rested_at", "last_end", "referenced"):
             self._motion[name] = -np.inf
@@ -175,9 +176,9 @@ class MotionRecord:
     def turns(self) -> list[float]:
         """Take the times at which the joint was seen to move the other way, since the last time [s]."""
         count = int(self._motion["turn_count"])
-        new = range(max(self._turns_taken, count - kernel.TURNS), count)
+        new = range(max(self._turns_taken, count - judgement.TURNS), count)
         self._turns_taken = count
-        return [float(self._motion["turns"][number % kernel.TURNS]) for number in new]
+        return [float(self._motion["turns"][number % judgement.TURNS]) for number in new]
 
     def require(self, *, motion: float, window: float) -> None:
         """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""
@@ -185,8 +186,8 @@ class MotionRecord:
 
     def judge(self) -> tuple[int, float, float]:
         """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
-        rest = kernel.open_rest(self._motion["window"], self._detector)
-        code, first, second = kernel.judge(rest, self._motion, self._detector)
+        rest = judgement.open_rest(self._motion["window"], self._detector)
+        code, first, second = judgement.judge(rest, self._motion, self._detector)
         return int(code), float(first), float(second)
 
     def goes_on(self, samples: Batch, *, largest: float) -> bool:
@@ -222,16 +223,16 @@ class MotionRecord:
         """Largest tracking error [rad] and velocity error [rad/s] of the last ``window`` seconds; NaN if unknown."""
         if not self._motion["first_time"] <= self.last_time:
             return math.nan, math.nan
-        tracking, velocity = kernel.errors(self.last_time - window, self._motion)
+        tracking, velocity = judgement.errors(self.last_time - window, self._motion)
         return float(tracking), float(velocity)
 
     def reference_velocity(self, window: float) -> float:
         """Desired velocity now [rad/s]: as given, else over the last ``window`` seconds; NaN if unknown."""
-        return float(kernel.reference_velocity(window, self._motion))
+        return float(judgement.reference_velocity(window, self._motion))
 
     def mean_velocity(self, window: float) -> float:
         """Mean velocity of the joint over the last ``window`` seconds [rad/s]; NaN if unknown."""
-        return float(kernel.mean_velocity(window, self._motion))
+        return float(judgement.mean_velocity(window, self._motion))
 
     @property
     def band(self) -> float:

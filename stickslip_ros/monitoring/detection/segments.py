@@ -12,22 +12,23 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.status import Segment, Status
 from stickslip_ros.monitoring.samples import FloatArray
 
 STATUS_OF = {
-    kernel.TOO_FEW: Status.NOT_JUDGED,
-    kernel.STICKS: Status.STICK_SLIP,
-    kernel.AT_REST: Status.AT_REST,
-    kernel.REVERSING: Status.NOT_JUDGED,
-    kernel.TOO_SHORT: Status.NOT_JUDGED,
-    kernel.STOPS_AND_GOES: Status.NOT_JUDGED,
-    kernel.DIPS: Status.AT_RISK,
-    kernel.MOVES: Status.SMOOTH,
-    kernel.STEPS_OF_COUNTS: Status.NOT_JUDGED,
-    kernel.FEW_COUNTS: Status.NOT_JUDGED,
-    kernel.FEW_READINGS: Status.NOT_JUDGED,
+    judgement.TOO_FEW: Status.NOT_JUDGED,
+    judgement.STICKS: Status.STICK_SLIP,
+    judgement.AT_REST: Status.AT_REST,
+    judgement.REVERSING: Status.NOT_JUDGED,
+    judgement.TOO_SHORT: Status.NOT_JUDGED,
+    judgement.STOPS_AND_GOES: Status.NOT_JUDGED,
+    judgement.DIPS: Status.AT_RISK,
+    judgement.MOVES: Status.SMOOTH,
+    judgement.STEPS_OF_COUNTS: Status.NOT_JUDGED,
+    judgement.FEW_COUNTS: Status.NOT_JUDGED,
+    judgement.FEW_READINGS: Status.NOT_JUDGED,
 }
 _MENDED = (Status.NOT_JUDGED, Status.AT_REST)
 

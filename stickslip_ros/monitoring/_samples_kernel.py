@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled scan of all samples of a joint: whether its values are within bounds, and between which they lie."""
+"""Compiled loops over the samples of a joint: whether they are within bounds, and their copy into a block."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from stickslip_ros.compilation import kernel
 
@@ -30,3 +32,21 @@ def scan_bounds(
             extremes[0, 0], extremes[0, 1] = min(extremes[0, 0], effort), max(extremes[0, 1], effort)
             extremes[1, 0], extremes[1, 1] = min(extremes[1, 0], position), max(extremes[1, 1], position)
     return within
+
+
+@kernel()
+def store(columns, known, at, begin, count, time, position, velocity, effort, reference, reference_velocity):
+    """Copy samples into the columns of a block, but those that have nothing to say yet."""
+    for number, values in enumerate((time, position, velocity, effort, reference, reference_velocity)):
+        if not known[number]:
+            some = False
+            for n in range(begin, begin + count):
+                some = some or not np.isnan(values[n])
+            if not some:
+                continue
+            known[number] = True
+            for n in range(at):
+                columns[number, n] = np.nan
+        # An assignment of slices takes ten times as long to compile.
+        for n in range(count):
+            columns[number, at + n] = values[begin + n]
