@@ -14,18 +14,21 @@ from conftest import nightly
 from mcap.writer import Writer
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from two_masses import motor_positions
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.dimensionless import dimensionless_groups
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.outcome import Outcome, outcomes
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommend import recommend
+from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.monitoring.study import StudyQuestion, study
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
@@ -191,3 +194,42 @@ def test_a_bag_with_effort_and_without_gains(
     text = report.read_text(encoding="utf-8")
     assert "Multiply the stiffness by" in text
     assert "the gains themselves are not known" in text
+
+
+def test_a_load_on_a_spring_gets_no_factor_and_damping_enough() -> None:
+    """Issue 36, item 8: what rings after each slip looks like viscous friction, up to 28 times the true one.
+
+    A factor on it left the joint sticking; gains that counted on it left it swinging from rest to twice its speed.
+    """
+    friction = Friction(coulomb=1.2, stribeck=0.45, stribeck_velocity=6e-3, viscous=0.8, lag=0.03, rise_time=0.3)
+    gains, speed, count = Gains(stiffness=400.0), 0.005, 2e-5
+
+    def moved(gains: Gains, rate: float) -> FloatArray:
+        return motor_positions(
+            friction, gains, speed, masses=(0.5, 0.5), resonance=20.0, duration=20.0, rate=rate
+        )  # fmt: skip
+
+    def monitored(rate: float, gains: Gains | None) -> JointMonitor:
+        positions = moved(Gains(stiffness=400.0), rate)
+        noisy = positions / count + np.random.default_rng(1).normal(0.0, 0.3, len(positions))
+        time = np.arange(len(positions)) / rate
+        reference = speed * time if gains is not None else np.zeros(0)
+        monitor = JointMonitor(gains=gains, studies_at_once=True)
+        monitor.process(Batch(time=time, position=count * np.round(noisy), reference_position=reference))
+        monitor.finish()
+        return monitor
+
+    unknown, known = monitored(200.0, None), monitored(200.0, gains)
+    state = unknown.assessment()
+    assert state.finding.status is Status.STICK_SLIP
+    assert state.recommendation is not None
+    assert not state.recommendation[Kind.LEAST_CHANGE].found
+    assert "the friction model does not fit the slips" in state.recommendation[Kind.LEAST_CHANGE].reason
+    advised = known.assessment(speed).recommended
+    assert advised is not None
+    # Damping enough takes more bandwidth than samples at 200 Hz allow.
+    if not advised.found:
+        assert "bandwidth" in advised.reason
+        return
+    speeds = np.diff(moved(advised.gains, 500.0)[-2500:]) * 500.0
+    assert 0.9 * speed < speeds.min() <= speeds.max() < 1.1 * speed
