@@ -69,6 +69,7 @@ DETECTOR = np.dtype(
         ("head", np.int64),  # crossings ever set
         ("level", float),  # the last crossing's reading
         ("sign", float),  # direction of the last crossing
+        ("interval", float),  # usual time between samples
         ("update", float),  # how often the position changes while the joint moves fast; sensors may be slower
         ("peak", float),  # fastest motion since the last rest
         ("in_low_speed", np.bool_),
@@ -222,12 +223,16 @@ def _set_crossing(time, position, step, reference, effort, detector):
         before = last
         if abs(step) >= _STEPS_OF_SPEED * detector.position.band:
             gap = crossing_time - detector.crossings[last, TIME]
-            if detector.update == 0.0:
-                detector.update = time - detector.last_time
+            between = time - detector.last_time
+            # Samples that are missing are no slow sensor.
+            seen = between <= _HOLD_LIMIT * detector.interval
+            if seen and detector.update == 0.0:
+                detector.update = between
             held = gap <= _HOLD_LIMIT * detector.update
             elapsed = gap if held else max(time - detector.crossings[last, FLAT_END], detector.update)
-            # A running median, in steps of a tenth.
-            detector.update *= 1.1 if gap > detector.update else 1.0 / 1.1
+            if seen:
+                # A running median, in steps of a tenth.
+                detector.update *= 1.1 if gap > detector.update else 1.0 / 1.1
         else:
             # Over two gaps, because single counts come in whole samples.
             before = one_before
@@ -346,5 +351,11 @@ def process_sample(count, now, raw, pace_now, way_now, effort_now, detector):
     detector.velocity_2, detector.velocity_1 = detector.velocity_1, pace_now
     if not pace >= detector.slowest_velocity:
         detector.slowest_velocity = pace
+    if count >= 2:
+        between = time - detector.last_time
+        # A running median, in steps of a tenth.
+        detector.interval *= 1.1 if between > detector.interval else 1.0 / 1.1
+        if detector.interval == 0.0:
+            detector.interval = between
     detector.last_time, detector.last_reference, detector.last_effort = time, reference, effort
     return complete
