@@ -12,6 +12,7 @@ import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.samples import FloatArray
@@ -206,7 +207,7 @@ def bounds_at(
         )
     if limits.effort < math.inf and loop.tracking_error > 0:
         left = limits.effort - stiffness * loop.tracking_error
-        error = loop.velocity_error if loop.velocity_error > 1e-300 else 1e-300
+        error = loop.velocity_error if loop.velocity_error > TINY else TINY
         add(
             "effort",
             f"{limits.effort:.4g} N·m at an error of {loop.tracking_error:.3g} rad",

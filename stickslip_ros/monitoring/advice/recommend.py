@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from stickslip_ros.model.bisection import bisected
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.divergence import loop_is_unstable
@@ -221,7 +222,7 @@ class _Case:
             # Draws and integration are evaluated at the end of a search; the next search uses the factor found there.
             required = search.total_damping(float(gains.stiffness))
             least = self._least_total_damping(float(gains.stiffness), required)
-            factors[place] = min(least / max(required, 1e-300), _MOST_DAMPING)
+            factors[place] = min(least / max(required, TINY), _MOST_DAMPING)
         return best
 
     def _previous_gains(self, variant: Variant) -> Gains:

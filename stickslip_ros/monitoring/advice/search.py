@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, ObservedLoop, bounds_at
 from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
@@ -217,7 +218,7 @@ class AdviceSearch:
             return None, math.nan
         wanted, own = 1.0 + self._limits.wanted_margin, self._own(places)
         with np.errstate(all="ignore"):
-            reserve = wanted * (largest + own) / np.maximum(needed + own, 1e-300) - 1.0
+            reserve = wanted * (largest + own) / np.maximum(needed + own, TINY) - 1.0
         index = int(np.argmax(np.where(inside, reserve, -math.inf)))
         return self._as_gains(float(places[index]), float(largest[index])), float(reserve[index])
 
