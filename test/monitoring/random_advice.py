@@ -18,6 +18,7 @@ from stickslip_ros.model.outcome import is_steady
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.model.verdict import exactly_smooth
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
+from stickslip_ros.monitoring.advice.recommendation import Variant
 
 _NO_DAMPING = 0.01  # damping ratio that counts as none, as the advice has it
 _CANDIDATES = 40
@@ -54,6 +55,12 @@ def random_case(rng: np.random.Generator, condition: Criterion) -> AdviceCase:
             bandwidth=frequency * float(rng.uniform(2.0, 10.0)),
         )
         return AdviceCase(joint, gains, velocity, limits)
+
+
+def clearly_less(best: Variant, case: AdviceCase) -> float:
+    """A change that is clearly less than that of advice: by 2 %, or 0.1 where the advice changes one gain alone."""
+    alone = best.stiffness == case.gains.stiffness or best.damping == case.gains.damping
+    return min(0.98 * best.change, best.change - 0.1 * alone)
 
 
 def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> float:

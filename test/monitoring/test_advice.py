@@ -12,7 +12,7 @@ import pytest
 from conftest import nightly
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from random_advice import brute_force, random_case
+from random_advice import brute_force, clearly_less, random_case
 from scipy.optimize import newton
 
 from stickslip_ros.errors import InvalidParameterError
@@ -101,9 +101,7 @@ def test_random_joints_become_smooth_with_the_least_change(condition: Criterion,
         found += 1
         assert best.exactly_smooth is True
         assert best.reserve >= case.limits.wanted_margin - 1e-4
-        # One gain is changed where both would change by less than 0.1 less.
-        alone = best.stiffness == case.gains.stiffness or best.damping == case.gains.damping
-        assert brute_force(case, within=min(0.98 * best.change, best.change - 0.1 * alone)) == math.inf, best
+        assert brute_force(case, within=clearly_less(best, case)) == math.inf, best
         bounds = bounds_at(np.array([best.stiffness]), case.joint, case.gains, case.limits, ObservedLoop())
         for bound in bounds.values():
             assert bound.least[0] - 1e-9 <= best.damping <= bound.largest[0] * (1 + 1e-9)
