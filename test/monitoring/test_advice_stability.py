@@ -56,6 +56,7 @@ def test_the_recording_does_not_change_the_gains(seed: int) -> None:
         "live": recorded(recording, 30.0),
     }
     needed = recommend(recording.joint, recording.gains, speed)[Kind.LEAST_CHANGE]
+    wanted = float(recording.joint.total_damping(needed.gains))
     certain = []
     for way, batch in ways.items():
         monitor = JointMonitor(gains=recording.gains, studies_at_once=way != "live")
@@ -66,18 +67,16 @@ def test_the_recording_does_not_change_the_gains(seed: int) -> None:
         monitor.finish()
         monitor.learn()
         state = monitor.assessment(speed)
-        assert state.recommendation is not None
-        assert state.estimate is not None
-        advised = state.recommendation[Kind.LEAST_CHANGE]
-        if not advised.found:
-            # Few samples allow little bandwidth, and what is learnt from them may be a guess.
-            assert way in ("250 Hz", "noise"), (way, advised.reason)
+        advised = state.recommended
+        if state.estimate is None or advised is None or not advised.found:
+            # Few samples allow little bandwidth, and what is learnt from them, or from noise, may be a guess.
+            assert way in ("250 Hz", "noise"), (way, advised)
             continue
         assert advised.stiffness == needed.stiffness, way
         identified = all(state.estimate[name].identified for name in _SEEN)
         total = float(recording.joint.total_damping(replace(recording.gains, damping=advised.damping)))
         certain += [total] if identified else []
-        assert identified or state.estimate.mismatch or advised.damping > 0.95 * needed.damping, way
+        # What is missing of the wanted margin of 20 % is not what ends stick slip.
+        assert identified or state.estimate.mismatch or total > wanted / 1.2, way
     if certain:
-        wanted = float(recording.joint.total_damping(needed.gains))
         assert wanted / 1.1 < min(certain) <= max(certain) < 1.1 * wanted
