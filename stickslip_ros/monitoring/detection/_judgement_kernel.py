@@ -131,6 +131,7 @@ def errors(since, motion):
 
 @helper()
 def last_crossing_time(detector):
+    """Time of the latest crossing [s]; -inf before any."""
     head = detector.head
     return detector.crossings[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
 
