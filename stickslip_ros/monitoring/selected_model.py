@@ -24,6 +24,9 @@ _VELOCITY_LOOP = (
 )
 _ERROR_FLOOR = 0.1  # error probability of results from a model that does not fit, 1: at least
 _LEAST_VISCOUS = 0.01  # viscous friction that a late effort, or a model that does not fit, leaves of what was estimated
+# Change of viscous friction in each draw where the model does not fit [N·m·s/rad]. What it does not explain, as a load
+# on a spring, may look like viscous friction of many times the true one, so that half of the draws have hardly any.
+_HALF_WITHOUT = np.where(np.arange(DRAWS) < DRAWS // 2, 0.0, -math.inf)
 # Always the same ones, other than those of the friction, so that what is computed from them is smooth.
 _NORMAL = np.random.default_rng(44).standard_normal((2, DRAWS))
 
@@ -187,20 +190,10 @@ def _over_laws(
         if one.curvature is not None:
             joint = one.curvature.drawn(joint)
         if one.mismatch:
-            joint = _half_undamped(joint)
+            joint = _with_viscous(joint, _HALF_WITHOUT)
         error_floor = _ERROR_FLOOR if one.mismatch or one.may_be_late else 0.0
         laws.append(Uncertainty(joint=joint, stiffness=ratios, weight=weight, error_floor=error_floor))
     return replace(laws[0], others=tuple(laws[1:]))
-
-
-def _half_undamped(joint: Joint) -> Joint:
-    """Draws of a joint, of which half have hardly any viscous friction.
-
-    What the model does not explain, as a load on a spring, may look like viscous friction of many times the true one.
-    """
-    viscous = np.array(joint.friction.viscous)
-    viscous[len(viscous) // 2 :] *= _LEAST_VISCOUS
-    return replace(joint, friction=replace(joint.friction, viscous=viscous))
 
 
 def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> SelectedModel:

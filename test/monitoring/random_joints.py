@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
-from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
+from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation, Trajectory
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow, slip_window
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 DURATION, RATE = 30.0, 1000.0
 _LEAST_SLIPS = 4  # at each of the two speeds
@@ -74,20 +74,25 @@ def random_joint(rng: np.random.Generator) -> tuple[Joint, float]:
     return Joint(inertia=inertia, friction=friction), frequency
 
 
+def driven(joint: Joint, gains: Gains, speeds: tuple[float, float], seconds: float) -> tuple[FloatArray, Trajectory]:
+    """References at one speed, then as long at the other, and the motion of the joint that follows them."""
+    count = round(seconds * RATE)
+    velocities = np.where(np.arange(count) < count // 2, *speeds)
+    # The spring is nearly drawn already, so that the slowest joints slip within the record too.
+    drawn = (float(joint.friction.coulomb) + 0.3 * float(joint.friction.stribeck)) / float(gains.stiffness)
+    references = drawn + np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / RATE
+    return references, JointSimulation(joint, gains).advance(1.0 / RATE, references, velocities)
+
+
 def random_recording(seed: int) -> RandomRecording:
     """A recording of some joint that sticks and slips at both speeds; others are drawn until one does."""
     rng = np.random.default_rng(seed)
-    count = round(DURATION * RATE)
     while True:
         joint, frequency = random_joint(rng)
         gains = Gains(stiffness=float(joint.inertia) * frequency**2)
         first = float(joint.friction.stribeck_velocity) * 10.0 ** rng.uniform(-0.5, 0.5)
         second = first * float(rng.choice(_SPEED_FACTORS))
-        velocities = np.where(np.arange(count) < count // 2, first, second)
-        # The spring is nearly drawn already, so that the slowest joints slip within the record too.
-        drawn = (float(joint.friction.coulomb) + 0.3 * float(joint.friction.stribeck)) / float(gains.stiffness)
-        references = drawn + np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / RATE
-        motion = JointSimulation(joint, gains).advance(1.0 / RATE, references, velocities)
+        references, motion = driven(joint, gains, (first, second), DURATION)
         slips = [event for event in motion.events if event.kind is EventKind.ARREST]
         early = sum(event.time < 0.5 * DURATION for event in slips)
         if min(early, len(slips) - early) < _LEAST_SLIPS:

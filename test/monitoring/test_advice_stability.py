@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import nightly
-from random_joints import RATE, RandomRecording, random_recording
+from random_joints import RATE, RandomRecording, driven, random_recording
 
-from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -24,12 +23,8 @@ _SEEN = ("inertia", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_tim
 
 def recorded(recording: RandomRecording, seconds: float, *, every: int = 1, noise: float = 0.0) -> Batch:
     """The joint for so long, half of it at each speed; every so-manieth sample, with noise [resolutions]."""
-    count = round(seconds * RATE)
-    velocities = np.where(np.arange(count) < count // 2, *recording.speeds)
-    friction, stiffness = recording.joint.friction, float(recording.gains.stiffness)
-    drawn = (float(friction.coulomb) + 0.3 * float(friction.stribeck)) / stiffness
-    references = drawn + np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / RATE
-    motion = JointSimulation(recording.joint, recording.gains).advance(1.0 / RATE, references, velocities)
+    references, motion = driven(recording.joint, recording.gains, recording.speeds, seconds)
+    count = len(references)
     counts = np.concatenate([[0.0], motion.position[:-1]]) / recording.resolution
     counts += noise * np.random.default_rng(5).standard_normal(count)
     pick = slice(None, None, every)

@@ -26,9 +26,8 @@ def motor_positions(
     period = min(1e-4, float(friction.lag) / 40.0)
     steps = round(1.0 / rate / period)
     loop = np.array([float(gains.stiffness), float(gains.damping), velocity])
-    values = np.array([float(value) for name, value in friction.numbers.items() if "presliding" not in name])
-    names = [name for name in friction.numbers if "presliding" not in name]
-    assert names == ["coulomb", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_time"], names
+    names = ("coulomb", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_time")
+    values = np.array([float(getattr(friction, name)) for name in names])
     damping = 0.06 * math.sqrt(stiffness * motor * load / (motor + load))
     return _integrated(loop, values, np.array([motor, load, stiffness, damping]), 1.0 / rate / steps, steps,
                        np.empty(round(duration * rate)))  # fmt: skip

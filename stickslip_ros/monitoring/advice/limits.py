@@ -22,9 +22,9 @@ _SAMPLES_TO_WATCH = 8.0  # samples a natural period: with fewer, rests and slips
 # Phase at the crossover frequency that a delay may take [rad]: up to there the damping -k_p τ_d, which is the first
 # order of a delay, is right to 5 %; the same phase as that of 20 controller periods in each of the crossover's.
 _DELAY_PHASE = 2.0 * math.pi / 20.0
-_NOISE_SHARE = (
-    0.1  # of the breakaway torque: largest root mean square of the torque that noise of position, or velocity, makes
-)
+# Largest root mean square of the torque that noise of position, or of velocity, makes, of the breakaway torque: with
+# more, noise shakes the joint as friction does.
+_NOISE_SHARE = 0.1
 
 
 class Criterion(str, Enum):
@@ -216,17 +216,16 @@ def bounds_at(
         )
     if float(joint.friction.coulomb) > 0 and (loop.position_noise > 0 or loop.velocity_noise > 0):
         torque = _NOISE_SHARE * float(joint.friction.coulomb + joint.friction.stribeck)
-        most = {
-            name: max(torque / noise, float(now)) if noise > 0 else math.inf
-            for name, noise, now in (
-                ("stiffness", loop.position_noise, present.stiffness), ("damping", loop.velocity_noise, present.damping)
+        noises = np.array([loop.position_noise, loop.velocity_noise])
+        with np.errstate(divide="ignore"):
+            most_stiffness, most_damping = np.maximum(
+                torque / noises, [float(present.stiffness), float(present.damping)]
             )
-        }  # fmt: skip
         add(
             "noise",
             f"of {loop.position_noise:.2g} rad and {loop.velocity_noise:.2g} rad/s, of which the gains would make "
             f"{100 * _NOISE_SHARE:.0f} % of the breakaway torque",
-            least=np.where(stiffness > most["stiffness"], math.inf, -math.inf),
-            largest=most["damping"],
+            least=np.where(stiffness > most_stiffness, math.inf, -math.inf),
+            largest=most_damping,
         )
     return bounds
