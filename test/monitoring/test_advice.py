@@ -502,6 +502,20 @@ def test_where_a_condition_does_not_apply_there_is_no_advice(puma: Joint) -> Non
     assert "velocity is zero" in nothing[Kind.LEAST_CHANGE].reason
 
 
+def test_a_joint_with_integral_action_that_stands_gets_no_advice(puma: Joint) -> None:
+    """How it hunts has an answer, but gains for no speed have none: this was an error that ended `analyze`."""
+    count = 4000
+    monitor = JointMonitor(puma, replace(STICKING, integral=200.0))
+    still = np.full(count, 0.5)
+    monitor.process(Batch(time=1e-3 * np.arange(count), position=still, reference_position=still))
+    state = monitor.assessment()
+    assert state.recommended is not None
+    assert not state.recommended.found
+    assert "the commanded velocity is zero" in state.recommended.reason
+    moving = recommend(puma, replace(STICKING, integral=200.0), 0.0, AdviceLimits(slowest_velocity=SPEED))
+    assert moving[Kind.LEAST_CHANGE].found
+
+
 def test_with_integral_action_advice_has_damping_to_spare() -> None:
     """Issue 36, item 7: gains were advised whose oscillation about steady sliding decays by a thousandth a period.
 

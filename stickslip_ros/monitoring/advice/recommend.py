@@ -91,6 +91,8 @@ def recommend(
     if exact:
         unanswered = exactly_smooth(joint, bounded, slowest, loop.conditions) is None
         obstacle = exact_verdict(joint, bounded, slowest, loop.conditions).reason if unanswered else ""
+        if not obstacle and slowest == 0:
+            obstacle = "the commanded velocity is zero, and no slowest velocity is given"
     else:
         margin = stability_margin(joint, bounded, slowest)
         obstacle = str(margin.reason) if not margin.applicable else ""
@@ -312,8 +314,7 @@ class _Case:
             if outcome not in (Outcome.STEADY, None):
                 return False
             # What ends in steady motion is smooth, and need not be integrated again.
-            known = outcome is Outcome.STEADY and self._slowest > 0
-            if not known and exactly_smooth(self._joint, trial, self._slowest, self._loop.conditions) is False:
+            if outcome is None and exactly_smooth(self._joint, trial, self._slowest, self._loop.conditions) is False:
                 return False
         return True
 
@@ -325,8 +326,6 @@ class _Case:
         """What becomes of the joint with these gains, and the integral action of now if that counts."""
         gains = replace(gains, integral=self._gains.integral if self._beyond_paper else 0.0)
         conditions = self._loop.conditions if self._beyond_paper else None
-        if self._slowest == 0:
-            return exact_verdict(self._joint, gains, 0.0, conditions, limits=False).outcome
         return exact_outcome(self._joint, gains, self._slowest, conditions or OperatingConditions()).outcome
 
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
