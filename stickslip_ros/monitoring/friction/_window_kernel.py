@@ -4,9 +4,10 @@
 
 A joint that does not turn is a linear system under the Stribeck friction of one lag ago. It is advanced in steps,
 exactly but for the friction and the controller's force, which are polynomials in a step. The velocity one lag ago is
-a polynomial too, of an earlier step or, where the lag is shorter than a step, of the same one. Steps are equal but
-for the first one: one ends a lag after breakaway, where the friction begins to fall and may fall at once. At nodes
-none ends, so that what comes out is smooth in the parameters; positions there follow a polynomial of degree five.
+a polynomial too, of an earlier step or, where the lag is shorter than a step, of the same one. One step ends a lag
+after breakaway, where the friction begins to fall and may fall at once. From there on steps are halved where the
+friction changes within them: at a few Stribeck velocities. At nodes no step ends, so that positions are smooth in the
+parameters; positions at nodes follow a polynomial of degree five.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from stickslip_ros.monitoring.friction._window_step import (
     NODES,
     POINTS,
     ROWS,
+    fill_polynomial,
     fill_step,
     fill_weights,
     first_not_positive,
@@ -41,12 +43,16 @@ POSITION, BREAKAWAY, LEVEL = range(3)
 HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION = range(4)
 FOUND_COLUMNS = STRIBECK_FRACTION + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
+# Columns of a variant's steps: the longest one, the longest where the joint hardly moves, and by how much a step may be
+# longer for each Stribeck velocity that the joint had one lag ago.
+COARSE, FINE, GROWTH = range(3)
 
 _MOST_SLIPS = 64  # slips in a window, 1: with more, ever shorter ones, the joint rests as far as can be seen
 _MOST_STEPS = 1e5  # steps of a window, 1: at most
 _ABSURD = 1e50  # way, rad: no further motion is followed
 _MOST_SWEEPS = 16  # fixed-point iterations of a step's friction, 1
-_NO_STEP = 1e-9  # first step, of a step: a shorter one is none
+_NO_STEP = 1e-9  # lag, of a step: a shorter one takes no step of its own
+_HALVINGS = 7  # halvings of the longest step, 1: at most
 _SETTLED = 1e-12  # change of the Stribeck friction by an iteration, of the level at breakaway
 
 # Helpers, for what is inlined at many places takes numba long to go through.
@@ -87,79 +93,101 @@ def _next_breakaway(arrest, held, level, stribeck, rise_time, direction, node, l
     return math.inf, node
 
 
-@inlined()
-def _lagged_weights(lag, weights, first_weights, back):
-    """For each point of a step how many steps back the time one lag ago lies, and the weights of the points there.
+@helper()
+def _fill_lagged_weights(lag, weights):
+    """Weights of a step's points in the velocity one lag ago, for each point where that lies in the same step.
 
-    ``lag`` is in steps, and the first step is what it is longer than whole ones; in that one the weights are others.
+    ``lag`` is in steps.
     """
-    points = weights.shape[0]
-    whole = int(lag)
-    first = lag - whole
-    for j in range(1, points):
-        share = NODES[j] - first
-        back[j] = whole if share >= 0.0 else whole + 1
-        fill_weights(share if share >= 0.0 else share + 1.0, weights, j)
-        if share < 0.0:
-            fill_weights(NODES[j] / first, first_weights, j)
-    return whole, first
+    for j in range(1, weights.shape[0]):
+        if NODES[j] >= lag:
+            fill_weights(NODES[j] - lag, weights, j)
 
 
 @helper()
-def _weighted(history, index, weights, row):
+def _velocity(time, index, spans, polynomials):
+    """Velocity at a time after breakaway in a step that is done, by its polynomial."""
+    share = (time - spans[index, 0]) / spans[index, 1]
+    total = 0.0
+    for k in range(polynomials.shape[1] - 1, -1, -1):
+        total = total * share + polynomials[index, k]
+    return total
+
+
+@helper()
+def _weighted(values, weights, row):
     """Velocity in a step, by the weights of its points."""
     points = weights.shape[1]
     total = 0.0
     for i in range(points):
-        total += weights[row, i] * history[index, i]
+        total += weights[row, i] * values[i]
     return total
 
 
 @helper()
 def _slide(
-    begin, surplus, creep, level, drive, stiffness, drag, law, plant, step, whole, first, direction, rest, node, last,
-    times, drives, matrices, weights, back, history, positions, velocities,
+    begin, surplus, creep, level, drive, stiffness, drag, law, plant, steps, direction, rest, node, last, times, drives,
+    filled, matrices, weights, spans, polynomials, positions, velocities,
 ):  # fmt: skip
     """One slip from ``begin``, at a speed of ``creep``, where the force is ``surplus`` beyond what holds.
 
-    ``drag`` goes with the square of the velocity.
+    ``drag`` goes with the square of the velocity. ``filled``, ``matrices`` and ``weights`` are of steps halved so many
+    times, the first of the steps until one lag after breakaway.
 
     Fills the nodes that it passes.
 
     Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
     """
-    points, columns = history.shape[1], matrices.shape[2]
+    points, columns, halvings = weights.shape[1], matrices.shape[2], matrices.shape[0] - 2
     vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
-    unit = plant[STRIBECK_VELOCITY]
+    values = np.empty(POINTS)
+    unit, lag = plant[STRIBECK_VELOCITY], plant[LAG]
+    before_fall = math.ceil(lag / steps[COARSE] - _NO_STEP)
     way, speed = 0.0, creep
     acceleration = (surplus - (plant[VISCOUS] + drag * creep) * creep) / plant[INERTIA]
-    cursor = node
-    index = np.int64(0) if first > _NO_STEP else np.int64(1)
-    while node < last and index < history.shape[0] and abs(way) < _ABSURD:
-        size = step if index > 0 else first * step
-        start = begin if index == 0 else begin + (first + (index - 1)) * step
-        matrix = matrices[1 if index > 0 else 0]
+    cursor, past = node, 0
+    index, elapsed = 0, 0.0
+    while node < last and index < spans.shape[0] and abs(way) < _ABSURD:
+        if index < before_fall:
+            size, which = lag / before_fall, 0
+        else:
+            while past + 1 < index and spans[past + 1, 0] <= elapsed - lag:
+                past += 1
+            ratio = max(_velocity(elapsed - lag, past, spans, polynomials), 0.0) if index > 0 else 0.0
+            size, which = steps[COARSE], 1
+            while which <= halvings and size > steps[FINE] + steps[GROWTH] * ratio:
+                size *= 0.5
+                which += 1
+        matrix = matrices[which]
+        if not filled[which]:
+            filled[which] = True
+            inertia = plant[INERTIA]
+            fill_step(stiffness * size * size / inertia, plant[VISCOUS] * size / inertia, matrix)
+            _fill_lagged_weights(lag / size, weights[which])
+        start = begin + elapsed
         mobility = size * size / plant[INERTIA]
+        implicit = points
         for j in range(1, points):
             time = start + NODES[j] * size
             while cursor + 1 < last and times[cursor + 1] < time:
                 cursor += 1
             forces[j] = surplus + direction * _at(time, cursor, times, drives) - drive
-            lagged, before = 0.0, index - back[j]
-            if index == 0 or before < 0 or (before == 0 and back[j] == whole):
+            lagged, before = 0.0, elapsed + NODES[j] * size - lag
+            if before <= 0.0 or index < before_fall:
                 lagged = 0.0  # it had not begun
-            elif before == 0:
-                lagged = _weighted(history, 0, weights[1], j)
-            elif back[j] == 0:
-                lagged = (speed + acceleration * (NODES[j] - first) * step) / unit
+            elif NODES[j] * size >= lag:
+                implicit = min(implicit, j)
+                lagged = (speed + acceleration * (NODES[j] * size - lag)) / unit
             else:
-                lagged = _weighted(history, before, weights[0], j)
+                while past + 1 < index and spans[past + 1, 0] <= before:
+                    past += 1
+                lagged = _velocity(before, past, spans, polynomials)
             shapes[j] = _stribeck_friction(law, 1.0, lagged)
             if drag != 0.0:
                 # To begin with, as fast as it would be with the acceleration of the step's beginning.
                 dragged[j] = drag * (speed + acceleration * NODES[j] * size) ** 2
             vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]) - dragged[j])
-        history[index, 0] = speed / unit
+        values[0] = speed / unit
         vector[0], vector[1], vector[2] = way, speed * size, acceleration * size * size
         vector[2] += (stiffness * way + plant[VISCOUS] * speed) * mobility
         for _ in range(_MOST_SWEEPS):
@@ -167,18 +195,16 @@ def _slide(
                 total = 0.0
                 for j in range(columns):
                     total += matrix[i, j] * vector[j]
-                history[index, i + 1] = total / (size * unit)
+                values[i + 1] = total / (size * unit)
             change = 0.0
-            if index > 0:
-                for j in range(1, points):
-                    if back[j] == 0:
-                        shape = _stribeck_friction(law, 1.0, _weighted(history, index, weights[0], j))
-                        if abs(shape - shapes[j]) > change:
-                            change = abs(shape - shapes[j])
-                        shapes[j] = shape
+            for j in range(implicit, points):
+                shape = _stribeck_friction(law, 1.0, _weighted(values, weights[which], j))
+                if abs(shape - shapes[j]) > change:
+                    change = abs(shape - shapes[j])
+                shapes[j] = shape
             if drag != 0.0:
                 for j in range(1, points):
-                    now = drag * (history[index, j] * unit) ** 2
+                    now = drag * (values[j] * unit) ** 2
                     if abs(now - dragged[j]) > change * level:
                         change = abs(now - dragged[j]) / level
                     dragged[j] = now
@@ -187,17 +213,19 @@ def _slide(
                     vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]) - dragged[j])
             if change < _SETTLED:
                 break
+        spans[index, 0], spans[index, 1] = elapsed, size
+        fill_polynomial(values, polynomials[index])
         end = 0.0
         for j in range(columns):
             end += matrix[END_POSITION, j] * vector[j]
-        end_speed = history[index, POINTS - 1] * unit
+        end_speed = values[POINTS - 1] * unit
         force = forces[POINTS - 1] + level * (1.0 - shapes[POINTS - 1])
         resistance = (plant[VISCOUS] + drag * end_speed) * end_speed
         end_acceleration = (force - stiffness * end - resistance) / plant[INERTIA]
         arrest = math.inf
         for j in range(1, points):
-            if history[index, j] <= 0.0:
-                arrest = first_not_positive(history[index], j)
+            if values[j] <= 0.0:
+                arrest = first_not_positive(values, polynomials[index], j)
                 break
         # Coefficients of the polynomial of degree five through position, velocity and acceleration at both ends.
         one, two = speed * size, 0.5 * acceleration * size * size
@@ -218,24 +246,19 @@ def _slide(
         if arrest <= 1.0 and node < last:
             s = arrest
             way += s * (one + s * (two + s * (three + s * (four + s * five))))
-            return until, way, _shape_at((until - begin) / step - first - whole, first, law, history, weights), node
+            before = elapsed + arrest * size - lag
+            if before <= 0.0:
+                return until, way, 1.0, node
+            while past < index and spans[past, 0] + spans[past, 1] <= before:
+                past += 1
+            return until, way, _stribeck_friction(law, 1.0, _velocity(before, past, spans, polynomials)), node
         way, speed, acceleration = end, end_speed, end_acceleration
+        elapsed += size
         index += 1
     for i in range(node + 1, last + 1):
         # Nothing that moves so: what it came from was absurd, or not a number.
         positions[i] = velocities[i] = math.nan
     return math.inf, way, 1.0, last
-
-
-@inlined()
-def _shape_at(time, first, law, history, weights):
-    """Ψ by the velocity so many steps after breakaway."""
-    if time <= 0.0:
-        return 1.0
-    index = 0 if time < first else 1 + int(time - first)
-    # Row 0 of the weights is of no other use.
-    fill_weights(time / first if index == 0 else time - first - (index - 1), weights[0], 0)
-    return _stribeck_friction(law, 1.0, _weighted(history, index, weights[0], 0))
 
 
 @compiled(nogil=True)
@@ -259,22 +282,24 @@ def simulate_windows(
     """
     room = 0.0
     for variant in range(parameters.shape[0]):
+        smallest = steps[variant, COARSE]
+        for _ in range(_HALVINGS):
+            if smallest > steps[variant, FINE]:
+                smallest *= 0.5
         for n in range(directions.shape[0]):
-            needed = (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / steps[variant]
+            needed = (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest
             if room < needed < _MOST_STEPS:
                 room = needed
-    history = np.empty((int(room) + 3, POINTS))
-    # Of the first step and of the others; weights of the others, and of the first.
-    matrices, weights = np.empty((2, ROWS, COLUMNS)), np.empty((2, POINTS, POINTS))
-    back = np.empty(POINTS, dtype=np.int64)
+    spans, polynomials = np.empty((int(room) + 3, 2)), np.empty((int(room) + 3, POINTS))
+    # Of the steps until one lag after breakaway, then of those halved so many times.
+    filled = np.zeros(_HALVINGS + 2, dtype=np.bool_)
+    matrices, weights = np.empty((_HALVINGS + 2, ROWS, COLUMNS)), np.empty((_HALVINGS + 2, POINTS, POINTS))
     plant = np.empty(RISE_TIME + 1)
     for variant in range(parameters.shape[0]):
-        step = steps[variant]
         for i in range(RISE_TIME + 1):
             plant[i] = parameters[variant, i]
         drive_at = drives[variant % drives.shape[0]]
         positions_at, velocities_at = positions[variant], velocities[variant]
-        whole, first_share = _lagged_weights(plant[LAG] / step, weights[0], weights[1], back)
         filled_stiffness = filled_damping = -1.0
         for n in range(directions.shape[0]):
             first, last = edges[n], edges[n + 1] - 1
@@ -285,10 +310,7 @@ def simulate_windows(
             drag = drags[variant % drags.shape[0], n]
             plant[VISCOUS] = parameters[variant, VISCOUS] + damping
             if stiffness != filled_stiffness or damping != filled_damping:
-                for which in range(2):
-                    size = step if which == 1 else first_share * step
-                    spring, decay = stiffness * size * size / plant[INERTIA], plant[VISCOUS] * size / plant[INERTIA]
-                    fill_step(spring, decay, matrices[which])
+                filled[:] = False
                 filled_stiffness, filled_damping = stiffness, damping
             node = first
             while node + 2 <= last and times[node + 1] <= begin:
@@ -312,9 +334,9 @@ def simulate_windows(
             level_now, surplus = level, surpluses[n] + damped
             for _ in range(_MOST_SLIPS):
                 arrest, way, shape, node = _slide(
-                    begin, surplus, creep, level_now, drive, stiffness, drag, law, plant, step, whole,
-                    first_share, direction, rest, node, last, times, drive_at, matrices, weights, back, history,
-                    positions_at, velocities_at,
+                    begin, surplus, creep, level_now, drive, stiffness, drag, law, plant, steps[variant], direction,
+                    rest, node, last, times, drive_at, filled, matrices, weights, spans, polynomials, positions_at,
+                    velocities_at,
                 )  # fmt: skip
                 if math.isinf(arrest):
                     break

@@ -83,19 +83,24 @@ def fill_weights(share, weights, row):
         weights[row, j] = total
 
 
-@inlined()
-def first_not_positive(values, point):
-    """Share of a step at which the polynomial through the points falls to zero, seen first not to be above it at one.
-
-    ``values`` are those at the points.
-    """
+@helper()
+def fill_polynomial(values, coefficients):
+    """Coefficients of the polynomial through the values at a step's points."""
     points = values.shape[0]
-    coefficients = np.empty(points)
     for k in range(points):
         total = 0.0
         for j in range(points):
             total += LAGRANGE[k, j] * values[j]
         coefficients[k] = total
+
+
+@inlined()
+def first_not_positive(values, coefficients, point):
+    """Share of a step at which the polynomial through the points falls to zero, seen first not to be above it at one.
+
+    ``values`` are those at the points.
+    """
+    points = values.shape[0]
     low, high = NODES[point - 1], NODES[point]
     if values[point - 1] <= 0.0:
         return low

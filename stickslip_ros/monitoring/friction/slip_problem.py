@@ -281,18 +281,20 @@ class SlipProblem(ObservedSlips):
         return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
-        """Steps of the simulation [s], a smooth function of the parameters."""
+        """Steps of the simulation [s], smooth functions of the parameters: columns of the kernel, shape (variants, 3)."""
         # As few calls as can be: they take longer than what they do.
         inertia = plants[:, INERTIA]
         largest = self._largest_gains if gains.base is self._gains else gains.max(axis=1)
         stiffness, damping = largest[:, 0], largest[:, 1]
         frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / self._usual_duration)
-        speeding_up = _SPEEDING_UP * self._usual_duration / self.usual_speed
-        change = plants[:, STRIBECK_VELOCITY] * speeding_up + _OF_LAG * plants[:, LAG]
-        rate = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
-        rate = np.maximum(rate, 1.0 / (_OF_CHANGE * change))
-        rate = np.minimum(np.maximum(rate, self._least_rate), self._most_rate)
-        return np.asarray(1.0 / rate)
+        coarse = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
+        coarse = 1.0 / np.minimum(np.maximum(coarse, self._least_rate), self._most_rate)
+        growth = _OF_CHANGE * plants[:, STRIBECK_VELOCITY] * _SPEEDING_UP * self._usual_duration / self.usual_speed
+        fine = np.maximum(growth + _OF_CHANGE * _OF_LAG * plants[:, LAG], 1.0 / self._most_rate)
+        if not self.normalised:
+            # A sampled force has a bend at every sample. Steps of one length keep the error by them smooth.
+            coarse, growth = np.minimum(coarse, fine), np.zeros(len(plants))
+        return np.stack([coarse, fine, growth], axis=1)
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
