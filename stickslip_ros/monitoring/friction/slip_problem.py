@@ -281,7 +281,7 @@ class SlipProblem(ObservedSlips):
         return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
-        """Steps of the simulation [s], smooth functions of the parameters: columns of the kernel, shape (variants, 3)."""
+        """Steps of the simulation [s], smooth in the parameters: columns of the kernel, shape (variants, 3)."""
         # As few calls as can be: they take longer than what they do.
         inertia = plants[:, INERTIA]
         largest = self._largest_gains if gains.base is self._gains else gains.max(axis=1)
