@@ -7,6 +7,10 @@ A bag is an MCAP file, a rosbag2 directory, a .db3 file, a .bag file of ROS 1 or
 --html writes a page for triage instead of one bag's report. Exit status: 0 done, 1 with --fail-on-stick-slip if a joint
 sticks and slips, for however short a part of the recording, or if an --alarm rings, 2 a bag could not be analysed, or
 none of its joints be judged.
+
+Examples:
+    stickslip analyze robot.mcap --html report.html
+    stickslip analyze recordings/ --gains 630,12 --jobs 4 --html fleet.html
 """
 
 from __future__ import annotations

@@ -6,6 +6,10 @@ Every joint of the table is taken. A column is found by its name, as in timestam
 /joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]"; or it is named, with its unit where the name has
 none: --column 'position=q*:deg', where * stands for the joint. What was found is shown before anything is written.
 Stamps are kept as they are.
+
+Examples:
+    stickslip convert log.csv --out robot.mcap
+    stickslip convert log.csv --out robot.mcap --column 'position=q*:deg' --stiffness 630
 """
 
 from __future__ import annotations

@@ -6,6 +6,10 @@ From a recording (a table as `stickslip convert` takes it, or a bag with JointSt
 and where the effort is known its sliding, are fitted. The experiment rests, moves slowly, faster, and the same
 way back, by the parameters of a simulated joint or as a trajectory for a joint_trajectory_controller; --plan
 only says what it would do.
+
+Examples:
+    stickslip identify robot.mcap --on joint1 --out joint1.yaml
+    stickslip identify --simulated /simulated_joint --speeds 0.005,0.02 --plan
 """
 
 from __future__ import annotations

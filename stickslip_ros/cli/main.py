@@ -53,8 +53,19 @@ _CURSOR_AND_EMPTY_LINE = b"\x1b[?25h\r\x1b[2K"
 _OPTION, _NEGATIVE = re.compile(r"--[a-z][a-z-]*"), re.compile(r"-\.?\d")
 
 
+_OTHER_SPELLINGS = {"analyse": "analyze"}
+_EXAMPLES = "Examples:\n"  # what they begin with in the docstring of a command's module
 # What argparse calls Python's types by their names.
 _NO_NUMBER = {"invalid float value": "must be a number", "invalid int value": "must be a whole number"}
+
+
+class _Paragraphs(argparse.HelpFormatter):
+    """Wraps each paragraph by itself, and keeps the lines of the examples."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if text.startswith(_EXAMPLES):
+            return text
+        return "\n\n".join(super(_Paragraphs, self)._fill_text(part, width, indent) for part in text.split("\n\n"))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -75,7 +86,11 @@ def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
             commands.add_parser(name, help=command.summary)
             continue
         module = import_module(f"stickslip_ros.cli.{command.module}")
-        own = commands.add_parser(name, help=command.summary, description=module.__doc__)
+        description, heading, examples = (module.__doc__ or "").partition(_EXAMPLES)
+        own = commands.add_parser(
+            name, help=command.summary, description=description.strip(), epilog=heading + examples,
+            formatter_class=_Paragraphs,
+        )  # fmt: skip
         module.add_arguments(own)
         own.set_defaults(run=module.run, compiled=command.compiled)
     return parser
@@ -88,6 +103,10 @@ def main(arguments: list[str] | None = None) -> int:
         take_signals([number for number in _SIGNALS if signal.getsignal(number) != signal.SIG_IGN])
         at_hard_end(_give_back_terminal)
     given = _with_negative_values(sys.argv[1:] if arguments is None else arguments)
+    if not given:
+        build_parser(()).print_help(sys.stderr)
+        return 2
+    given[0] = _OTHER_SPELLINGS.get(given[0], given[0])
     try:
         options = build_parser(given[:1]).parse_args(given)
         check()

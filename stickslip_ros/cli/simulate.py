@@ -3,6 +3,10 @@
 """`stickslip simulate`: a recording of simulated joints, as rosbag2 would have written it.
 
 Joint n moves at n times the speed, so that of several joints the first stick and the last do not.
+
+Examples:
+    stickslip simulate --out robot.mcap
+    stickslip simulate --out robot.mcap --names shoulder,elbow --duration 30 --velocity-noise 0.001
 """
 
 from __future__ import annotations
