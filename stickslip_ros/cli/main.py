@@ -13,9 +13,10 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from importlib import import_module
-from typing import NamedTuple, NoReturn
+from types import MappingProxyType
+from typing import Any, NamedTuple, NoReturn
 
 import stickslip_ros
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
@@ -24,13 +25,17 @@ from stickslip_ros.visible import visible
 
 
 class Command(NamedTuple):
-    """A command: module of stickslip_ros.cli that is loaded for it, what it does, whether by compiled functions."""
+    """A command: module of stickslip_ros.cli that is loaded for it, what it does, whether by compiled functions, and
+    former names of its options, which go on working.
+    """
 
     module: str
     summary: str
     compiled: bool = True
+    former: Mapping[str, str] = MappingProxyType({})
 
 
+_STAMP = {"--start": "--first-stamp"}
 # Nothing else is loaded to name them.
 COMMANDS = {
     "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?"),
@@ -41,8 +46,8 @@ COMMANDS = {
     "identify": Command("identify", "learn a joint's inertia and friction from a recording or an experiment"),
     "watch": Command("watch", "every joint, live in the terminal", compiled=False),
     "map": Command("stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is"),
-    "simulate": Command("simulate", "write a bag of simulated joints"),
-    "convert": Command("convert", "turn a table of samples into a bag", compiled=False),
+    "simulate": Command("simulate", "write a bag of simulated joints", former=_STAMP),
+    "convert": Command("convert", "turn a table of samples into a bag", compiled=False, former=_STAMP),
     "figures": Command("figures", "draw the paper's figures, with their numbers"),
     "demo": Command("demo", "stick slip detected, explained and cured, in half a minute", compiled=False),
     "warm-up": Command("warm_up", "compile everything ahead, once after installation", compiled=False),
@@ -69,6 +74,14 @@ class _Paragraphs(argparse.HelpFormatter):
 
 
 class _Parser(argparse.ArgumentParser):
+    former: Mapping[str, str] = MappingProxyType({})
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        words = (word.partition("=") for word in args)
+        return super().parse_known_args(
+            ["".join((self.former.get(name, name), *more)) for name, *more in words], namespace
+        )
+
     def error(self, message: str) -> NoReturn:
         for words, ours in _NO_NUMBER.items():
             message = message.replace(words, ours, 1)
@@ -91,6 +104,7 @@ def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
             name, help=command.summary, description=description.strip(), epilog=heading + examples,
             formatter_class=_Paragraphs,
         )  # fmt: skip
+        own.former = command.former
         module.add_arguments(own)
         own.set_defaults(run=module.run, compiled=command.compiled)
     return parser
