@@ -35,6 +35,7 @@ class Command(NamedTuple):
     former: Mapping[str, str] = MappingProxyType({})
 
 
+_IDENTIFY = {"--on": "--joint", "--prior": "--model", "--largest-way": "--largest-distance"}
 _STAMP = {"--start": "--first-stamp"}
 # Nothing else is loaded to name them.
 COMMANDS = {
@@ -43,7 +44,9 @@ COMMANDS = {
     "reversal": Command("reversal", "how long a joint stands, and falls behind, where its reference turns round"),
     "analyze": Command("analyze", "find stick slip in recorded bags"),
     "compare": Command("compare", "two recordings, before and after a change: did it help?"),
-    "identify": Command("identify", "learn a joint's inertia and friction from a recording or an experiment"),
+    "identify": Command(
+        "identify", "learn a joint's inertia and friction from a recording or an experiment", former=_IDENTIFY
+    ),
     "watch": Command("watch", "every joint, live in the terminal", compiled=False),
     "map": Command("stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is"),
     "simulate": Command("simulate", "write a bag of simulated joints", former=_STAMP),
