@@ -155,6 +155,12 @@ def print_fleet(answers: Sequence[Answer]) -> None:
             console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
 
 
+def print_brief(answers: Sequence[Answer]) -> None:
+    """A line for each bag: what it shows."""
+    for found in answers:
+        Terminal(highlight=False, soft_wrap=True).print(visible(f"{found['path']}: {_result(found)}"), markup=False)
+
+
 def print_alarms(joints: Sequence[FleetJoint]) -> None:
     """A line for each alarm that rings."""
     console = Terminal(highlight=False, soft_wrap=True)

@@ -312,6 +312,23 @@ def test_simulated_recordings_are_bags(tmp_path: Path, capsys: pytest.CaptureFix
     assert not (tmp_path / "x.mcap").exists()
 
 
+def test_a_line_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 40, item 6: --brief prints what a bag shows in one line, of a broken one that too; no table."""
+    bags = [tmp_path / f"{name}.mcap" for name in ("sticks", "smooth", "torn")]
+    for path, velocity in zip(bags, (0.007, 0.2), strict=False):
+        write_simulation(path, {"a": sticking(velocity)}, duration=10.0, rate=200.0)
+    bags[2].write_bytes(b"no bag")
+    assert main(["analyze", "--brief", "--no-learning", str(bags[0])]) == 0
+    assert capsys.readouterr().out.splitlines()[0].startswith(f"{bags[0]}: 1 of 1 joint stuck and slipped: a ")
+    assert main(["analyze", "--brief", "--no-learning", *map(str, bags)]) == 2
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert f"{bags[1]}: none of 1 joint stuck and slipped" in lines
+    assert f"{bags[2]}: could not be analysed" in lines
+    with pytest.raises(SystemExit, match="2"):
+        main(["analyze", "--brief", "--json", str(bags[0])])
+
+
 def test_each_seed_gives_another_recording_of_today(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 40, item 6: three seeds, three bags, and the same seed the same samples. Without any randomness, the option
     is refused. The former name of --first-stamp works.

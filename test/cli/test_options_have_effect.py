@@ -110,6 +110,7 @@ ROWS: dict[str, dict[str, Row]] = {
         "--compression": Row(("zstd", "none")),
     },
     "analyze": {
+        "--brief": Row((None, ""), replaces=("--json",)),
         "--joint": Row(("left/joint1", "right/joint1")),
         "--start": Row(("0", "2")),
         "--end": Row(("5", "6")),
