@@ -90,7 +90,7 @@ def draw_report(folder: Path) -> None:
     """The top of the page on a recording."""
     bag, page = str(folder / "arm.mcap"), folder / "report.html"
     joints = ["--names", "shoulder,elbow,wrist", "--velocity", "0.0058,0.02,0.08"]
-    stickslip(["simulate", "--out", bag, *joints, "--start", "1795000000"])
+    stickslip(["simulate", "--out", bag, *joints, "--first-stamp", "1795000000"])
     stickslip(["analyze", bag, "--html", str(page)])
     photograph(page, PICTURES / "report.png", 1200, 1500)
 

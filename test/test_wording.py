@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.detection.status import (
 )
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
 from stickslip_ros.monitoring.friction.ripple import Ripple
-from stickslip_ros.output.wording import dry_friction_text, friction_change_text, reason_text
+from stickslip_ros.output.wording import counted, dry_friction_text, friction_change_text, reason_text
 
 SENTENCES: list[tuple[Reason | None, str]] = [
     (None, ""),
@@ -104,3 +104,8 @@ def test_what_dry_friction_depends_on() -> None:
     )
     assert dry_friction_text(replace(DRY, ripple=None, drift=None, load_dependence=None)) == ""
     assert dry_friction_text(None) == ""
+
+
+def test_one_of_a_kind_is_singular() -> None:
+    """Issue 40, item 6: pages and terminal say "1 joint"."""
+    assert [counted(number, "joint") for number in (0, 1, 2)] == ["0 joints", "1 joint", "2 joints"]

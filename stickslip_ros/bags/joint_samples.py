@@ -15,12 +15,21 @@ from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_robots, find_topics
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 
 def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit: UnpackLimit | None = None) -> Batch:
-    """Everything recorded of one joint, with its reference.
+    """Everything recorded of one joint, with its reference; see :func:`read_joint_with_gains`."""
+    # Gains are not read here, so that it is no matter which they would be.
+    return read_joint_with_gains(path, joint, replace(choice or TopicChoice(), gains=""), limit)[0]
+
+
+def read_joint_with_gains(
+    path: Path, joint: str, choice: TopicChoice, limit: UnpackLimit | None = None
+) -> tuple[Batch, tuple[Gains, ...]]:
+    """Everything recorded of one joint, with its reference; and its gains, one after the other.
 
     Parameters
     ----------
@@ -33,13 +42,15 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit:
     """
     pairing = ReferencePairing()
     there: set[str] = set()
+    gains: list[Gains] = []
     with Bag(path, limit) as bag:
         try:
-            # Gains are not read here, so that it is no matter which they would be.
-            topics = find_topics(bag.channels(), replace(choice or TopicChoice(), gains=""))
+            topics = find_topics(bag.channels(), choice)
         except RecordingError as error:
             raise RecordingError(f"bag {path}: {error}") from error
-        for piece in BagReader(bag, {"": topics}).pieces():
+        for piece in BagReader(bag, {"": topics}, choice.controller).pieces():
+            if joint in piece.gains and piece.gains[joint] not in gains[-1:]:
+                gains.append(piece.gains[joint])
             there |= set(piece.samples)
             if joint in piece.samples:
                 pairing.add_samples(piece.samples[joint])
@@ -48,8 +59,10 @@ def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit:
     batch = pairing.next_batch(all_of_them=True)
     if batch is None:
         names = ", ".join(sorted(there)) or "none"
-        raise RecordingError(f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --on)")
-    return batch
+        raise RecordingError(
+            f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --joint)"
+        )
+    return batch, tuple(gains)
 
 
 def joint_names(

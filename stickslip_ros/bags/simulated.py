@@ -34,8 +34,9 @@ class RecordedJoint:
     Attributes
     ----------
     velocities : commanded one after the other, for equal parts of the recording [rad/s].
-    encoder_resolution : of the position, 0 for none [rad]. position_noise, velocity_noise : standard deviations
-        [rad], [rad/s]. load : constant torque against the controller [N·m].
+    encoder_resolution : of the position, 0 for none [rad]. encoder_phase : where within a count the joint begins [1].
+    position_noise, velocity_noise : standard deviations [rad], [rad/s].
+    load : constant torque against the controller [N·m].
     feedforward, feedback, push : shares of its friction that the controller compensates [1].
 
     Raises
@@ -48,6 +49,7 @@ class RecordedJoint:
     gains: Gains
     velocities: tuple[float, ...]
     encoder_resolution: float = 0.0
+    encoder_phase: float = 0.0
     position_noise: float = 0.0
     velocity_noise: float = 0.0
     load: float = 0.0
@@ -182,7 +184,7 @@ class _Track:
         motion = self._simulation.advance(self._period, starts, velocities)
         position = motion.position + what.position_noise * generator.standard_normal(count)
         if what.encoder_resolution > 0.0:
-            position = what.encoder_resolution * np.round(position / what.encoder_resolution)
+            position = what.encoder_resolution * np.round(position / what.encoder_resolution + what.encoder_phase)
         velocity = motion.velocity + what.velocity_noise * generator.standard_normal(count)
         measured = np.stack([position, velocity, motion.effort], axis=1)
         return measured, np.stack([ends, velocities, np.full(count, np.nan)], axis=1)

@@ -29,7 +29,7 @@ from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.output.wording import OUTCOME_WORDS
+from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
@@ -145,10 +145,20 @@ def print_fleet(answers: Sequence[Answer]) -> None:
         soft_wrap=True,
     )
     console.print("[dim]friction: Coulomb friction identified in the first and in the latest bag[/]", soft_wrap=True)
+    failed = [found["path"] for found in answers if "error" in found]
+    if failed:
+        console.print(f"[yellow]{counted(len(failed), 'bag')} could not be analysed:[/] ", end="")
+        console.print(visible(", ".join(failed)), markup=False, soft_wrap=True)
     for found in answers:
         for warning in found.get("warnings", []):
             console.print("[yellow]warning:[/] ", end="")
             console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
+
+
+def print_brief(answers: Sequence[Answer]) -> None:
+    """A line for each bag: what it shows."""
+    for found in answers:
+        Terminal(highlight=False, soft_wrap=True).print(visible(f"{found['path']}: {_result(found)}"), markup=False)
 
 
 def print_alarms(joints: Sequence[FleetJoint]) -> None:
@@ -181,10 +191,10 @@ def _result(found: Answer) -> str:
         return "no joint could be judged"
     sticking = {name: joint["stick_slip_share"] for name, joint in joints.items() if joint["worst_status"] == _STICKS}
     if not sticking:
-        return f"none of {len(joints)} joints stuck and slipped"
+        return f"none of {counted(len(joints), 'joint')} stuck and slipped"
     worst = sorted(sticking.items(), key=lambda one: -(one[1] or 0.0))
     listed = ", ".join(f"{name} {words.percent(math.nan if share is None else share)}" for name, share in worst)
-    return f"{len(sticking)} of {len(joints)} joints stuck and slipped: {listed}"
+    return f"{len(sticking)} of {counted(len(joints), 'joint')} stuck and slipped: {listed}"
 
 
 def console_of_tables() -> Console:

@@ -7,6 +7,10 @@ A bag is an MCAP file, a rosbag2 directory, a .db3 file, a .bag file of ROS 1 or
 --html writes a page for triage instead of one bag's report. Exit status: 0 done, 1 with --fail-on-stick-slip if a joint
 sticks and slips, for however short a part of the recording, or if an --alarm rings, 2 a bag could not be analysed, or
 none of its joints be judged.
+
+Examples:
+    stickslip analyze robot.mcap --html report.html
+    stickslip analyze recordings/ --gains 630,12 --jobs 4 --html fleet.html
 """
 
 from __future__ import annotations
@@ -30,7 +34,14 @@ from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.analysis.words import nothing_judged
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import alarms_json, print_alarms, print_analysis, print_finished, print_fleet
+from stickslip_ros.cli.analysis_tables import (
+    alarms_json,
+    print_alarms,
+    print_analysis,
+    print_brief,
+    print_finished,
+    print_fleet,
+)
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
@@ -49,7 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_arguments(parser)
     add_limit_arguments(parser)
     output = parser.add_argument_group("output")
-    output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    printed = output.add_mutually_exclusive_group()
+    printed.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    printed.add_argument("--brief", action="store_true", help="print one line a bag and nothing else")
     output.add_argument("--csv", type=CSV, metavar="FILE", help="write every cycle into a table")
     output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")
     output.add_argument(
@@ -114,6 +127,8 @@ def run(options: argparse.Namespace) -> int:
         # Whatever becomes of the files, the answer is not lost.
         if options.json:
             print(json_text({"bags": answers} | ({"alarms": alarms_json(joints)} if options.alarm else {})))
+        elif options.brief:
+            print_brief(answers)
         elif analysis is not None:
             print_analysis(analysis)
         elif len(bags) > 1 or not errors:

@@ -151,15 +151,26 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
 
 def _gains(option: str, text: str) -> dict[str, float]:
     joint, values = _of_joint(text)
+    return dict(zip((f"gains.{joint}.{kind}" for kind in _ORDER), gain_numbers(option, values), strict=False))
+
+
+def gain_numbers(option: str, text: str) -> list[float]:
+    """Gains k_p, k_v and k_i of the form 630,12,100, of which those at the end may be left out.
+
+    Raises
+    ------
+    InvalidParameterError
+        If they cannot be; the text has the option.
+    """
     try:
-        numbers = [float(value) for value in values.split(",")]
+        numbers = [float(value) for value in text.split(",")]
         if len(numbers) > len(_ORDER):
             raise ValueError
     except ValueError as error:
         raise InvalidParameterError(option, "of the form 630 or 630,12 or joint1=630,12,100", text) from error
     if not all(map(can_be_a_gain, numbers)):
         raise InvalidParameterError(option, GAINS_RULE, text)
-    return dict(zip((f"gains.{joint}.{kind}" for kind in _ORDER), numbers, strict=False))
+    return numbers
 
 
 def can_be_a_gain(number: float) -> bool:

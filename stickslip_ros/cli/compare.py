@@ -5,6 +5,10 @@
 What changed of each joint is printed with its errors, and whether it helped, in a sentence. A change is called
 significant if it is beyond the combined errors (95 %); what the motion does not identify is not compared. Exit status:
 0 done, 2 a bag could not be analysed, or no joint is in both.
+
+Examples:
+    stickslip compare before.mcap after.mcap
+    stickslip compare before.mcap after.mcap --joint joint1 --gains 630 --gains-after 2000,30 --html page.html
 """
 
 from __future__ import annotations

@@ -6,6 +6,10 @@ Every joint of the table is taken. A column is found by its name, as in timestam
 /joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]"; or it is named, with its unit where the name has
 none: --column 'position=q*:deg', where * stands for the joint. What was found is shown before anything is written.
 Stamps are kept as they are.
+
+Examples:
+    stickslip convert log.csv --out robot.mcap
+    stickslip convert log.csv --out robot.mcap --column 'position=q*:deg' --stiffness 630
 """
 
 from __future__ import annotations
@@ -66,7 +70,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--column", action="append", metavar="FIELD=COLUMN[:UNIT]", default=[],
         help=f"FIELD one of {', '.join(FIELDS)}; * stands for the joint, as in position=q*:deg; may be repeated",
     )  # fmt: skip
-    parser.add_argument("--start", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)")
+    parser.add_argument(
+        "--first-stamp", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)"
+    )
     parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controllers then, to be recorded too")
     parser.add_argument("--damping", type=float, metavar="KV", help="k_v then (default 0)")
     parser.add_argument("--integral", type=float, metavar="KI", help="k_i then (default 0)")
@@ -84,9 +90,9 @@ def run(options: argparse.Namespace) -> int:
     names = _names(options.names, table)
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
     # A stamp of zero means that there is none.
-    start = options.start if options.start is not None else (0.0 if first > 0.0 else 1.0 - first)
+    start = options.first_stamp if options.first_stamp is not None else (0.0 if first > 0.0 else 1.0 - first)
     if not math.isfinite(start) or first + start <= 0.0:
-        raise InvalidParameterError("--start", f"such that the first stamp is after zero (> {-first:g})", start)
+        raise InvalidParameterError("--first-stamp", f"such that the first stamp is after zero (> {-first:g})", start)
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     _show(table, names)
     batches = dict(zip(names, table.batches.values(), strict=True))

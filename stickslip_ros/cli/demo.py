@@ -7,6 +7,10 @@ advice to the moving joint, and waits for smooth motion. Exit status 0 only if s
 detected before and is gone after. With --recording, a recorded joint takes the simulated one's place
 and nothing is changed: then 0 means that the recording was watched to its end. With --compensation it
 takes a minute, and shows what compensating the friction does: for stick slip, at reversals, and if it is too much.
+
+Examples:
+    stickslip demo
+    stickslip demo --compensation
 """
 
 from __future__ import annotations

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip figures`: the paper's figures, drawn from the equations, with their numbers."""
+"""`stickslip figures`: the paper's figures, drawn from the equations, with their numbers.
+
+Examples:
+    stickslip figures
+    stickslip figures 1 13 --out pictures
+"""
 
 from __future__ import annotations
 

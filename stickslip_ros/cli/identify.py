@@ -6,6 +6,10 @@ From a recording (a table as `stickslip convert` takes it, or a bag with JointSt
 and where the effort is known its sliding, are fitted. The experiment rests, moves slowly, faster, and the same
 way back, by the parameters of a simulated joint or as a trajectory for a joint_trajectory_controller; --plan
 only says what it would do.
+
+Examples:
+    stickslip identify robot.mcap --joint joint1 --out joint1.yaml
+    stickslip identify --simulated /simulated_joint --speeds 0.005,0.02 --plan
 """
 
 from __future__ import annotations
@@ -20,11 +24,11 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from stickslip_ros.analysis.sample_checks import data_problems
-from stickslip_ros.bags.joint_samples import read_joint
+from stickslip_ros.bags.joint_samples import read_joint_with_gains
 from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice
-from stickslip_ros.cli.bag_options import add_unpack_argument, unpack_limit
+from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, unpack_limit
 from stickslip_ros.cli.outputs import JOINT_FILE
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
@@ -44,10 +48,10 @@ from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
 
-_STEP_TIME, _REST, _LARGEST_WAY, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
+_STEP_TIME, _REST, _LARGEST_DISTANCE, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
 _OF_EXPERIMENT = {
-    "speeds": None, "step_time": _STEP_TIME, "rest": _REST, "largest_way": _LARGEST_WAY, "largest_lag": _LARGEST_LAG,
-    "plan": False,
+    "speeds": None, "step_time": _STEP_TIME, "rest": _REST, "largest_distance": _LARGEST_DISTANCE,
+    "largest_lag": _LARGEST_LAG, "plan": False,
 }  # fmt: skip
 
 
@@ -63,22 +67,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     topics = parser.add_argument_group("topics of a bag, where there are several that could be meant")
     topics.add_argument("--states", metavar="TOPIC", help="joint states")
     topics.add_argument("--references", action="append", metavar="TOPIC", help="desired motion; '' for none")
+    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains; '' for none")
     add_unpack_argument(parser)
-    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controller then [N·m/rad]")
-    parser.add_argument("--damping", type=float, metavar="KV", default=0.0, help="k_v then [N·m·s/rad] (default 0)")
-    parser.add_argument("--integral", type=float, metavar="KI", default=0.0, help="k_i then [N·m/(rad·s)] (default 0)")
-    parser.add_argument("--prior", metavar="NAME", help="known joint or joint file, right within a factor of two")
+    parser.add_argument(
+        "--gains", metavar="P[,D[,I]]",
+        help="of the controller [N·m/rad, N·m·s/rad, N·m/(rad·s)] (default: those that the bag has)",
+    )  # fmt: skip
+    # The gains one by one, as they were given before --gains.
+    parser.add_argument("--stiffness", type=float, help=argparse.SUPPRESS)
+    parser.add_argument("--damping", type=float, default=0.0, help=argparse.SUPPRESS)
+    parser.add_argument("--integral", type=float, default=0.0, help=argparse.SUPPRESS)
+    parser.add_argument("--model", metavar="NAME", help="known joint or joint file, right within a factor of two")
     experiment = parser.add_argument_group("experiment, instead of a recording")
     experiment.add_argument("--simulated", metavar="NODE", help="of a simulated joint, e.g. /simulated_joint")
     experiment.add_argument("--controller", metavar="NODE", help="a joint_trajectory_controller")
-    parser.add_argument("--on", metavar="JOINT", default="joint1", help="to move, or of the bag (default: %(default)s)")
+    parser.add_argument(
+        "--joint", metavar="NAME", default="joint1", help="to move, or of the bag (default: %(default)s)"
+    )
     experiment.add_argument("--speeds", metavar="V,V", help="speeds of the ladder, slow to fast [rad/s]")
     experiment.add_argument(
         "--step-time", type=float, metavar="S", default=_STEP_TIME, help="at each speed [s] (default: %(default)s)"
     )
     experiment.add_argument("--rest", type=float, metavar="S", default=_REST, help="in between [s] (default 3)")
     experiment.add_argument(
-        "--largest-way", type=float, metavar="X", default=_LARGEST_WAY,
+        "--largest-distance", type=float, metavar="X", default=_LARGEST_DISTANCE,
         help="refuse to move further from the start than this [rad] (default: %(default)s)",
     )  # fmt: skip
     experiment.add_argument(
@@ -89,13 +101,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", help="of the joint in the joint file (default: the recording's or the joint's)")
     parser.add_argument("--out", type=JOINT_FILE, metavar="FILE", help="write a joint file (.yaml), for config/joints")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(made_of={"prior": ("--model",)})
 
 
 def run(options: argparse.Namespace) -> int:
     """Identify and print; exit status 0 if something was found, 1 if the motion shows nothing."""
-    prior = load_joint(options.prior) if options.prior else None
+    prior = None if options.model is None else load_joint(options.model)
     if prior is not None and prior.per_inertia:
-        raise InvalidParameterError("--prior", "a joint whose inertia is known", options.prior)
+        raise InvalidParameterError("--model", "a joint whose inertia is known", options.model)
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
         raise StickSlipError("give what to identify: one of RECORDING, --simulated NODE and --controller NODE")
@@ -104,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     gains = _gains(options)
     if options.recording:
         path = _find(options.recording)
-        batch = _samples(path, options)
+        batch, gains = _samples(path, options, gains)
         name, source = path.stem, f"Identified from {path.name}."
     else:
         experiment = _experiment(options)
@@ -112,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
             return 0
         batch, heard = experiment
         gains = gains or heard
-        name, source = options.on, f"Identified by a ladder of speeds {options.speeds} rad/s."
+        name, source = options.joint, f"Identified by a ladder of speeds {options.speeds} rad/s."
     with Terminal(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
         found = identify(batch, gains, prior.joint if prior else None)
     problems = data_problems(found.state, len(batch))
@@ -137,17 +150,24 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _samples(path: Path, options: argparse.Namespace) -> Batch:
+def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tuple[Batch, Gains | None]:
+    """The samples, and the gains: those that are given, else those that a bag has."""
     limit = unpack_limit(options)
-    if is_read_as_bag(path):
-        return read_joint(path, options.on, _topics(options), limit)
-    return load_recording(path, options.on, limit).batch
-
-
-def _topics(options: argparse.Namespace) -> TopicChoice:
-    given = options.references
-    references = None if given is None else tuple(topic for topic in given if topic)
-    return TopicChoice(states=options.states, references=references)
+    if not is_read_as_bag(path):
+        return load_recording(path, options.joint, limit).batch, given
+    references = options.references
+    choice = TopicChoice(
+        states=options.states,
+        references=None if references is None else tuple(topic for topic in references if topic),
+        gains=options.gains_topic if given is None else "",
+    )
+    batch, recorded = read_joint_with_gains(path, options.joint, choice, limit)
+    if len(recorded) > 1:
+        raise RecordingError(
+            f"bag {path}: the gains of {options.joint} change, and one set of gains is fitted: give them by --gains, "
+            "or use stickslip analyze, which follows such changes"
+        )
+    return batch, given or next(iter(recorded), None)
 
 
 def _find(name: str) -> Path:
@@ -159,6 +179,11 @@ def _full(source: str, prior: KnownJoint | None) -> str:
 
 
 def _gains(options: argparse.Namespace) -> Gains | None:
+    if options.gains is not None:
+        if options.stiffness is not None:
+            raise InvalidParameterError("--stiffness", "left out with --gains", options.stiffness)
+        numbers = gain_numbers("--gains", options.gains)
+        return Gains(**dict(zip(("stiffness", "damping", "integral"), numbers, strict=False)))
     if options.stiffness is None:
         for name in ("damping", "integral"):
             if getattr(options, name) != 0.0:
@@ -188,7 +213,7 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
 
     from stickslip_ros.nodes.speed_ladder import LadderNode, speed_ladder
 
-    require_positive("largest_way", options.largest_way)
+    require_positive("largest_distance", options.largest_distance)
     require_positive("largest_lag", options.largest_lag)
     try:
         speeds = [float(word) for word in (options.speeds or "").split(",") if word]
@@ -202,11 +227,13 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
     way = sum(speeds) * options.step_time
     total = sum(step.duration for step in steps)
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
-    console.print(f"{options.on}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back.")
-    if not way <= options.largest_way:
+    console.print(
+        f"{options.joint}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back."
+    )
+    if not way <= options.largest_distance:
         raise InvalidParameterError(
             "--speeds",
-            f"so that the joint moves no further than --largest-way, {options.largest_way:g} rad",
+            f"so that the joint moves no further than --largest-distance, {options.largest_distance:g} rad",
             f"{options.speeds}, by which it moves {way:.3g} rad",
         )
     if options.plan:
@@ -217,7 +244,7 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = LadderNode(
-            options.on,
+            options.joint,
             simulated=options.simulated or "",
             controller=options.controller or "",
             largest_lag=options.largest_lag,

@@ -35,7 +35,7 @@ from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.output.published_joint import published_joint
-from stickslip_ros.output.wording import OUTCOME_TEXTS
+from stickslip_ros.output.wording import OUTCOME_TEXTS, counted
 
 _EVERY = 500  # [ms]
 _SILENT = 3.0  # [s] from when on it is said
@@ -269,7 +269,7 @@ def _header(now: Snapshot, joints: int) -> str:
         since = "yet" if math.isinf(now.silent_for) else f"for {now.silent_for:.0f} s"
         return f"<p class='bad'>No monitor has said anything {since}. This page goes on by itself when one does.</p>"
     lines = "<br>".join(html.escape(line) for line in now.header.splitlines())
-    return f"<p class='faint'>{joints} joints. {lines}</p>"
+    return f"<p class='faint'>{counted(joints, 'joint')}. {lines}</p>"
 
 
 def joint_table(joints: list[JointView], chosen: str) -> str:

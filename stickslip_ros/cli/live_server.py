@@ -79,6 +79,7 @@ def _template() -> Template:
 
     folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
     style, script = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
-    wide = "body { max-width: 100rem; }"
+    # Bokeh's own style comes later, and leaves a body no margin.
+    wide = "html > body { max-width: 100rem; margin: 0 auto; padding: 1rem; }"
     template: Template = get_env().from_string(_PAGE.replace("STYLE", style + wide).replace("SCRIPT", script))
     return template

@@ -13,9 +13,10 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from importlib import import_module
-from typing import NamedTuple, NoReturn
+from types import MappingProxyType
+from typing import Any, NamedTuple, NoReturn
 
 import stickslip_ros
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
@@ -24,13 +25,18 @@ from stickslip_ros.visible import visible
 
 
 class Command(NamedTuple):
-    """A command: module of stickslip_ros.cli that is loaded for it, what it does, whether by compiled functions."""
+    """A command: module of stickslip_ros.cli that is loaded for it, what it does, whether by compiled functions, and
+    former names of its options, which go on working.
+    """
 
     module: str
     summary: str
     compiled: bool = True
+    former: Mapping[str, str] = MappingProxyType({})
 
 
+_IDENTIFY = {"--on": "--joint", "--prior": "--model", "--largest-way": "--largest-distance"}
+_STAMP = {"--start": "--first-stamp"}
 # Nothing else is loaded to name them.
 COMMANDS = {
     "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?"),
@@ -38,11 +44,13 @@ COMMANDS = {
     "reversal": Command("reversal", "how long a joint stands, and falls behind, where its reference turns round"),
     "analyze": Command("analyze", "find stick slip in recorded bags"),
     "compare": Command("compare", "two recordings, before and after a change: did it help?"),
-    "identify": Command("identify", "learn a joint's inertia and friction from a recording or an experiment"),
+    "identify": Command(
+        "identify", "learn a joint's inertia and friction from a recording or an experiment", former=_IDENTIFY
+    ),
     "watch": Command("watch", "every joint, live in the terminal", compiled=False),
     "map": Command("stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is"),
-    "simulate": Command("simulate", "write a bag of simulated joints"),
-    "convert": Command("convert", "turn a table of samples into a bag", compiled=False),
+    "simulate": Command("simulate", "write a bag of simulated joints", former=_STAMP),
+    "convert": Command("convert", "turn a table of samples into a bag", compiled=False, former=_STAMP),
     "figures": Command("figures", "draw the paper's figures, with their numbers"),
     "demo": Command("demo", "stick slip detected, explained and cured, in half a minute", compiled=False),
     "warm-up": Command("warm_up", "compile everything ahead, once after installation", compiled=False),
@@ -53,11 +61,30 @@ _CURSOR_AND_EMPTY_LINE = b"\x1b[?25h\r\x1b[2K"
 _OPTION, _NEGATIVE = re.compile(r"--[a-z][a-z-]*"), re.compile(r"-\.?\d")
 
 
+_OTHER_SPELLINGS = {"analyse": "analyze"}
+_EXAMPLES = "Examples:\n"  # what they begin with in the docstring of a command's module
 # What argparse calls Python's types by their names.
 _NO_NUMBER = {"invalid float value": "must be a number", "invalid int value": "must be a whole number"}
 
 
+class _Paragraphs(argparse.HelpFormatter):
+    """Wraps each paragraph by itself, and keeps the lines of the examples."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if text.startswith(_EXAMPLES):
+            return text
+        return "\n\n".join(super(_Paragraphs, self)._fill_text(part, width, indent) for part in text.split("\n\n"))
+
+
 class _Parser(argparse.ArgumentParser):
+    former: Mapping[str, str] = MappingProxyType({})
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        words = (word.partition("=") for word in args)
+        return super().parse_known_args(
+            ["".join((self.former.get(name, name), *more)) for name, *more in words], namespace
+        )
+
     def error(self, message: str) -> NoReturn:
         for words, ours in _NO_NUMBER.items():
             message = message.replace(words, ours, 1)
@@ -75,7 +102,12 @@ def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
             commands.add_parser(name, help=command.summary)
             continue
         module = import_module(f"stickslip_ros.cli.{command.module}")
-        own = commands.add_parser(name, help=command.summary, description=module.__doc__)
+        description, heading, examples = (module.__doc__ or "").partition(_EXAMPLES)
+        own = commands.add_parser(
+            name, help=command.summary, description=description.strip(), epilog=heading + examples,
+            formatter_class=_Paragraphs,
+        )  # fmt: skip
+        own.former = command.former
         module.add_arguments(own)
         own.set_defaults(run=module.run, compiled=command.compiled)
     return parser
@@ -88,6 +120,10 @@ def main(arguments: list[str] | None = None) -> int:
         take_signals([number for number in _SIGNALS if signal.getsignal(number) != signal.SIG_IGN])
         at_hard_end(_give_back_terminal)
     given = _with_negative_values(sys.argv[1:] if arguments is None else arguments)
+    if not given:
+        build_parser(()).print_help(sys.stderr)
+        return 2
+    given[0] = _OTHER_SPELLINGS.get(given[0], given[0])
     try:
         options = build_parser(given[:1]).parse_args(given)
         check()

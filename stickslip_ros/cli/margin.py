@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip margin`: is this joint smooth at this speed, and by how much?"""
+"""`stickslip margin`: is this joint smooth at this speed, and by how much?
+
+Examples:
+    stickslip margin --joint puma560_joint1 --velocity 0.003
+    stickslip margin --inertia 6.3 --stiffness 630 --velocity 0.005 --stribeck 1.6 --stribeck-velocity 0.0058
+"""
 
 from __future__ import annotations
 

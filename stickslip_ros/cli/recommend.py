@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip recommend`: which gains would make this joint smooth, within these bounds; nothing is touched."""
+"""`stickslip recommend`: which gains would make this joint smooth, within these bounds; nothing is touched.
+
+Examples:
+    stickslip recommend --joint puma560_joint1 --largest-stiffness 2000
+    stickslip recommend --joint puma560_joint1 --velocity 0.005 --what-if p=2000,d=30
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip reversal`: what friction does where the motion turns round."""
+"""`stickslip reversal`: what friction does where the motion turns round.
+
+Examples:
+    stickslip reversal --joint puma560_joint1 --amplitude 0.2 --frequency 0.1
+    stickslip reversal --joint puma560_joint1 --amplitude 0.2 --frequency 0.1 --triangle --out reversal.png
+"""
 
 from __future__ import annotations
 

@@ -3,17 +3,26 @@
 """`stickslip simulate`: a recording of simulated joints, as rosbag2 would have written it.
 
 Joint n moves at n times the speed, so that of several joints the first stick and the last do not.
+
+Examples:
+    stickslip simulate --out robot.mcap
+    stickslip simulate --out robot.mcap --names shoulder,elbow --duration 30 --velocity-noise 0.001
 """
 
 from __future__ import annotations
 
 import argparse
+import math
+import time
+
+import numpy as np
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_to_overwrite
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.without_effect import Need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
@@ -47,11 +56,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--position-noise", type=float, metavar="X", default=0.0, help="standard deviation [rad]")
     parser.add_argument("--velocity-noise", type=float, metavar="X", default=0.0, help="standard deviation [rad/s]")
     parser.add_argument("--jitter", type=float, metavar="S", default=0.0, help="standard deviation of stamps [s]")
-    parser.add_argument("--seed", type=int, default=1, help="of the noise")
-    parser.add_argument("--start", type=float, metavar="S", default=1.0, help="first stamp [s]")
+    parser.add_argument(
+        "--seed", type=int, metavar="N",
+        help="of the noise, and of where within an encoder count the joint begins (default: noise of 1, on a count)",
+    )  # fmt: skip
+    parser.add_argument("--first-stamp", type=float, metavar="S", help="of the recording [s] (default: now)")
     parser.add_argument("--no-gains", action="store_true", help="do not record the gains")
     parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
-    parser.set_defaults(made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",)})
+    parser.set_defaults(
+        made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",), "start": ("--first-stamp",)}
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -66,12 +80,19 @@ def run(options: argparse.Namespace) -> int:
         stiffness=known.gains.stiffness if options.stiffness is None else options.stiffness,
         damping=known.gains.damping if options.damping is None else options.damping,
     )
+    resolution = known.encoder_resolution if options.resolution is None else options.resolution
+    random = bool(resolution or options.position_noise or options.velocity_noise or options.jitter)
+    refuse_without_effect(options, [Need(options=("seed",), met=random, text="noise, --jitter or --resolution")])
+    if options.seed is not None and options.seed < 0:
+        raise InvalidParameterError("seed", ">= 0", options.seed)
+    phases = np.zeros(len(names)) if options.seed is None else np.random.default_rng(options.seed).random(len(names))
     joints = {
         name: RecordedJoint(
             joint=known.joint,
             gains=gains,
             velocities=tuple((number + 1) * velocity for velocity in velocities),
-            encoder_resolution=known.encoder_resolution if options.resolution is None else options.resolution,
+            encoder_resolution=resolution,
+            encoder_phase=float(phases[number]),
             position_noise=options.position_noise,
             velocity_noise=options.velocity_noise,
             load=options.load,
@@ -85,8 +106,8 @@ def run(options: argparse.Namespace) -> int:
             joints,
             duration=options.duration,
             rate=options.rate,
-            start=options.start,
-            seed=options.seed,
+            start=math.floor(time.time()) if options.first_stamp is None else options.first_stamp,
+            seed=1 if options.seed is None else options.seed,
             jitter=options.jitter,
             with_gains=not options.no_gains,
             compression=options.compression,

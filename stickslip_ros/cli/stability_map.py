@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip map`: where a joint sticks, over speed and stiffness, and where it is now."""
+"""`stickslip map`: where a joint sticks, over speed and stiffness, and where it is now.
+
+Examples:
+    stickslip map --joint puma560_joint1 --points 400
+    stickslip map --joint puma560_joint1 --damping 20 --out map.png
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,10 @@
 
 Done once after installation and after every update, for every kind of processor; else the first command or node does
 it. What is compiled is kept beside the package, or in NUMBA_CACHE_DIR if that is set.
+
+Examples:
+    stickslip warm-up
+    stickslip warm-up --jobs 2
 """
 
 from __future__ import annotations

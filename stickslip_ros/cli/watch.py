@@ -5,6 +5,10 @@ damping reserve, slips, advice.
 
 Listens to the topics of the monitors that run, in whatever namespace, and needs nothing else; ROS_DOMAIN_ID counts.
 Worst joints first. Ctrl-C ends it.
+
+Examples:
+    stickslip watch
+    stickslip watch --browser --port 5007
 """
 
 from __future__ import annotations

@@ -42,6 +42,11 @@ _COLOURS = {Outcome.STEADY: "green", Outcome.SWINGS: "yellow", Outcome.STICKS: "
 OUTCOME_WORDS = {outcome.value: f"[{_COLOURS[outcome]}]{text}[/]" for outcome, text in OUTCOME_TEXTS.items()}
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things, in the singular where it is one."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def friction_change_text(change: FrictionChange | None) -> str:
     """What changed and when; "" if nothing did."""
     if change is None:

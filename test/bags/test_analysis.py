@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -309,6 +310,47 @@ def test_simulated_recordings_are_bags(tmp_path: Path, capsys: pytest.CaptureFix
     assert "is there already" in capsys.readouterr().err
     assert main(["simulate", "--out", str(tmp_path / "x.mcap"), "--velocity", "fast"]) == 2
     assert not (tmp_path / "x.mcap").exists()
+
+
+def test_a_line_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 40, item 6: --brief prints what a bag shows in one line, of a broken one that too; no table."""
+    bags = [tmp_path / f"{name}.mcap" for name in ("sticks", "smooth", "torn")]
+    for path, velocity in zip(bags, (0.007, 0.2), strict=False):
+        write_simulation(path, {"a": sticking(velocity)}, duration=10.0, rate=200.0)
+    bags[2].write_bytes(b"no bag")
+    assert main(["analyze", "--brief", "--no-learning", str(bags[0])]) == 0
+    assert capsys.readouterr().out.splitlines()[0].startswith(f"{bags[0]}: 1 of 1 joint stuck and slipped: a ")
+    assert main(["analyze", "--brief", "--no-learning", *map(str, bags)]) == 2
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert f"{bags[1]}: none of 1 joint stuck and slipped" in lines
+    assert f"{bags[2]}: could not be analysed" in lines
+    with pytest.raises(SystemExit, match="2"):
+        main(["analyze", "--brief", "--json", str(bags[0])])
+
+
+def test_each_seed_gives_another_recording_of_today(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 40, item 6: three seeds, three bags, and the same seed the same samples. Without any randomness, the option
+    is refused. The former name of --first-stamp works.
+    """
+
+    def samples(*options: str) -> list[tuple[float, ...]]:
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.mcap"
+        assert main(["simulate", "--out", str(path), "--duration", "6", "--rate", "200", *options]) == 0
+        batch = read_joint(path, "joint1")
+        if "--start" not in options:
+            assert 0.0 <= time.time() - batch.time[0] < 60.0
+        return [tuple(batch.position), tuple(batch.velocity)]
+
+    seeds = [samples("--seed", str(number)) for number in (1, 2, 3, 1)]
+    assert seeds[0] == seeds[3]
+    assert len({found[0] for found in seeds}) == 3
+    assert len({found[1] for found in seeds}) == 1
+    path = tmp_path / "plain.mcap"
+    assert main(["simulate", "--out", str(path), "--resolution", "0", "--seed", "2"]) == 2
+    assert "--seed has no effect here: it needs noise" in capsys.readouterr().err
+    samples("--start", "5")
+    assert read_joint(tmp_path / "4.mcap", "joint1").time[0] == 5.005
 
 
 def test_tables_become_bags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,7 +98,7 @@ def test_what_is_wrong_with_the_data_is_said(case: str, tmp_path: Path) -> None:
         return
     (line,) = errors.strip().splitlines()
     assert line.startswith(f"stickslip: bag {path}: no joint could be judged: joint1: ")
-    assert "None of 1 joints could be judged" in html
+    assert "None of 1 joint could be judged" in html
     assert "sticks and slips" not in html
     assert "joint1 cannot be judged" in text
 
@@ -143,7 +143,7 @@ def test_one_joint_that_can_be_judged_is_enough(tmp_path: Path) -> None:
     assert (status, errors) == (0, "")
     assert "bad cannot be judged: 1500 of 1500 samples left out" in text
     html = page.read_text(encoding="utf-8")
-    assert "None of 1 joints sticks and slips</strong>; 1 could not be judged" in html
+    assert "None of 1 joint sticks and slips</strong>; 1 could not be judged" in html
 
 
 def test_a_fleet_of_bad_bags(tmp_path: Path) -> None:

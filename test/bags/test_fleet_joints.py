@@ -25,6 +25,7 @@ from stickslip_ros.analysis.fleet_joints import fleet_joints
 from stickslip_ros.analysis.report.fleet_page import sparkline, write_fleet_page
 from stickslip_ros.analysis.trend import DAY, MONTH, Measured, trend
 from stickslip_ros.bags.simulated import write_simulation
+from stickslip_ros.cli.analysis_tables import print_fleet
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.settings.parameter_file import Parameters
@@ -172,6 +173,30 @@ def test_short_recordings_are_no_history(answers: list[dict[str, Any]]) -> None:
     assert points.pop("viscous") == int(short[0]["joints"]["axis0"]["friction"]["viscous"]["identified"])
     assert set(points.values()) == {1}, points
     assert all(history.trend is None for history in histories.values())
+
+
+def test_one_of_a_kind_is_told_so(
+    answers: list[dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Issue 40, item 6: "1 recording", "1 robot", "1 joint"; what changes by nothing has no sign; the terminal names a
+    broken bag too.
+    """
+    still = [copy.deepcopy(one) for one in answers[:3]]
+    for bag in still:
+        bag["joints"] = {"axis0": bag["joints"]["axis0"]}
+    for bag, change in zip(still, (1e-5, 0.0, -1e-5), strict=True):
+        bag["joints"]["axis0"]["friction"]["coulomb_and_load"]["value"] = 8.0 * (1.0 + change)
+    broken = {"path": "/data/robot0/broken.mcap", "error": "bag /data/robot0/broken.mcap: neither one nor the other"}
+    page = tmp_path / "fleet.html"
+    write_fleet_page(page, [*still, broken], fleet_joints(still))
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert "1 of 1 joint of 1 robot stuck" in text
+    assert "1 recording could not be analysed" in text
+    assert "-0.0<" not in text
+    write_fleet_page(page, still[:1], fleet_joints(still[:1]))
+    assert "Stick slip in 1 recording<" in page.read_text(encoding="utf-8")
+    print_fleet([*still, broken])
+    assert "1 bag could not be analysed: /data/robot0/broken.mcap" in capsys.readouterr().out
 
 
 def test_the_page_is_sorted_and_filtered(answers: list[dict[str, Any]], tmp_path: Path) -> None:

@@ -173,4 +173,19 @@ def test_a_page_of_nothing_much(tmp_path: Path) -> None:
     write_simulation(tmp_path / "bag.mcap", {"a": sticking(0.0)}, duration=3.0, rate=100.0)
     assert main(["analyze", str(tmp_path / "bag.mcap"), "--html", str(tmp_path / "report.html"), "--json"]) == 0
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "None of 1 joints sticks and slips" in text
+    assert "None of 1 joint sticks and slips" in text
+
+
+def test_the_table_and_legends_have_room(tmp_path: Path) -> None:
+    """Issue 40, item 6: at 1400 px the table of a joint with a long name is not cut, items of a legend do not touch;
+    one joint "sticks and slips".
+    """
+    bag, page = tmp_path / "bag.mcap", tmp_path / "report.html"
+    write_simulation(bag, {"left_arm_shoulder_pan_joint": sticking(0.007)}, duration=15.0, rate=200.0)
+    assert main(["analyze", str(bag), "--html", str(page), "--json"]) == 0
+    with browser(1400) as view:
+        view.open(page)
+        assert view.run("const one = document.querySelector('.scroll'); return one.scrollWidth - one.clientWidth") == 0
+        assert "1 of 1 joint sticks and slips" in view.run("return document.body.textContent")
+        legends = "[...Bokeh.documents[0]._all_models.values()].filter((one) => one.type === 'Legend')"
+        assert min(view.run(f"return {legends}.map((one) => one.spacing)")) >= 10

@@ -115,9 +115,9 @@ def _not_ignored() -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["--duration", "1e9"], "so short that the recording has room"),
+        (["--duration", "3e8"], "so short that the recording has room"),
         (["--duration", "1000", "--rate", "1e9"], "so short that the recording has room"),
-        (["--duration", "3e9", "--rate", "1e-6"], "<= 2147483646 s: a stamp has no more seconds"),
+        (["--duration", "3e9", "--rate", "1e-6", "--first-stamp", "1"], "<= 2147483646 s: a stamp has no more seconds"),
         (["--duration", "inf"], "finite and > 0"),
         (["--duration", "nan"], "finite and > 0"),
     ],

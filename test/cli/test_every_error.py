@@ -48,7 +48,7 @@ _RIGHT: dict[str, tuple[str, ...]] = {
     "--start": ("-1",), "--end": ("inf",), "--largest-stiffness": ("inf",), "--largest-damping": ("inf",),
     "--largest-damping-ratio": ("inf",), "--bandwidth": ("inf",), "--effort": ("inf",),
     "--presliding-stiffness": ("inf",), "--references": ("",), "--gains-topic": ("",), "--joint": ("",),
-    "--controller": _TEXTS, "--names": _TEXTS, "--name": _TEXTS, "--prior": ("",), "--what-if": ("",),
+    "--controller": _TEXTS, "--names": _TEXTS, "--name": _TEXTS, "--what-if": ("",),
     "--simulated": ("",), "--speeds": ("",), "--recording": ("",),
 }  # fmt: skip
 # What is right elsewhere: an unstable joint does not follow a reference.

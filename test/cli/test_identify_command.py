@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -115,6 +116,29 @@ def test_a_bag_is_a_recording_too(table: Path, tmp_path: Path, capsys: pytest.Ca
     assert str(bag) in capsys.readouterr().err
 
 
+def test_gains_are_those_that_the_bag_has(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 40, item 6: `identify` takes recorded gains as `analyze` does, others by --gains in their place; the former
+    names of its options go on working.
+    """
+    bag = str(tmp_path / "waist.mcap")
+    assert main(["convert", str(table), "--out", bag, "--stiffness", "630"]) == 0
+
+    def found(*options: str) -> dict[str, Any]:
+        capsys.readouterr()
+        assert main(["identify", bag, "--json", *options]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    recorded = found("--joint", "joint1")
+    assert not recorded["per_inertia"]
+    assert recorded["friction"]["inertia"]["value"] == pytest.approx(6.3, rel=0.01)
+    assert found("--gains-topic", "")["per_inertia"]
+    twice = found("--gains", "1260")
+    assert twice["friction"]["inertia"]["value"] == pytest.approx(12.6, rel=0.01)
+    assert found("--on", "joint1", "--stiffness=1260") == twice
+    assert main(["identify", bag, "--gains", "fast"]) == 2
+    assert "'--gains' must be of the form 630" in capsys.readouterr().err
+
+
 def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 4, item 6: a recording without slips and effort is status 1, in words."""
     path = tmp_path / "smooth.csv"
@@ -135,7 +159,7 @@ def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--controller", "/a"], "'--speeds' must be given for an experiment"),
         (["--simulated", "/a"], "one or more"),
         (["--simulated", "/a", "--speeds", "0.1", "--step-time", "nan"], "'--step-time' must be"),
-        (["--simulated", "/a", "--speeds", "0.1,0.3"], "--largest-way"),
+        (["--simulated", "/a", "--speeds", "0.1,0.3"], "--largest-distance"),
         (["slider_1100", "--stiffness", "nan"], "--stiffness"),
         (["slider_1100", "--stiffness", "168", "--prior", "no_such_joint"], "no_such_joint"),
     ],

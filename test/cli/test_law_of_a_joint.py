@@ -161,4 +161,4 @@ def test_simulate_and_analyze(file: Path, tmp_path: Path, capsys: pytest.Capture
     said = output(capsys, f"analyze {bags['file']} --model {file}")
     assert "friction of the law exponential is not learnt" in said
     assert main(["identify", str(bags["file"]), "--prior", str(file)]) == 2
-    assert "'--prior' must be a joint of the law that is fitted, hess_soom: exponential" in capsys.readouterr().err
+    assert "'--model' must be a joint of the law that is fitted, hess_soom: exponential" in capsys.readouterr().err

@@ -102,7 +102,7 @@ ROWS: dict[str, dict[str, Row]] = {
         "--force": Row((None, ""), replaces=("--out",), needs=("--out={there}",), statuses=(0, 2)),
         "--names": Row(("a,b", "c,d")),
         "--column": Row(("effort=load*", "effort=load*:mnm")),
-        "--start": Row(("1", "2")),
+        "--first-stamp": Row(("1", "2")),
         "--stiffness": Row(("630", "900")),
         "--damping": Row(("0", "5"), ("--stiffness=630",)),
         "--integral": Row(("0", "100"), ("--stiffness=630",)),
@@ -110,6 +110,7 @@ ROWS: dict[str, dict[str, Row]] = {
         "--compression": Row(("zstd", "none")),
     },
     "analyze": {
+        "--brief": Row((None, ""), replaces=("--json",)),
         "--joint": Row(("left/joint1", "right/joint1")),
         "--start": Row(("0", "2")),
         "--end": Row(("5", "6")),

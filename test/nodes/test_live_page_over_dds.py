@@ -77,8 +77,10 @@ def test_the_page_lives(ros_domain: int) -> None:
     with NodeProcess("simulated_joint", simulated), served(port), browser() as page:
         opened(page, port)
         page.wait(lambda: "No monitor has said anything" in page.run(_TEXT), "that nobody is there")
+        assert page.run("return getComputedStyle(document.body).paddingLeft") == "16px"
         with NodeProcess("monitor", _KNOWN):
             page.wait(lambda: "stick slip" in page.run(f"return {_TABLE}"), "the joint that sticks", 60.0)
+            assert "2 joints." in page.run(_TEXT)
             # The worst is looked at: its motion moves on, its cycle is a loop, its map has regions.
             source = "Bokeh.documents[0]._all_models.values()"
             page.wait(

@@ -21,6 +21,7 @@ from stickslip_ros.analysis.judgement import NOT_JUDGED
 from stickslip_ros.analysis.report.page import Plot, number_text, percent_text, write_page
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.output.wording import counted
 from stickslip_ros.visible import visible
 
 # Plotted of the joint that is chosen: what it is called, and what its values are multiplied by.
@@ -98,7 +99,7 @@ def write_fleet_page(
         "fleet.html",
         plots,
         own_script="fleet.js",
-        title=f"Stick slip in {len(answers)} recordings",
+        title=f"Stick slip in {counted(len(answers), 'recording')}",
         robots=len({joint.robot for joint in joints}),
         lines=[_line(index, joint, links) for index, joint in enumerate(joints)],
         statuses=[status for status in Status if any(joint.status is status for joint in joints)],
@@ -147,7 +148,7 @@ def _change(history: History) -> tuple[_Cell, bool]:
     line = history.trend
     if line is None or not math.isfinite(line.relative):
         return _Cell(text=_NOTHING, sort=math.nan), False
-    return _Cell(text=f"{100.0 * line.relative:+.1f}", sort=line.relative), line.significant
+    return _Cell(text=number_text(100.0 * line.relative, "+.1f"), sort=line.relative), line.significant
 
 
 def _spark(joint: FleetJoint, history: History, low: float = math.nan, high: float = math.nan) -> str:

@@ -17,7 +17,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation_effect import CompensationEffect
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.output.wording import OUTCOME_TEXTS
+from stickslip_ros.output.wording import OUTCOME_TEXTS, counted
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n\t"
@@ -70,6 +70,7 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
     )
     environment.filters |= {
         "number": number_text,
+        "counted": counted,
         "words": _words,
         "anchor": _anchor,
         "file_name": _file_name,
@@ -91,8 +92,11 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
 
 
 def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:
-    """A number as the pages write it; a dash where it is unknown."""
-    return f"{float(value):{form}}{unit}" if value is not None and math.isfinite(value) else "–"
+    """A number as the pages write it, zero without a sign; a dash where it is unknown."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    text = f"{float(value):{form}}"
+    return f"{text if float(text) else text.lstrip('+-')}{unit}"
 
 
 def _words(status: str) -> str:

@@ -59,7 +59,7 @@ def finish(plot: Any) -> None:
         plot.legend.label_text_font_size = "9pt"
         plot.legend.border_line_alpha = 0.0
         plot.legend.ncols, plot.legend.location = 2, "left"
-        plot.legend.padding, plot.legend.spacing, plot.legend.margin = 0, 0, 4
+        plot.legend.padding, plot.legend.spacing, plot.legend.margin = 0, 12, 4
         plot.add_layout(plot.legend[0], "below")
 
 

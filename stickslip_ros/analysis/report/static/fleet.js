@@ -23,7 +23,8 @@
       row.hidden = !here;
       shown += here;
     }
-    count.textContent = shown === rows.length ? `${rows.length} joints` : `${shown} of ${rows.length} joints`;
+    const all = `${rows.length} joint${rows.length === 1 ? "" : "s"}`;
+    count.textContent = shown === rows.length ? all : `${shown} of ${all}`;
   }
 
   // What has no value stands last, whichever way the column is sorted.
