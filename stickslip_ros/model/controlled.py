@@ -50,7 +50,8 @@ class ControlledCourse:
 
     Attributes
     ----------
-    persists : whether stick slip goes on for ever: 1.0 or 0.0; NaN if it cannot be followed.
+    persists : whether stick slip goes on for ever, or the motion grows without end: 1.0 or 0.0; NaN if the controller
+        is too fast beside the joint to be followed.
     outcome : None where there is none to tell. unstable : its motion grows without end.
     """
 
@@ -59,34 +60,20 @@ class ControlledCourse:
     unstable: bool = False
 
 
-def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> float:
-    """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever; scalars only.
-
-    It does if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over ten
-    cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
-
-    Returns
-    -------
-    1.0 if it does, or the motion grows without end; 0.0 if it dies out; NaN if the controller is too fast beside the
-    joint to be followed.
-    """
-    return _course(joint, gains, velocity, conditions, to_the_end=False).persists
-
-
-def controlled_course(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ControlledCourse:
+def controlled_course(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool = True
+) -> ControlledCourse:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
-    As :func:`controlled_cycle_persists`; a joint that slides on is followed until its largest departure from the speed
-    within eight natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in
-    a thousand natural periods, there is no outcome.
+    Stick slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
+    ten cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
+
+    Parameters
+    ----------
+    to_the_end : whether a joint that slides on is followed until its largest departure from the speed within eight
+        natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in a
+        thousand natural periods, there is no outcome.
     """
-    return _course(joint, gains, velocity, conditions, to_the_end=True)
-
-
-def _course(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool
-) -> ControlledCourse:
-    """Whether the cycle persists, and what becomes of the joint if it is followed to the end."""
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
     natural = natural_period(joint, gains)
     period = step_period(conditions, natural)
