@@ -113,15 +113,7 @@ class _Case:
         gains, conditions = self.gains, self.conditions
         period = conditions.period or self._natural / 64.0
         count = math.ceil(_PERIODS * self._natural / period)
-        simulation = JointSimulation(
-            self.joint,
-            gains,
-            load=conditions.load,
-            error_integral=conditions.load / float(gains.integral) if gains.integral else 0.0,
-            sampled=conditions.controller_period > 0,
-            control_delay=conditions.control_delay,
-            compensation=conditions.compensation,
-        )
+        simulation = JointSimulation.under(self.joint, gains, conditions)
         positions = reference(period * np.arange(count + 1.0))
         motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
         errors = positions[1:] - motion.position

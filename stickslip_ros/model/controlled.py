@@ -97,15 +97,7 @@ def controlled_course(
     if gains.integral == 0:
         force += constant
     joint = replace(joint, friction=replace(friction, coulomb=coulomb))
-    simulation = JointSimulation(
-        joint,
-        gains,
-        error_integral=constant / float(gains.integral) if gains.integral else 0.0,
-        load=conditions.load,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, carried=constant)
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
@@ -168,15 +160,7 @@ def _dithered_course(
     assert conditions.compensation is not None
     phases = _samples_between_phases(period, conditions.compensation.dither_frequency)
     held = conditions.load + float(joint.friction.coulomb) + float(joint.friction.stribeck)
-    simulation = JointSimulation(
-        joint,
-        gains,
-        error_integral=held / float(gains.integral) if gains.integral else 0.0,
-        load=conditions.load,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, carried=held)
     start = 0.0 if gains.integral else held / float(gains.stiffness)
     count = max(phases + 1, round(PERIODS_AT_ONCE * natural / period))
     last, seen = np.zeros(0), []

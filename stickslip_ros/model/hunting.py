@@ -198,15 +198,7 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
     if math.isnan(period):
         return None
     offset = start.spring / stiffness
-    simulation = JointSimulation(
-        joint,
-        gains,
-        load=conditions.load,
-        error_integral=(conditions.load + start.integral) / float(gains.integral),
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, carried=conditions.load + start.integral)
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     unstable = loop_is_unstable(joint, gains, conditions)
     slips = _Slips(offset)
