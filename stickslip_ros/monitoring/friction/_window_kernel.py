@@ -136,7 +136,8 @@ def _slide(
 
     Fills the nodes that it passes.
 
-    Returns the time of its arrest, infinite if it goes on, where that is, Ψ then, the last node before it, and the steps.
+    Returns the time of its arrest, infinite if it goes on, where that is, Ψ then, the last node before it, and how many
+    steps it took.
     """
     points, columns, halvings = weights.shape[1], matrices.shape[2], matrices.shape[0] - 2
     vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
