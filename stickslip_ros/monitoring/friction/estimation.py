@@ -278,7 +278,7 @@ def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
 
 def _covariance(fitted: FittedLaw) -> FloatArray:
     """Of one law's parameters and kinetic friction, with what was not fitted, but may make something of them."""
-    covariance = robust_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior)
+    covariance = robust_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior, fitted.late)
     return np.asarray(covariance + fitted.by_optional_terms)
 
 

@@ -33,6 +33,7 @@ _RISEN, _LONGER = 0.1, 2.0  # rise time that has long passed, of the usual rest;
 _MORE = 0.1  # difference of a level's logarithm, 1: with more F_s∞ is too small for the level
 _ANY = 1.5  # standard error of a logarithm, 1: with more its value is open
 _CONFIGURED = 0.5  # information of a prior, 1: with more the rise time is configured
+_OF_HOLDING = 1.0 / 24.0  # gain that an oscillation loses by a force that is held for Δt, of (ω Δt)²
 _HALF_A_STEP = 0.5  # error of the force, of what a sample interval adds to the force
 # Excess of a mean square, standard deviations: the right law comes to 4, with hundreds of residuals in each part.
 _SURE = 6.0
@@ -53,8 +54,13 @@ def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
     return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
 
 
-def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:
-    """Robust covariance: that of least squares, inflated by misfit, scatter and discrepancy; shape (p + k, p + k)."""
+def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: float = LATE) -> FloatArray:
+    """Robust covariance: that of least squares, inflated by misfit, scatter and discrepancy; shape (p + k, p + k).
+
+    Parameters
+    ----------
+    late : root mean square of a controller's delay that is not fitted [sample intervals], by its prior or posterior.
+    """
     narrow = covariance_of(fit.information, prior)
     mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
     aside = 1.0 - float(problem.usable.mean())
@@ -68,7 +74,7 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior) -> Float
     return np.asarray(
         covariance
         + _by_discrepancy(problem, fit, narrow)
-        + _by_sampling(problem, fit)
+        + _by_sampling(problem, fit, late)
         + _by_steps(problem, fit, narrow)
         + _by_trend(problem, fit)
         + _by_unidentified_rise(problem, fit, prior)
@@ -112,22 +118,22 @@ def _residual_of_parts(problem: SlipProblem, fit: SlipFit) -> tuple[FloatArray, 
     return means, scatter, counts
 
 
-def _by_sampling(problem: SlipProblem, fit: SlipFit) -> FloatArray:
-    """Covariance of what a controller's steps make of the parameters, who acts on samples and holds its force.
+def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
+    """Covariance that a controller causes which acts on samples, holds its force, and acts late.
 
-    The force at breakaway is known to half of what a sample interval adds; what is taken for a continuous force is
-    off by the square of the angle ω Δt that the oscillation goes on in an interval. A delay τ that is not fitted is
-    inertia of −k_v τ; what it makes of viscous friction is told with that, see :mod:`.late_controller`.
+    The force at breakaway is known to half of what a sample interval Δt adds. A delay τ is taken off to the first
+    order at most, which leaves (ω τ)²/2, and a force that is held (ω Δt)²/24. A delay that is not fitted is inertia of
+    −k_v τ; its part of viscous friction is reported with that, see :mod:`.late_controller`.
     """
     size, columns = len(fit.parameters), fit.information.shape[0]
     variances = np.zeros(columns)
     if problem.windows[0].source is not ForceSource.SPEED:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
-        variances[:PARAMETERS] = angle**4
+        variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
     if problem.may_be_late and not problem.delay_shows:
-        late = LATE * problem.sample_interval * problem.latest_damping
-        variances[INERTIA] += (late / math.exp(float(fit.parameters[INERTIA]))) ** 2
+        lighter = late * problem.sample_interval * problem.latest_damping
+        variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
-from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
     FITS,
     GOOD,
@@ -54,6 +54,8 @@ class FittedLaw:
     unsettled : whether the joint's contact yields, and the joint slips again before it has come to rest on the contact.
     by_optional_terms : covariance of parameters and kinetic friction that :mod:`.optional_terms` which were not fitted
         may cause, shape (p + k, p + k), or 0.
+    late : root mean square of the controller's delay where it is not fitted [sample intervals]: of its prior, or of
+        its posterior where the slips show it.
     """
 
     law: str
@@ -65,6 +67,7 @@ class FittedLaw:
     rejected: tuple[str, ...] = ()
     unsettled: bool = False
     by_optional_terms: FloatArray = field(default_factory=lambda: np.zeros(()))
+    late: float = LATE
 
     @property
     def fits(self) -> bool:
@@ -108,7 +111,7 @@ def fitted_with_more(
     gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
-    return replace(first, problem=problem, solution=found, by_optional_terms=np.zeros(()))
+    return replace(first, problem=problem, solution=found, by_optional_terms=np.zeros(()), late=LATE)
 
 
 def _worth_the_parameters(

@@ -85,9 +85,14 @@ class TermScore:
         return 1.0 / (1.0 + math.exp(min(-odds, 700.0)))
 
     @property
+    def mean_square(self) -> float:
+        """Of the parameter by its posterior, with the probability that there is no term."""
+        return self.probability * (self.value**2 + self.std**2)
+
+    @property
     def covariance(self) -> FloatArray:
         """Covariance that the term may add to parameters and kinetic friction, shape (p + k, p + k)."""
-        return np.asarray(self.probability * (self.value**2 + self.std**2) * np.outer(self.moves, self.moves))
+        return np.asarray(self.mean_square * np.outer(self.moves, self.moves))
 
 
 def with_optional_terms(
@@ -115,7 +120,10 @@ def with_optional_terms(
             fitted = found
             scores = _score_tests(fitted)
     covariance = sum((score.covariance for score in scores.values() if score is not None), start=np.zeros(()))
-    return replace(fitted, by_optional_terms=np.asarray(covariance))
+    late = scores.get(LATE_CONTROLLER)
+    return replace(
+        fitted, by_optional_terms=np.asarray(covariance), late=LATE if late is None else math.sqrt(late.mean_square)
+    )
 
 
 def _score_tests(fitted: FittedLaw) -> dict[OptionalTerm, TermScore | None]:
