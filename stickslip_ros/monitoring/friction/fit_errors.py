@@ -2,9 +2,9 @@
 # Copyright 2026 The stickslip_ros developers
 """Standard errors of a fit that hold where the model does not: what the residuals show beside the sensor's noise.
 
-Five things widen the errors of least squares. That a controller acts on samples, in steps, as much as its samples are
-apart, and late. Static friction that may have risen by then, or not. Slips that nothing explains, and residuals larger
-than they should be.
+Six things widen the errors of least squares. That a controller acts on samples, in steps, as much as its samples are
+apart, and late. Gains and effort that differ in their stiffness. Static friction that may have risen by then, or not.
+Slips that nothing explains, and residuals larger than they should be.
 The scatter of what each slip says about the parameters, which shows errors that differ from slip to slip. And a
 residual that repeats from slip to slip: more slips then say the same wrong thing, and no scatter shows it. Such a
 pattern is taken for what is seen of a discrepancy between model and machine, as large in what the fit could absorb as
@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RIS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, stiffness_difference
 from stickslip_ros.monitoring.samples import FloatArray
 
 _FEW = 8  # slips beyond the number of parameters, 1: with fewer their scatter says nothing
@@ -77,6 +77,7 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
         + _by_sampling(problem, fit, late)
         + _by_steps(problem, fit, narrow)
         + _by_trend(problem, fit)
+        + _by_effort(problem, fit)
         + _by_unidentified_rise(problem, fit, prior)
     )
 
@@ -163,6 +164,18 @@ def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     if problem.trend:
         variances[VISCOUS] = float(fit.parameters[-1] ** 2 * np.mean(problem.since**2))
     return np.diag(variances)
+
+
+def _by_effort(problem: SlipProblem, fit: SlipFit) -> FloatArray:
+    """Covariance of a scale of all forces that is as uncertain as gains and effort differ in their stiffness.
+
+    Slips show friction and inertia in proportion to the gains: M, F_s and the kinetic friction to k_p, F_v + k_v too.
+    """
+    ratio, error = stiffness_difference(problem.windows)
+    moves = np.concatenate([np.zeros(len(fit.parameters)), fit.kinetic])
+    moves[[INERTIA, STRIBECK]] = 1.0
+    moves[VISCOUS] = 1.0 + problem.latest_damping / math.exp(float(fit.parameters[VISCOUS]))
+    return np.asarray(max(ratio**2 - error**2, 0.0) * np.outer(moves, moves))
 
 
 def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> FloatArray:

@@ -76,8 +76,8 @@ class SlipWindow:
     resolution, noise : of the position [rad]. sample_interval : [s].
     arrived, before, after : where the joint stood early in the rest before the slip, towards the end of that, and after
         the slip; None if that is not known.
-    effort_stiffness : k_p [N·m/rad] by which the effort follows the reference in the rest before, and its standard
-        error; NaN if the effort or the gains are not known.
+    effort_stiffness : k_p [N·m/rad] by which the effort follows the tracking error in the rest before, and its
+        standard error; NaN if the effort or the gains are not known.
     """
 
     direction: int
@@ -332,39 +332,48 @@ def _reference(part: Batch) -> FloatArray:
 
 
 def _effort_stiffness(rest: Batch) -> tuple[float, float]:
-    """Slope of the effort over the reference while the joint rests, and its standard error [N·m/rad]; or NaN."""
-    effort, reference = rest.effort, rest.reference_position
+    """Slope of the effort over the tracking error while the joint rests, and its standard error [N·m/rad]; or NaN."""
+    effort, error = rest.effort, rest.reference_position - rest.position
     if len(rest) < _LEAST_OBSERVATIONS or not effort_is_measured(effort):
         return math.nan, math.nan
-    effort, reference = effort - np.mean(effort), reference - np.mean(reference)
-    power = float(reference @ reference)
+    effort, error = effort - np.mean(effort), error - np.mean(error)
+    power = float(error @ error)
     if not power > 0.0:
         return math.nan, math.nan
-    slope = float(effort @ reference) / power
-    left = effort - slope * reference
+    slope = float(effort @ error) / power
+    left = effort - slope * error
     return slope, math.sqrt(float(left @ left) / (len(rest) - 2) / power)
+
+
+def stiffness_difference(windows: Sequence[SlipWindow]) -> tuple[float, float]:
+    """Logarithm of the effort's stiffness at rest over the gains', and its standard error; zeros if none is shown."""
+    shown = _shown_stiffnesses(windows)
+    if len(shown) < max(_LEAST_SHOWN, 0.5 * len(windows)):
+        return 0.0, 0.0
+    ratios = np.log(shown[:, 0] / shown[:, 1])
+    return float(np.median(ratios)), 1.25 * float(np.std(ratios)) / math.sqrt(len(ratios))
 
 
 def contradiction(windows: Sequence[SlipWindow]) -> str:
     """What the effort says against the gains, "" if nothing: by another stiffness it follows the reference at rest."""
-    shown = np.array(
+    ratio, error = stiffness_difference(windows)
+    if abs(ratio) <= _SAME_STIFFNESS + SIGNIFICANT_ERRORS * error:
+        return ""
+    seen, given = np.median(_shown_stiffnesses(windows), axis=0).tolist()
+    per_degree = abs(abs(ratio) - math.log(180.0 / math.pi)) < _SAME_STIFFNESS
+    why = "per degree and per radian?" if per_degree else "other units, or other gains in force?"
+    return f"the effort rises by {seen:.4g} N·m/rad with the reference, and the gains say {given:.4g} ({why})"
+
+
+def _shown_stiffnesses(windows: Sequence[SlipWindow]) -> FloatArray:
+    """Stiffness of the effort and of the gains, of each slip whose effort shows one [N·m/rad]; shape (n, 2)."""
+    return np.array(
         [
             (one.effort_stiffness[0], float(one.gains.stiffness))
             for one in windows
             if one.gains is not None and one.effort_stiffness[0] > SIGNIFICANT_ERRORS * one.effort_stiffness[1]
         ]
     )
-    if len(shown) < max(_LEAST_SHOWN, 0.5 * len(windows)):
-        return ""
-    ratios = np.log(shown[:, 0] / shown[:, 1])
-    ratio = float(np.median(ratios))
-    error = 1.25 * float(np.std(ratios)) / math.sqrt(len(ratios))
-    if abs(ratio) <= _SAME_STIFFNESS + SIGNIFICANT_ERRORS * error:
-        return ""
-    seen, given = np.median(shown, axis=0).tolist()
-    per_degree = abs(abs(ratio) - math.log(180.0 / math.pi)) < _SAME_STIFFNESS
-    why = "per degree and per radian?" if per_degree else "other units, or other gains in force?"
-    return f"the effort rises by {seen:.4g} N·m/rad with the reference, and the gains say {given:.4g} ({why})"
 
 
 def _feed_forward(rest: Batch, gains: Gains, resolution: float) -> float:
