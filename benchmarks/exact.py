@@ -17,7 +17,7 @@ from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_rat
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.simulation import simulate_cycles
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import verdict
 from stickslip_ros.settings.known_joints import load_joint
 
 # The tests' independent solution is also what a user would write with scipy.
@@ -34,7 +34,7 @@ def run() -> None:
     gains = Gains(stiffness=2016.0, damping=20.0)
     groups = dimensionless_groups(joint, gains, 0.00493)
     boundary = best(lambda: (cycle_persists(groups), exact_critical_damping_ratio(groups)))
-    limits = best(lambda: exact_verdict(joint, gains, 0.00493))
+    limits = best(lambda: verdict(joint, gains, 0.00493))
     print(
         f"exact verdict and rho_c, 1 joint  {1e3 * boundary:8.2f} ms; "
         f"with lowest speed and least stiffness {1e3 * limits:.1f} ms"

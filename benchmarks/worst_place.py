@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.verdict import exactly_smooth
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
@@ -76,7 +76,7 @@ def _verdicts(estimate: FrictionEstimate, worst: Machine, gains: Gains, velocity
     right = []
     for factor in (0.6, 0.8, 1.25, 1.6):
         tried = replace(gains, damping=factor * boundary - worst.viscous)
-        right.append(exactly_smooth(estimate.joint(), tried, velocity) is (factor > 1.0))
+        right.append(verdict(estimate.joint(), tried, velocity, detail=Detail.SMOOTH).smooth is (factor > 1.0))
     return float(np.mean(right))
 
 

@@ -22,7 +22,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.reversal import reversals, sine, triangle
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import verdict as verdict_on
 from stickslip_ros.monitoring.advice.compensations import compensations
 from stickslip_ros.settings.known_joints import load_joint
 
@@ -89,7 +89,7 @@ def verdict(index: int) -> Answer:
         "case": kind,
         "margin": plain(stability_margin(joint, gains, velocity)),
         "lowest_smooth_velocity": plain(lowest_smooth_velocity(joint, gains)),
-        "exact": plain(exact_verdict(joint, gains, float(velocity), conditions)),
+        "exact": plain(verdict_on(joint, gains, float(velocity), conditions)),
     }
 
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -42,3 +42,28 @@ def bisected_until(
         middle = math.sqrt(inside * outside) if geometric else 0.5 * (inside + outside)
         inside, outside = (middle, outside) if holds(middle) else (inside, middle)
     return inside, outside
+
+
+def first_reached(
+    holds: Callable[[float], bool | None], tried: Iterable[float], apart: Apart, *, geometric: bool = False
+) -> tuple[float | None, float | None]:
+    """First of several arguments at which something is so, and the last one before it at which it is not, bisected.
+
+    Parameters
+    ----------
+    holds : whether it is so; None where that is not known. tried : in the order in which they are tried.
+    apart, geometric : of :func:`bisected_until`.
+
+    Returns
+    -------
+    None for an argument that there is not among those that are tried.
+    """
+    before = None
+    for argument in tried:
+        found = holds(argument)
+        if found and before is not None:
+            return bisected_until(lambda middle: holds(middle) is True, argument, before, apart, geometric=geometric)
+        if found:
+            return argument, None
+        before = before if found is None else argument
+    return None, before

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.bisection import bisected_until
+from stickslip_ros.model.bisection import first_reached
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.controlled import natural_period
@@ -21,7 +21,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.reversal import ReferenceMotion, Reversal, reversals, triangle
-from stickslip_ros.model.verdict import ExactVerdict, exact_outcome, exact_verdict, exactly_smooth
+from stickslip_ros.model.verdict import Detail, ExactVerdict, verdict
 
 FloatArray = NDArray[np.float64]
 
@@ -97,15 +97,13 @@ class _Case:
         turns = reversals(self.joint, self.gains, motion, self.conditions)
         return max(turns, key=lambda turn: turn.peak_error, default=None)
 
-    def verdict(self, *, limits: bool) -> ExactVerdict:
-        if not limits:
-            return exact_outcome(self.joint, self.gains, self.speed, self.conditions)
-        return exact_verdict(self.joint, self.gains, self.speed, self.conditions, limits=False)
+    def verdict(self, detail: Detail, gains: Gains | None = None) -> ExactVerdict:
+        return verdict(self.joint, gains or self.gains, self.speed, self.conditions, detail=detail)
 
     def smooth_at(self, damping_ratio: float) -> bool:
         """Whether stick slip dies out with other damping."""
         damping = float(damping_for_ratio(self.joint, self.gains.stiffness, damping_ratio))
-        return exactly_smooth(self.joint, replace(self.gains, damping=damping), self.speed, self.conditions) is True
+        return self.verdict(Detail.SMOOTH, replace(self.gains, damping=damping)).smooth is True
 
     def with_compensation(self, compensation: Compensation) -> _Case:
         return replace(self, conditions=replace(self.conditions, compensation=compensation))
@@ -115,15 +113,7 @@ class _Case:
         gains, conditions = self.gains, self.conditions
         period = conditions.period or self._natural / 64.0
         count = math.ceil(_PERIODS * self._natural / period)
-        simulation = JointSimulation(
-            self.joint,
-            gains,
-            load=conditions.load,
-            error_integral=conditions.load / float(gains.integral) if gains.integral else 0.0,
-            sampled=conditions.controller_period > 0,
-            control_delay=conditions.control_delay,
-            compensation=conditions.compensation,
-        )
+        simulation = JointSimulation.under(self.joint, gains, conditions)
         positions = reference(period * np.arange(count + 1.0))
         motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
         errors = positions[1:] - motion.position
@@ -159,11 +149,11 @@ def compensation_effect(
 
 
 def _effect(case: _Case, *, limits: bool) -> CompensationEffect:
-    verdict, following = case.verdict(limits=limits), case.following()
+    answer, following = case.verdict(Detail.BOUNDARY if limits else Detail.OUTCOME), case.following()
     return CompensationEffect(
-        outcome=verdict.outcome,
-        reason=verdict.reason,
-        critical_damping_ratio=verdict.critical_damping_ratio,
+        outcome=answer.outcome,
+        reason=answer.reason,
+        critical_damping_ratio=answer.critical_damping_ratio,
         steady_error=float(following.mean()),
         swing=float(np.ptp(following)),
         standing_swing=case.standing_swing(),
@@ -224,16 +214,15 @@ def largest_harmless_share(
             return True  # a constant torque changes neither verdict nor ρ_c
         if ask_damping and not case.smooth_at(enough):
             return False
-        outcome = case.verdict(limits=False).outcome
+        outcome = case.verdict(Detail.OUTCOME).outcome
         return _ORDER.index(outcome) <= _ORDER.index(without.outcome)
 
-    low = 0.0
-    for share in np.arange(0.2, _MOST_SHARE + 0.1, 0.2).tolist():
-        if not harmless(share):
-            low, _ = bisected_until(harmless, low, share, lambda inside, outside: outside - inside > _SHARE_TOLERANCE)
-            return low
-        low = share
-    return low
+    _, low = first_reached(
+        lambda share: share > 0.0 and not harmless(share),
+        np.arange(0.0, _MOST_SHARE + 0.1, 0.2).tolist(),
+        lambda harmful, low: harmful - low > _SHARE_TOLERANCE,
+    )
+    return low or 0.0
 
 
 def _turning(joint: Joint, gains: Gains, speed: float, held: float) -> ReferenceMotion:

@@ -50,7 +50,8 @@ class ControlledCourse:
 
     Attributes
     ----------
-    persists : whether stick slip goes on for ever: 1.0 or 0.0; NaN if it cannot be followed.
+    persists : whether stick slip goes on for ever, or the motion grows without end: 1.0 or 0.0; NaN if the controller
+        is too fast beside the joint to be followed.
     outcome : None where there is none to tell. unstable : its motion grows without end.
     """
 
@@ -59,34 +60,20 @@ class ControlledCourse:
     unstable: bool = False
 
 
-def controlled_cycle_persists(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> float:
-    """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever; scalars only.
-
-    It does if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over ten
-    cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
-
-    Returns
-    -------
-    1.0 if it does, or the motion grows without end; 0.0 if it dies out; NaN if the controller is too fast beside the
-    joint to be followed.
-    """
-    return _course(joint, gains, velocity, conditions, to_the_end=False).persists
-
-
-def controlled_course(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ControlledCourse:
+def controlled_course(
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool = True
+) -> ControlledCourse:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
-    As :func:`controlled_cycle_persists`; a joint that slides on is followed until its largest departure from the speed
-    within eight natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in
-    a thousand natural periods, there is no outcome.
+    Stick slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
+    ten cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
+
+    Parameters
+    ----------
+    to_the_end : whether a joint that slides on is followed until its largest departure from the speed within eight
+        natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in a
+        thousand natural periods, there is no outcome.
     """
-    return _course(joint, gains, velocity, conditions, to_the_end=True)
-
-
-def _course(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool
-) -> ControlledCourse:
-    """Whether the cycle persists, and what becomes of the joint if it is followed to the end."""
     stiffness, speed = float(gains.stiffness), abs(float(velocity))
     natural = natural_period(joint, gains)
     period = step_period(conditions, natural)
@@ -110,15 +97,7 @@ def _course(
     if gains.integral == 0:
         force += constant
     joint = replace(joint, friction=replace(friction, coulomb=coulomb))
-    simulation = JointSimulation(
-        joint,
-        gains,
-        error_integral=constant / float(gains.integral) if gains.integral else 0.0,
-        load=conditions.load,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, carried=constant)
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
@@ -181,15 +160,7 @@ def _dithered_course(
     assert conditions.compensation is not None
     phases = _samples_between_phases(period, conditions.compensation.dither_frequency)
     held = conditions.load + float(joint.friction.coulomb) + float(joint.friction.stribeck)
-    simulation = JointSimulation(
-        joint,
-        gains,
-        error_integral=held / float(gains.integral) if gains.integral else 0.0,
-        load=conditions.load,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, carried=held)
     start = 0.0 if gains.integral else held / float(gains.stiffness)
     count = max(phases + 1, round(PERIODS_AT_ONCE * natural / period))
     last, seen = np.zeros(0), []

@@ -20,7 +20,7 @@ from stickslip_ros.model import _outcome_kernel as kernel
 from stickslip_ros.model._cycle_kernel import LARGEST_DAMPING_RATIO as _LARGEST
 from stickslip_ros.model._cycle_kernel import NO_ANSWER, PERSISTS
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.model.bisection import bisected_until
+from stickslip_ros.model.bisection import first_reached
 from stickslip_ros.model.dimensionless import (
     STIFFNESS_DECADES,
     VELOCITY_DECADES,
@@ -183,32 +183,20 @@ def _boundary(
     Where that is at its beginning, or nowhere: the smooth side's 0, the other's infinity.
     """
 
-    def persists(argument: float) -> float:
+    def reached(argument: float) -> bool | None:
         with np.errstate(all="ignore"):
             groups = groups_at(argument)
         values = [float(value) for value in groups.numbers]
         if not all(math.isfinite(value) and value >= 0 for value in values) or groups.velocity == 0:
-            return math.nan
-        return float(cycle_persists(groups))
+            return None
+        persists = float(cycle_persists(groups))
+        return None if math.isnan(persists) else persists == wanted
 
-    before = math.nan
-    for argument in grid:
-        answer = persists(argument)
-        if answer == wanted:
-            break
-        if not math.isnan(answer):
-            before = argument
-    else:
-        if math.isnan(before):
-            return math.nan
-        return 0.0 if wanted == 1.0 else math.inf
-    if math.isnan(before):
-        return math.inf if wanted == 1.0 else 0.0
-    argument, before = bisected_until(
-        lambda middle: persists(middle) == wanted,
-        argument,
-        before,
-        lambda inside, outside: abs(outside - inside) > tolerance * inside,
-        geometric=True,
+    argument, before = first_reached(
+        reached, grid, lambda inside, outside: abs(outside - inside) > tolerance * inside, geometric=True
     )
+    if argument is None and before is None:
+        return math.nan
+    if argument is None or before is None:
+        return 0.0 if (argument is None) == (wanted == 1.0) else math.inf
     return argument if wanted == 0.0 else before

@@ -16,6 +16,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.controlled import PERIODS_AT_ONCE, natural_period, step_period
 from stickslip_ros.model.divergence import loop_is_unstable, runs_away
@@ -178,10 +179,12 @@ def _last_quiet(
     if last < 0:
         return tried[0]
     rest = hunted_at_last
-    outside, inside = math.log(tried[last]), math.log(tried[last + 1])
-    while abs(outside - inside) > _TOLERANCE:
-        middle = 0.5 * (inside + outside)
-        inside, outside = (inside, middle) if unquiet(math.exp(middle)) else (middle, outside)
+    inside, _ = bisected_until(
+        lambda logarithm: not unquiet(math.exp(logarithm)),
+        math.log(tried[last + 1]),
+        math.log(tried[last]),
+        lambda inside, outside: abs(outside - inside) > _TOLERANCE,
+    )
     return math.exp(inside)
 
 
@@ -195,15 +198,7 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
     if math.isnan(period):
         return None
     offset = start.spring / stiffness
-    simulation = JointSimulation(
-        joint,
-        gains,
-        load=conditions.load,
-        error_integral=(conditions.load + start.integral) / float(gains.integral),
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, carried=conditions.load + start.integral)
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     unstable = loop_is_unstable(joint, gains, conditions)
     slips = _Slips(offset)

@@ -27,6 +27,7 @@ from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._friction_law import CONTACTS, LAWS, RIGID
 from stickslip_ros.model._validation import require_finite, require_positive
 from stickslip_ros.model.compensation import Compensation
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 
 # Steps per radian of the fastest motion (natural frequency or viscous decay); the error of a slip is
@@ -151,6 +152,25 @@ class JointSimulation:
         self._state[at.INTEGRAL] = error_integral
         self._state[at.LEVEL] = float(joint.friction.stribeck)
         self._history = np.zeros((0, 3))
+
+    @classmethod
+    def under(
+        cls,
+        joint: Joint,
+        gains: Gains,
+        conditions: OperatingConditions,
+        *,
+        position: float = 0.0,
+        carried: float | None = None,
+    ) -> JointSimulation:
+        """Simulation under operating conditions, with an integral that carries a torque [N·m], the load by default."""
+        carried = conditions.load if carried is None else carried
+        return cls(
+            joint, gains, position=position, load=conditions.load,
+            error_integral=carried / float(gains.integral) if gains.integral else 0.0,
+            sampled=conditions.controller_period > 0,
+            control_delay=conditions.control_delay, compensation=conditions.compensation,
+        )  # fmt: skip
 
     @property
     def gains(self) -> Gains:

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import _outcome_kernel as kernel
+from stickslip_ros.model._earlier_names import earlier_names
 from stickslip_ros.model._friction_law import LAWS, stribeck_slope
 from stickslip_ros.model.dimensionless import DimensionlessGroups
 from stickslip_ros.model.exact import Progress, evaluate
@@ -47,32 +49,55 @@ _ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
 
 @dataclass(frozen=True, kw_only=True)
 class Outcomes:
-    """What becomes of one joint by where it starts, with full static friction; None where that cannot be decided.
+    """What becomes of each point by where it starts, with full static friction.
 
     Attributes
     ----------
-    stuck : it breaks away. sliding : the worst of those that begin at twice and at three times the speed.
-    disturbances_decay : whether it is steady if it begins close enough to the speed.
+    groups : the points. numbers : of the kernel, of the groups' common shape + (starts,).
     """
 
-    stuck: Outcome | None
-    sliding: Outcome | None
-    disturbances_decay: bool
+    groups: DimensionlessGroups
+    numbers: NDArray[np.float64]
+
+    @property
+    def steady(self) -> NDArray[np.bool_]:
+        """Whether each point moves steadily in the end, from every start."""
+        return np.asarray(np.all(self.numbers == kernel.STEADY, axis=-1))
+
+    @property
+    def sticks(self) -> NDArray[np.bool_]:
+        """Whether stick slip goes on from any start at each point; False where that is not decided."""
+        return np.asarray(np.any(self.numbers == kernel.STICKS, axis=-1))
+
+    @property
+    def stuck(self) -> Outcome | None:
+        """Of one joint (scalars) that breaks away; None where that cannot be decided."""
+        return _OUTCOMES[int(self.numbers[..., 0].item())]
+
+    @property
+    def sliding(self) -> Outcome | None:
+        """Of one joint, the worst of those that begin at twice and at three times the speed; None likewise."""
+        return _OUTCOMES[int(self.numbers[..., 1].item())]
+
+    @property
+    def disturbances_decay(self) -> bool:
+        """Whether one joint is steady if it begins close enough to the speed."""
+        return bool(self.groups.damping_ratio > sliding_damping_ratio(self.groups))
 
     @property
     def worst(self) -> Outcome | None:
-        """The one that counts; None if it is not decided whether the other one is as bad."""
+        """Of one joint, the one that counts; None if it is not decided whether the other one is as bad."""
         return max(self.stuck, self.sliding, key=_ORDER.index)
 
     @property
     def depends_on_start(self) -> bool:
-        """Whether the outcome is another one from another start."""
+        """Whether the outcome of one joint is another one from another start."""
         same = self.worst is Outcome.STEADY or not self.disturbances_decay
         return self.stuck is not self.sliding or not same
 
 
 def outcomes(groups: DimensionlessGroups) -> Outcomes:
-    """What becomes of one joint (scalars): a millisecond; close to a boundary tens, with a long lag hundreds of them.
+    """What becomes of each point: a millisecond; close to a boundary tens, with a long lag hundreds of them.
 
     ``STEADY`` keeps within 10 % of the commanded speed in the end; ``SWINGS`` does not, and does not stop.
 
@@ -81,24 +106,9 @@ def outcomes(groups: DimensionlessGroups) -> Outcomes:
     InvalidParameterError
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
-    stuck, sliding = (_OUTCOMES[int(number)] for number in _numbers(groups).ravel())
-    decay = bool(groups.damping_ratio > sliding_damping_ratio(groups))
-    return Outcomes(stuck=stuck, sliding=sliding, disturbances_decay=decay)
-
-
-def is_steady(groups: DimensionlessGroups) -> NDArray[np.bool_]:
-    """Whether each point moves steadily in the end, from every start; of the groups' common shape."""
-    return np.asarray(np.all(_numbers(groups) == kernel.STEADY, axis=-1))
-
-
-def ever_sticks(groups: DimensionlessGroups) -> NDArray[np.bool_]:
-    """Whether stick slip goes on from any start at each point; False where that is not decided; of their shape."""
-    return np.asarray(np.any(_numbers(groups) == kernel.STICKS, axis=-1))
-
-
-def _numbers(groups: DimensionlessGroups) -> NDArray[np.float64]:
     shape, points = point_arrays(groups)
-    return evaluate(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)
+    numbers = evaluate(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)
+    return Outcomes(groups=groups, numbers=numbers)
 
 
 def steady_damping_ratio(
@@ -139,3 +149,13 @@ def steady_damping_ratio(
     guesses = np.array(first, dtype=float)
     found = evaluate(kernel.STEADY_RATIO, points, groups.law, guesses, tolerance, workers, progress)[:, 0]
     return float(found[0]) if shape == () else found.reshape(shape)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = earlier_names(
+        __name__,
+        {
+            "is_steady": ("outcomes(…).steady", lambda groups: outcomes(groups).steady),
+            "ever_sticks": ("outcomes(…).sticks", lambda groups: outcomes(groups).sticks),
+        },
+    )

@@ -225,16 +225,7 @@ def followed(
     """
     require_positive("stiffness", gains.stiffness)
     conditions = conditions or OperatingConditions()
-    simulation = JointSimulation(
-        joint,
-        gains,
-        position=float(reference.position[0]),
-        load=conditions.load,
-        error_integral=conditions.load / float(gains.integral) if gains.integral else 0.0,
-        sampled=conditions.controller_period > 0,
-        control_delay=conditions.control_delay,
-        compensation=conditions.compensation,
-    )
+    simulation = JointSimulation.under(joint, gains, conditions, position=float(reference.position[0]))
     motion = simulation.advance(reference.period, reference.position[:-1], reference.velocity[:-1])
     errors = reference.position[1:] - motion.position
     if runs_away(joint, gains, conditions, errors, float(np.ptp(reference.position))):

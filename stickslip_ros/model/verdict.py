@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The exact verdict on one joint, with what would change it: the exact counterpart of model/margin.py."""
+"""Verdict on one joint by integration, with what would change it: the counterpart of model/margin.py."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip_ros.model.bisection import bisected_until
-from stickslip_ros.model.controlled import (
-    HUNTING,
-    OperatingConditions,
-    controlled_course,
-    controlled_cycle_persists,
-)
-from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
+from stickslip_ros.model._earlier_names import earlier_names
+from stickslip_ros.model.bisection import first_reached
+from stickslip_ros.model.controlled import HUNTING, OperatingConditions, controlled_course
+from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.divergence import UNSTABLE
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
@@ -33,6 +32,7 @@ from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 _CONTROLLED_TOLERANCE = 1e-2  # error of a damping ratio, of it
 _FIRST_RATIO = 0.05  # damping ratio that is tried first, 1; then twice as much
 _LEAST_RATIO = 1e-3  # damping ratio, 1: a smaller one is none
+_NO_ANSWER = "no answer, because "
 _UNDECIDED = "a dimensionless group is too large to integrate, or the motion does not show what it leads to"
 
 
@@ -68,17 +68,36 @@ class ExactVerdict:
     least_smooth_stiffness: float = math.nan
     stick_slip_probability: float = math.nan
 
+    @property
+    def unstable(self) -> bool:
+        """Whether there is no answer because the motion grows without end."""
+        return self.reason == f"{_NO_ANSWER}{UNSTABLE}"
 
-def exact_verdict(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions | None = None, *, limits: bool = True
+
+class Detail(IntEnum):
+    """How much of a verdict is wanted; each takes longer than the one before, and has all that it has."""
+
+    SMOOTH = 0  # whether stick slip dies out; no outcome where it can be decided without
+    OUTCOME = 1  # what becomes of the joint
+    BOUNDARY = 2  # the critical damping ratio
+    LIMITS = 3  # ρ_steady, the lowest smooth velocity and the least smooth stiffness
+
+
+def verdict(
+    joint: Joint,
+    gains: Gains,
+    velocity: float,
+    conditions: OperatingConditions | None = None,
+    *,
+    detail: Detail = Detail.LIMITS,
 ) -> ExactVerdict:
-    """Exact verdict on one joint (scalars) at a commanded velocity [rad/s].
+    """Verdict on one joint (scalars) at a commanded velocity [rad/s], by integration of Eqs (4)-(6).
 
     Parameters
     ----------
     conditions : load, sampled control; with them or integral action the joint is simulated in SI units, which
         takes up to seconds; in the paper's case milliseconds.
-    limits : whether ρ_steady, the lowest smooth velocity and the least smooth stiffness are wanted too.
+    detail : what is not wanted is NaN.
     """
     conditions = (conditions or OperatingConditions()).at_constant_speed
     joint = conditions.applied_to(joint)
@@ -88,62 +107,24 @@ def exact_verdict(
     if velocity == 0:
         return _standstill(joint, gains, conditions)
     if beyond_the_paper(joint, gains, conditions):
-        return _controlled(joint, gains, velocity, conditions)
+        return _controlled(joint, gains, velocity, conditions, detail)
     groups = dimensionless_groups(joint, gains, velocity)
     found = outcomes(groups)
     if found.worst is None:
         return _no_answer(_UNDECIDED)
-    critical = float(exact_critical_damping_ratio(groups))
-    return ExactVerdict(
-        smooth=found.worst is not Outcome.STICKS,
-        outcome=found.worst,
-        depends_on_start=found.depends_on_start,
-        steady_damping_ratio=float(steady_damping_ratio(groups)) if limits else math.nan,
-        critical_damping_ratio=critical,
-        damping_reserve=float(damping_reserve(float(groups.damping_ratio), critical)),
-        lowest_smooth_velocity=exact_lowest_smooth_velocity(joint, gains) if limits else math.nan,
-        least_smooth_stiffness=(
-            exact_least_smooth_stiffness(joint, velocity, damping=float(gains.damping)) if limits else math.nan
-        ),
-    )
-
-
-def exactly_smooth(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions | None = None
-) -> bool | None:
-    """Whether stick slip dies out, as in :func:`exact_verdict`, and nothing else; None where there is no answer.
-
-    False too where the loop is unstable, of which the verdict says that.
-    """
-    conditions = (conditions or OperatingConditions()).at_constant_speed
-    joint = conditions.applied_to(joint)
-    if _obstacle(joint, gains, velocity):
-        return None
-    if velocity == 0:
-        found = hunting(joint, gains, conditions)
-        return None if found.hunts is None else found.settles
-    if beyond_the_paper(joint, gains, conditions):
-        persists = controlled_cycle_persists(joint, gains, velocity, conditions)
-        return None if math.isnan(persists) else persists == 0.0
-    worst = outcomes(dimensionless_groups(joint, gains, velocity)).worst
-    return None if worst is None else worst is not Outcome.STICKS
-
-
-def exact_outcome(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> ExactVerdict:
-    """What becomes of a joint that moves, as in :func:`exact_verdict` without a boundary, which takes most time."""
-    conditions = conditions.at_constant_speed
-    joint = conditions.applied_to(joint)
-    why = _obstacle(joint, gains, velocity)
-    if why or velocity == 0:
-        return _no_answer(why or "the joint does not move")
-    if beyond_the_paper(joint, gains, conditions):
-        return _controlled(joint, gains, velocity, conditions, boundary=False)
-    found = outcomes(dimensionless_groups(joint, gains, velocity))
-    if found.worst is None:
-        return _no_answer(_UNDECIDED)
-    return ExactVerdict(
+    answer = ExactVerdict(
         smooth=found.worst is not Outcome.STICKS, outcome=found.worst, depends_on_start=found.depends_on_start
     )
+    if detail >= Detail.BOUNDARY:
+        answer = _with_boundary(answer, groups, float(exact_critical_damping_ratio(groups)))
+    if detail >= Detail.LIMITS:
+        answer = replace(
+            answer,
+            steady_damping_ratio=float(steady_damping_ratio(groups)),
+            lowest_smooth_velocity=exact_lowest_smooth_velocity(joint, gains),
+            least_smooth_stiffness=exact_least_smooth_stiffness(joint, velocity, damping=float(gains.damping)),
+        )
+    return answer
 
 
 def beyond_the_paper(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
@@ -172,7 +153,7 @@ def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:
 
 
 def _no_answer(why: str) -> ExactVerdict:
-    return ExactVerdict(smooth=None, reason=f"no answer, because {why}")
+    return ExactVerdict(smooth=None, reason=f"{_NO_ANSWER}{why}")
 
 
 def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> ExactVerdict:
@@ -189,44 +170,63 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
 
 
 def _controlled(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, boundary: bool = True
+    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, detail: Detail
 ) -> ExactVerdict:
-    course = controlled_course(joint, gains, velocity, conditions)
+    course = controlled_course(joint, gains, velocity, conditions, to_the_end=detail >= Detail.OUTCOME)
     if math.isnan(course.persists):
         return _no_answer("the controller is too fast beside the joint to be followed")
     if course.unstable:
         return _no_answer(UNSTABLE)
+    if detail == Detail.SMOOTH:
+        return ExactVerdict(smooth=course.persists == 0.0, outcome=course.outcome)
     outcome = course.outcome
     if outcome is None:
         return _no_answer("the motion does not show in a thousand periods what it leads to")
+    answer = ExactVerdict(smooth=outcome is not Outcome.STICKS, outcome=outcome)
+    if detail == Detail.OUTCOME:
+        return answer
 
     def persists_at(ratio: float) -> bool:
         damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
-        return controlled_cycle_persists(joint, replace(gains, damping=damping), velocity, conditions) == 1.0
+        damped = replace(gains, damping=damping)
+        return controlled_course(joint, damped, velocity, conditions, to_the_end=False).persists == 1.0
 
-    critical = _least_calming_ratio(persists_at) if boundary else math.nan
-    ratio = float(dimensionless_groups(joint, gains, velocity).damping_ratio)
-    return ExactVerdict(
-        smooth=outcome is not Outcome.STICKS,
-        outcome=outcome,
-        critical_damping_ratio=critical,
-        damping_reserve=float(damping_reserve(ratio, critical)),
-    )
+    return _with_boundary(answer, dimensionless_groups(joint, gains, velocity), _least_calming_ratio(persists_at))
+
+
+def _with_boundary(answer: ExactVerdict, groups: DimensionlessGroups, critical: float) -> ExactVerdict:
+    reserve = float(damping_reserve(float(groups.damping_ratio), critical))
+    return replace(answer, critical_damping_ratio=critical, damping_reserve=reserve)
 
 
 def _least_calming_ratio(persists_at: Callable[[float], bool]) -> float:
     """Least damping ratio that ends the cycle, looked for from below: too much sampled damping is unstable."""
-    if not persists_at(0.0):
-        return 0.0
-    low, high = 0.0, _FIRST_RATIO
-    while persists_at(high):
-        low, high = high, 2.0 * high
-        if high > LARGEST_DAMPING_RATIO:
-            return math.nan
-    low, high = bisected_until(
-        persists_at,
-        low,
-        high,
-        lambda inside, outside: outside - inside > _CONTROLLED_TOLERANCE * outside and outside > _LEAST_RATIO,
+    doublings = math.floor(math.log2(LARGEST_DAMPING_RATIO / _FIRST_RATIO))
+    high, low = first_reached(
+        lambda ratio: not persists_at(ratio),
+        [0.0, *(_FIRST_RATIO * 2.0**n for n in range(doublings + 1))],
+        lambda high, low: high - low > _CONTROLLED_TOLERANCE * high and high > _LEAST_RATIO,
     )
-    return 0.5 * (low + high)
+    if high is None:
+        return math.nan
+    return 0.0 if low is None else 0.5 * (low + high)
+
+
+def _exact_verdict(joint: Joint, gains: Gains, velocity: float, *conditions: Any, limits: bool = True) -> ExactVerdict:
+    return verdict(joint, gains, velocity, *conditions, detail=Detail.LIMITS if limits else Detail.BOUNDARY)
+
+
+def _exactly_smooth(*arguments: Any) -> bool | None:
+    found = verdict(*arguments, detail=Detail.SMOOTH)
+    return False if found.unstable else found.smooth
+
+
+if not TYPE_CHECKING:
+    __getattr__ = earlier_names(
+        __name__,
+        {
+            "exact_verdict": ("verdict(…)", _exact_verdict),
+            "exactly_smooth": ("verdict(…, detail=Detail.SMOOTH).smooth", _exactly_smooth),
+            "exact_outcome": ("verdict(…, detail=Detail.OUTCOME)", partial(verdict, detail=Detail.OUTCOME)),
+        },
+    )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.verdict import ExactVerdict, verdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
@@ -58,11 +58,11 @@ class ExactQuestion:
 
     def verdict(self) -> ExactVerdict:
         """The answer, worked out."""
-        verdict = exact_verdict(self.joint, self.gains, self.speed, self.conditions)
-        if self.uncertainty is None or verdict.smooth is None or self.conditions.controller_period > 0:
-            return verdict
+        answer = verdict(self.joint, self.gains, self.speed, self.conditions)
+        if self.uncertainty is None or answer.smooth is None or self.conditions.controller_period > 0:
+            return answer
         probability = stick_slip_probability(self.uncertainty, self.gains, self.speed)
-        return replace(verdict, stick_slip_probability=probability)
+        return replace(answer, stick_slip_probability=probability)
 
     def of_the_same_controller(self, other: ExactQuestion) -> bool:
         """Whether conditions and gains are the same, the latter but for what learning makes of them per inertia."""

@@ -12,7 +12,7 @@ from typing import Any
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.verdict import ExactVerdict, verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
@@ -43,7 +43,7 @@ def margin_json(
 ) -> dict[str, Any]:
     """The margin; null for what is not applicable or infinite. The exact verdict is worked out unless it is given."""
     margin = stability_margin(joint, gains, velocity)
-    exact = exact or exact_verdict(joint, gains, velocity, conditions)
+    exact = exact or verdict(joint, gains, velocity, conditions)
     lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
     return {
         **published.MARGIN.for_json(margin),

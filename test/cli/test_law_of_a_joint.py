@@ -19,7 +19,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.errors import JointFileError
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
-from stickslip_ros.model.outcome import is_steady
+from stickslip_ros.model.outcome import outcomes
 from stickslip_ros.monitoring.identification import Identification
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.settings.joint_file import joint_file_text
@@ -128,7 +128,7 @@ def test_recommend_is_by_the_exact_condition(file: Path, capsys: pytest.CaptureF
     gains = replace(known.gains, stiffness=result["stiffness"], damping=result["damping"])
     groups = dimensionless_groups(known.joint, gains, 0.00493)
     assert groups.damping_ratio >= 1.2 * exact_critical_damping_ratio(groups)
-    assert is_steady(groups)
+    assert outcomes(groups).steady
     assert all(math.isfinite(one["elasticity"]) for one in result["sensitivities"].values())
     text = output(capsys, f"recommend --model {file} {OPERATING_POINT}")
     assert text.startswith("By the exact condition (Eq. (43) is not of the law exponential) at 0.00493 rad/s: raise")

@@ -15,7 +15,7 @@ import yaml
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.verdict import exactly_smooth
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.settings.known_joints import load_joint
 
 PUMA = ["recommend", "--model", "puma560_joint1", "--least-damping-ratio", "0"]
@@ -48,7 +48,9 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     loose = advice(capsys, "--no-steady-sliding")
     assert loose["change"] < result["change"]
     assert loose["outcome"] == "swings"
-    assert exactly_smooth(KNOWN.joint, Gains(stiffness=loose["stiffness"], damping=loose["damping"]), KNOWN.velocity)
+    assert verdict(
+        KNOWN.joint, Gains(stiffness=loose["stiffness"], damping=loose["damping"]), KNOWN.velocity, detail=Detail.SMOOTH
+    ).smooth
     paper = advice(capsys, "--no-steady-sliding", "--condition", "paper")
     margin = stability_margin(
         KNOWN.joint, Gains(stiffness=paper["stiffness"], damping=paper["damping"]), KNOWN.velocity

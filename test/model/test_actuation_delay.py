@@ -21,7 +21,7 @@ from stickslip_ros.model.extinction_map import extinction_map
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import change_factors, stability_margin
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
@@ -80,18 +80,18 @@ def test_a_delay_beside_a_controller_that_is_sampled(puma: Joint, period: float,
     delay = (1.5 if late else 0.5) * period
     gains = Gains(stiffness=2000.0, damping=40.0)
     sampled = OperatingConditions(controller_period=period, control_delay=late)
-    without = exact_verdict(puma, gains, SPEED, limits=False)
-    true = exact_verdict(puma, gains, SPEED, sampled, limits=False)
+    without = verdict(puma, gains, SPEED, detail=Detail.BOUNDARY)
+    true = verdict(puma, gains, SPEED, sampled, detail=Detail.BOUNDARY)
     delayed = replace(puma, actuation_delay=delay)
-    found = exact_verdict(delayed, gains, SPEED, limits=False)
+    found = verdict(delayed, gains, SPEED, detail=Detail.BOUNDARY)
     needed, truly, nothing = (
-        float(damping_for_ratio(joint, gains.stiffness, verdict.critical_damping_ratio))
-        for joint, verdict in ((delayed, found), (puma, true), (puma, without))
+        float(damping_for_ratio(joint, gains.stiffness, answer.critical_damping_ratio))
+        for joint, answer in ((delayed, found), (puma, true), (puma, without))
     )
     assert needed - nothing == pytest.approx(gains.stiffness * delay, abs=0.1)
     assert truly - nothing == pytest.approx(needed - nothing, rel=0.2)
     # A stated period is that delay; it does not count twice.
-    assert exact_verdict(delayed, gains, SPEED, sampled, limits=False) == true
+    assert verdict(delayed, gains, SPEED, sampled, detail=Detail.BOUNDARY) == true
 
 
 def test_a_simulation_with_a_delay(puma: Joint) -> None:
@@ -117,7 +117,7 @@ def test_advice_gives_back_what_the_delay_takes(puma: Joint, condition: Criterio
     assert found.damping == pytest.approx(plain.damping + 630.0 * delay, rel=0.02)
     least = answer[Kind.LEAST_CHANGE]
     assert least.found
-    assert exact_verdict(late, least.gains, SPEED, limits=False).smooth
+    assert verdict(late, least.gains, SPEED, detail=Detail.BOUNDARY).smooth
     if condition is Criterion.EXACT:
         groups = dimensionless_groups(late, least.gains, SPEED)
         assert float(groups.damping_ratio) >= 1.19 * float(exact_critical_damping_ratio(groups))
@@ -134,4 +134,4 @@ def test_a_map_with_a_delay(puma: Joint) -> None:
         needed = found.exact_damping[row, column] - (total[row, 0] - 20.0)
         for share in (0.95, 1.05):
             gains = Gains(stiffness=stiffness[row], damping=share * needed)
-            assert exact_verdict(late, gains, velocity[column], limits=False).smooth == (share > 1.0)
+            assert verdict(late, gains, velocity[column], detail=Detail.BOUNDARY).smooth == (share > 1.0)

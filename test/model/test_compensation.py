@@ -16,7 +16,7 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import Outcome
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.compensations import compensations
 
 pytestmark = pytest.mark.slow
@@ -34,7 +34,7 @@ def effect(joint: Joint, gains: Gains, **shares: float) -> CompensationEffect:
 def test_no_compensation_changes_nothing(puma: Joint) -> None:
     """Issue 23: at c = 0 verdict and ρ_c are those of the same joint simulated without."""
     found = effect(puma, STICKS)
-    rigid = exact_verdict(puma, STICKS, SPEED, limits=False)
+    rigid = verdict(puma, STICKS, SPEED, detail=Detail.BOUNDARY)
     assert found.outcome is rigid.outcome is Outcome.STICKS
     assert found.critical_damping_ratio == pytest.approx(rigid.critical_damping_ratio, rel=0.02)
 
@@ -127,7 +127,7 @@ def test_dither_that_is_too_little_sticks(puma: Joint) -> None:
     """Issue 23: next to no dither leaves verdict and ρ_c as they are; enough of it ends stick slip."""
     soft = Gains(stiffness=630.0)
     little = usual(puma, soft, 0.002, "dither", 1e-3)
-    alone = exact_verdict(puma, soft, 0.002, limits=False)
+    alone = verdict(puma, soft, 0.002, detail=Detail.BOUNDARY)
     assert little.outcome is alone.outcome is Outcome.STICKS
     assert little.critical_damping_ratio == pytest.approx(alone.critical_damping_ratio, rel=0.1)
     assert usual(puma, soft, 0.002, "dither", 0.5).outcome is Outcome.STEADY

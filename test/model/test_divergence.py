@@ -17,7 +17,7 @@ from stickslip_ros.model.divergence import UnstableLoopError, loop_is_unstable
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.reversal import followed, reversal_map, sine
-from stickslip_ros.model.verdict import exact_verdict, exactly_smooth
+from stickslip_ros.model.verdict import Detail, verdict
 
 UNSTABLE = "the loop is unstable: its motion grows without end"
 GIVEN = ["--model", "puma560_joint1", "--stiffness", "6300"]
@@ -80,9 +80,10 @@ def test_what_advice_and_pictures_make_of_it(puma: Joint) -> None:
     """Issue 23: gains that make a loop unstable are never smooth; compensation beside them has no effect to tell."""
     gains = Gains(stiffness=6300.0, damping=200.0, integral=1e9)
     conditions = OperatingConditions()
-    assert exactly_smooth(puma, gains, 0.005, conditions) is False
-    assert exactly_smooth(puma, gains, 0.0, conditions) is False
-    assert exact_verdict(puma, gains, 0.005, conditions).smooth is None
+    for speed in (0.005, 0.0):
+        for detail in Detail:
+            found = verdict(puma, gains, speed, conditions, detail=detail)
+            assert (found.smooth, found.unstable) == (None, True)
     reference = sine(0.02, 0.05, puma, gains)
     with pytest.raises(UnstableLoopError, match=UNSTABLE):
         followed(puma, gains, reference)

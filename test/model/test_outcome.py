@@ -17,9 +17,9 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.outcome import Outcome, is_steady, outcomes, steady_damping_ratio
+from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import verdict
 
 LEAST = 0.01  # damping ratios below this are none
 JOINTS, JOINTS_JUDGED = 60, 40
@@ -58,7 +58,7 @@ def test_random_joints_at_their_boundaries(boundary: str, share: float) -> None:
         assert not errors[kind].any(), kind
     assert errors["sticks, does not"].mean() < 0.1
     if boundary == "steady":
-        steady = is_steady(groups_of(judged.points))
+        steady = outcomes(groups_of(judged.points)).steady
         assert steady.mean() > 0.9 if share > 1 else steady.mean() < 0.2
 
 
@@ -94,8 +94,7 @@ def test_the_papers_joint_swings_where_it_is_said_to_be_cured(puma: Joint) -> No
     """Issue 19, item 2: just beyond the critical damping the joint does not stop, and does not move steadily either."""
     velocity, stiffness = 0.00493, 2241.0
     verdicts = {
-        damping: exact_verdict(puma, Gains(stiffness=stiffness, damping=damping), velocity)
-        for damping in (15.0, 30.0, 140.0)
+        damping: verdict(puma, Gains(stiffness=stiffness, damping=damping), velocity) for damping in (15.0, 30.0, 140.0)
     }
     assert [one.outcome for one in verdicts.values()] == [Outcome.STICKS, Outcome.SWINGS, Outcome.STEADY]
     assert [one.smooth for one in verdicts.values()] == [False, True, True]
@@ -107,7 +106,7 @@ def test_a_sampled_controller_has_an_outcome_too(puma: Joint) -> None:
     """A joint that slides under sampled control is followed until it settles, or goes on swinging."""
     conditions = OperatingConditions(controller_period=0.005)
     found = [
-        exact_verdict(puma, Gains(stiffness=2241.0, damping=damping), 0.00493, conditions).outcome
+        verdict(puma, Gains(stiffness=2241.0, damping=damping), 0.00493, conditions).outcome
         for damping in (5.0, 35.0, 150.0)
     ]
     assert found == [Outcome.STICKS, Outcome.SWINGS, Outcome.STEADY]
@@ -119,7 +118,7 @@ def test_what_cannot_be_decided_is_not_called_smooth() -> None:
         natural_frequency=1.0, damping_ratio=0.1, stribeck=1e5, velocity=1.0, lag=0.1, rise_time=1.0
     )
     assert outcomes(groups).worst is None
-    assert not is_steady(groups)
+    assert not outcomes(groups).steady
     assert np.isnan(steady_damping_ratio(groups))
 
 

@@ -18,7 +18,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation, Trajectory, simulate
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import Detail, verdict
 
 pytestmark = pytest.mark.slow
 
@@ -88,10 +88,10 @@ def test_the_boundary_tends_to_that_of_a_rigid_contact(
 ) -> None:
     """Issue 23: ρ_c tends to the paper's; 1 % (and the search's own) holds from 1e5 k_p on, not from 1000 k_p."""
     gains = Gains(stiffness=stiffness)
-    rigid = exact_verdict(puma, gains, speed, limits=False).critical_damping_ratio
+    rigid = verdict(puma, gains, speed, detail=Detail.BOUNDARY).critical_damping_ratio
     for exponent, near in enumerate(NEAR[contact], start=3):
         joint = _damped(puma, 10.0**exponent * stiffness, damped, contact)
-        found = exact_verdict(joint, gains, speed, limits=False).critical_damping_ratio
+        found = verdict(joint, gains, speed, detail=Detail.BOUNDARY).critical_damping_ratio
         assert found == pytest.approx(rigid, rel=near)
 
 
@@ -104,7 +104,7 @@ def test_the_boundary_is_that_of_brute_force(
     """Issue 23: at 1000 and 10,000 k_p ρ_c is that of small steps: how far it is from the rigid one is physics."""
     for ratio in (1e3, 1e4):
         joint = _damped(puma, ratio * stiffness, damped, contact)
-        found = exact_verdict(joint, Gains(stiffness=stiffness), speed).critical_damping_ratio
+        found = verdict(joint, Gains(stiffness=stiffness), speed).critical_damping_ratio
         expected = critical_ratio(joint.friction, float(puma.inertia), stiffness, speed, 20.0)
         assert found == pytest.approx(expected, rel=0.02)
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 from dataclasses import replace
@@ -14,9 +15,11 @@ from conftest import nightly
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation, simulate
-from stickslip_ros.model.verdict import ExactVerdict, exact_verdict
+from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.model.verdict import Detail, ExactVerdict, verdict
 
 GAINS = Gains(stiffness=2016.0, damping=20.0)
 SPEED = 0.00493
@@ -31,16 +34,16 @@ def same(one: ExactVerdict, other: ExactVerdict, rel: float) -> bool:
 
 def test_all_that_the_verdict_tells(puma: Joint) -> None:
     """Issue 3: exact verdict, critical damping ratio, lowest smooth velocity, least stiffness."""
-    verdict = exact_verdict(puma, GAINS, SPEED)
-    assert verdict.smooth is False
-    assert verdict.reason is None
-    assert verdict.critical_damping_ratio == pytest.approx(0.1628, rel=0.005)
-    assert verdict.lowest_smooth_velocity > SPEED
-    assert verdict.least_smooth_stiffness > 2016.0
-    assert exact_verdict(puma, replace(GAINS, stiffness=1.01 * verdict.least_smooth_stiffness), SPEED).smooth
-    assert exact_verdict(puma, GAINS, 1.01 * verdict.lowest_smooth_velocity).smooth
-    quick = exact_verdict(puma, GAINS, SPEED, limits=False)
-    assert same(quick, verdict, 1e-12)
+    answer = verdict(puma, GAINS, SPEED)
+    assert answer.smooth is False
+    assert answer.reason is None
+    assert answer.critical_damping_ratio == pytest.approx(0.1628, rel=0.005)
+    assert answer.lowest_smooth_velocity > SPEED
+    assert answer.least_smooth_stiffness > 2016.0
+    assert verdict(puma, replace(GAINS, stiffness=1.01 * answer.least_smooth_stiffness), SPEED).smooth
+    assert verdict(puma, GAINS, 1.01 * answer.lowest_smooth_velocity).smooth
+    quick = verdict(puma, GAINS, SPEED, detail=Detail.BOUNDARY)
+    assert same(quick, answer, 1e-12)
     assert math.isnan(quick.lowest_smooth_velocity)
 
 
@@ -58,11 +61,11 @@ def test_all_that_the_verdict_tells(puma: Joint) -> None:
 )
 def test_meaningless_questions_have_no_answer(puma: Joint, gains: Gains, velocity: float, reason: str) -> None:
     """Issue 3: no number where the question has no meaning, and the reason."""
-    verdict = exact_verdict(puma, gains, velocity)
-    assert verdict.smooth is None
-    assert verdict.reason is not None
-    assert reason in verdict.reason
-    assert math.isnan(verdict.critical_damping_ratio)
+    answer = verdict(puma, gains, velocity)
+    assert answer.smooth is None
+    assert answer.reason is not None
+    assert reason in answer.reason
+    assert math.isnan(answer.critical_damping_ratio)
 
 
 @pytest.mark.parametrize("stiffness", [1e-6, 1e-3, 1e6, 1e9])
@@ -70,30 +73,30 @@ def test_meaningless_questions_have_no_answer(puma: Joint, gains: Gains, velocit
 def test_extreme_joints_are_answered_in_time(puma: Joint, stiffness: float, velocity: float) -> None:
     """Issue 3: no gain or speed makes the integration run away."""
     begin = time.perf_counter()
-    exact_verdict(puma, Gains(stiffness=stiffness), velocity)
+    verdict(puma, Gains(stiffness=stiffness), velocity)
     assert time.perf_counter() - begin < 30.0
 
 
 def test_a_load_changes_no_verdict(puma: Joint) -> None:
     """Issue 3: a constant load shifts the position, not the verdict; simulated with and without integral action."""
-    plain = exact_verdict(puma, GAINS, SPEED)
-    assert same(exact_verdict(puma, GAINS, SPEED, OperatingConditions(load=7.0)), plain, 1e-12)
+    plain = verdict(puma, GAINS, SPEED)
+    assert same(verdict(puma, GAINS, SPEED, OperatingConditions(load=7.0)), plain, 1e-12)
     integral = replace(GAINS, integral=500.0)
-    loaded = exact_verdict(puma, integral, SPEED, OperatingConditions(load=7.0))
-    assert same(loaded, exact_verdict(puma, integral, SPEED), 0.011)
+    loaded = verdict(puma, integral, SPEED, OperatingConditions(load=7.0))
+    assert same(loaded, verdict(puma, integral, SPEED), 0.011)
 
 
 def test_little_integral_action_and_fast_control_are_the_papers_case(puma: Joint) -> None:
     """Issue 3: k_i → 0 and a controller period → 0 lead to the paper's case, from another integrator."""
-    plain = exact_verdict(puma, GAINS, SPEED)
-    assert same(exact_verdict(puma, replace(GAINS, integral=1.0), SPEED), plain, 0.015)
-    assert same(exact_verdict(puma, GAINS, SPEED, OperatingConditions(controller_period=2e-4)), plain, 0.015)
+    plain = verdict(puma, GAINS, SPEED)
+    assert same(verdict(puma, replace(GAINS, integral=1.0), SPEED), plain, 0.015)
+    assert same(verdict(puma, GAINS, SPEED, OperatingConditions(controller_period=2e-4)), plain, 0.015)
 
 
 def test_slow_control_needs_more_damping(puma: Joint) -> None:
     """Issue 3: a sampled controller needs more damping, one period of delay still more, and too slow it never calms."""
     ratios = [
-        exact_verdict(puma, GAINS, SPEED, conditions).critical_damping_ratio
+        verdict(puma, GAINS, SPEED, conditions).critical_damping_ratio
         for conditions in (
             OperatingConditions(),
             OperatingConditions(controller_period=0.005),
@@ -103,23 +106,20 @@ def test_slow_control_needs_more_damping(puma: Joint) -> None:
     ]
     assert ratios == sorted(ratios)
     assert ratios[-1] > 1.3 * ratios[0]
-    assert (
-        exact_verdict(puma, GAINS, SPEED, OperatingConditions(controller_period=0.1, control_delay=True)).smooth
-        is False
-    )
+    assert verdict(puma, GAINS, SPEED, OperatingConditions(controller_period=0.1, control_delay=True)).smooth is False
 
 
 def test_hunting_at_standstill(puma: Joint) -> None:
     """Issue 3: strong integral action makes a joint hunt about a standing reference; weak or none does not."""
     soft = Gains(stiffness=630.0, damping=20.0)
-    hunting = exact_verdict(puma, replace(soft, integral=1000.0), 0.0)
+    hunting = verdict(puma, replace(soft, integral=1000.0), 0.0)
     assert hunting.smooth is False
     assert hunting.reason == "hunting"
-    calm = exact_verdict(puma, replace(soft, integral=200.0), 0.0)
+    calm = verdict(puma, replace(soft, integral=200.0), 0.0)
     assert calm.smooth is True
     assert calm.reason is None
     without_excess = replace(puma, friction=replace(puma.friction, stribeck=0.0))
-    assert exact_verdict(without_excess, replace(soft, integral=200.0), 0.0).smooth is True
+    assert verdict(without_excess, replace(soft, integral=200.0), 0.0).smooth is True
 
 
 def test_sampled_control_holds_its_effort_and_may_be_late(puma: Joint) -> None:
@@ -158,5 +158,22 @@ def test_bad_conditions_are_refused_by_name(values: dict[str, float], name: str)
 
 def test_a_controller_too_fast_to_follow_has_no_answer(puma: Joint) -> None:
     """Issue 3: where a natural period holds too many controller periods the answer says so."""
-    verdict = exact_verdict(puma, Gains(stiffness=0.1), SPEED, OperatingConditions(controller_period=1e-5))
-    assert verdict.smooth is None
+    answer = verdict(puma, Gains(stiffness=0.1), SPEED, OperatingConditions(controller_period=1e-5))
+    assert answer.smooth is None
+
+
+def test_earlier_names_answer_for_one_version(puma: Joint) -> None:
+    """Issue 39: functions that `verdict` and `outcomes` replace are there, with a warning of what to write instead."""
+    for name, of, answers in (
+        ("exact_verdict", "verdict", lambda ask: ask(puma, GAINS, SPEED) == verdict(puma, GAINS, SPEED)),
+        ("exactly_smooth", "verdict", lambda ask: ask(puma, GAINS, SPEED) is False),
+        ("exactly_smooth", "verdict", lambda ask: ask(puma, replace(GAINS, integral=1e9), SPEED) is False),
+        ("exact_outcome", "verdict", lambda ask: ask(puma, GAINS, SPEED).outcome is Outcome.STICKS),
+        ("is_steady", "outcome", lambda ask: not ask(dimensionless_groups(puma, GAINS, SPEED))),
+        ("ever_sticks", "outcome", lambda ask: ask(dimensionless_groups(puma, GAINS, SPEED))),
+    ):
+        with pytest.warns(DeprecationWarning, match=f"{name} is "):
+            earlier = getattr(importlib.import_module(f"stickslip_ros.model.{of}"), name)
+        assert answers(earlier), name
+    with pytest.raises(AttributeError, match="no attribute 'other'"):
+        _ = importlib.import_module("stickslip_ros.model.verdict").other

@@ -14,9 +14,9 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.outcome import is_steady
+from stickslip_ros.model.outcome import outcomes
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
-from stickslip_ros.model.verdict import exactly_smooth
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommendation import Variant
 
@@ -43,7 +43,7 @@ def random_case(rng: np.random.Generator, condition: Criterion) -> AdviceCase:
         velocity = float(joint.friction.stribeck_velocity) * 10.0 ** float(rng.uniform(-0.5, 0.5))
         ratio = float(rng.choice([0.0, rng.uniform(0.0, 0.3)]))
         gains = Gains(stiffness=inertia * frequency**2, damping=2.0 * ratio * inertia * frequency)
-        if exactly_smooth(joint, gains, velocity):
+        if verdict(joint, gains, velocity, detail=Detail.SMOOTH).smooth:
             continue
         stiffness = float(gains.stiffness)
         limits = AdviceLimits(
@@ -98,7 +98,7 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
         stiffness, total = stiffnesses[row, column], totals[row, column]
         trial = Gains(stiffness=stiffness, damping=total / less - viscous)
         around = Gains(stiffness=stiffness, damping=total * _AROUND - viscous)
-        steady = not limits.steady_sliding or is_steady(dimensionless_groups(joint, around, case.velocity)).all()
+        steady = not limits.steady_sliding or outcomes(dimensionless_groups(joint, around, case.velocity)).steady.all()
         if steady and cycle_persists(dimensionless_groups(joint, trial, case.velocity)) == 0.0:
             return float(changes[row, column])
     return math.inf

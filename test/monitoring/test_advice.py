@@ -22,7 +22,7 @@ from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.verdict import exactly_smooth
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import (
     AdviceLimits,
     Criterion,
@@ -118,7 +118,7 @@ def test_margin_at_every_speed_needed(puma: Joint, condition: Criterion) -> None
     for velocity in np.geomspace(0.002, 0.3, 40):
         if condition is Criterion.PAPER:
             assert reserve(puma, gains, velocity) > 0.15  # between the speeds that were looked at, a little less
-        assert exactly_smooth(puma, gains, velocity)
+        assert verdict(puma, gains, velocity, detail=Detail.SMOOTH).smooth
     assert advice.slowest_smooth_velocity <= 0.002
     # Not moving now, the slowest speed is what counts.
     assert recommend(puma, STICKING, 0.0, limits)[Kind.LEAST_CHANGE].found
@@ -549,7 +549,7 @@ def test_integral_action_and_sampled_control_count_exactly(puma: Joint) -> None:
     best = advice[Kind.LEAST_CHANGE]
     assert best.found
     assert best.exactly_smooth is True
-    assert exactly_smooth(puma, replace(best.gains, integral=200.0), SPEED, conditions)
+    assert verdict(puma, replace(best.gains, integral=200.0), SPEED, conditions, detail=Detail.SMOOTH).smooth
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from support import record
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.verdict import exact_verdict
+from stickslip_ros.model.verdict import verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.detection.status import Finding, Hunting, NoSamples, Status
@@ -120,7 +120,7 @@ def test_the_reserve_in_passing_is_that_of_the_verdict(puma: Joint) -> None:
     for gains in (STICKING, Gains(stiffness=2016.0, damping=20.0)):
         monitor = JointMonitor(puma, gains)
         for velocity in (-0.0058, 0.002, 0.005, 0.02):
-            found = exact_verdict(puma, gains, abs(velocity)).damping_reserve
+            found = verdict(puma, gains, abs(velocity)).damping_reserve
             assert 1.0 + monitor.damping_reserve(velocity) == pytest.approx(1.0 + found, rel=0.02)
         assert np.isnan(monitor.damping_reserve(0.0))
     assert np.isnan(JointMonitor(puma, Gains(stiffness=630.0, integral=100.0)).damping_reserve(0.005))

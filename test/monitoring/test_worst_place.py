@@ -16,7 +16,7 @@ from machines import Machine, sticks
 from varying_machines import EVEN, LOAD, PLACE, VaryingRecording, learnt_monitor, random_varying, recorded
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.verdict import exactly_smooth
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
@@ -98,7 +98,7 @@ def test_verdict_is_that_of_the_worst_place(
     for factor in (0.8, 1.25):
         tried = replace(gains, damping=factor * sticking - worst.viscous)
         assert sticks(worst, tried, speed) == (factor < 1.0)
-        assert exactly_smooth(estimate.joint(), tried, speed) is (factor > 1.0)
+        assert verdict(estimate.joint(), tried, speed, detail=Detail.SMOOTH).smooth is (factor > 1.0)
     state = monitor.assessment()
     assert state.joint is not None
     assert state.joint.friction.stribeck == pytest.approx(estimate["stribeck"].value)
@@ -116,7 +116,7 @@ def test_smooth_folded_and_sticking_stretched_out() -> None:
     between = replace(GAINS, damping=math.sqrt(smooth * sticking) - worst.viscous)
     assert sticks(worst, between, SPEED)
     assert not sticks(best, between, SPEED)
-    assert exactly_smooth(estimate.joint(), between, SPEED) is False
+    assert verdict(estimate.joint(), between, SPEED, detail=Detail.SMOOTH).smooth is False
 
 
 def test_advice_holds_at_the_worst_place(

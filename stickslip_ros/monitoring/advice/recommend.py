@@ -16,15 +16,14 @@ import numpy as np
 
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
-from stickslip_ros.model.outcome import Outcome, ever_sticks, is_steady
-from stickslip_ros.model.verdict import beyond_the_paper, exact_outcome, exact_verdict, exactly_smooth
+from stickslip_ros.model.outcome import Outcome, outcomes
+from stickslip_ros.model.verdict import Detail, beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.limits import (
     AdviceLimits,
     Criterion,
@@ -89,8 +88,8 @@ def recommend(
     # Too little damping is no obstacle to advice, however little it is.
     bounded = replace(gains, damping=max(float(gains.damping), -float(joint.own_damping(gains.stiffness))))
     if exact:
-        unanswered = exactly_smooth(joint, bounded, slowest, loop.conditions) is None
-        obstacle = exact_verdict(joint, bounded, slowest, loop.conditions).reason if unanswered else ""
+        present = verdict(joint, bounded, slowest, loop.conditions, detail=Detail.SMOOTH)
+        obstacle = "" if present.smooth is not None or present.unstable else str(present.reason)
         if not obstacle and slowest == 0:
             obstacle = "the commanded velocity is zero, and no slowest velocity is given"
     else:
@@ -293,10 +292,10 @@ class _Case:
             own = float(self._joint.own_damping(gains.stiffness))
             around = (float(gains.damping) + own) * np.array(_STEADY_FACTORS)[:, None] - own
             groups = dimensionless_groups(self._joint, replace(gains, damping=around), self._requirement.speeds)
-            return bool(np.all(is_steady(groups)))
+            return bool(np.all(outcomes(groups).steady))
         groups = dimensionless_groups(self._joint, gains, self._requirement.speeds)
         # Where there is no answer there is nothing that would refute the margin.
-        return not np.any(ever_sticks(groups))
+        return not np.any(outcomes(groups).sticks)
 
     def _integration_agrees_beyond_paper(self, gains: Gains) -> bool:
         """Whether the integration agrees with integral action or sampled control, at the slowest speed."""
@@ -314,9 +313,13 @@ class _Case:
             if outcome not in (Outcome.STEADY, None):
                 return False
             # What ends in steady motion is smooth, and need not be integrated again.
-            if outcome is None and exactly_smooth(self._joint, trial, self._slowest, self._loop.conditions) is False:
+            if outcome is None and not self._may_be_smooth(trial):
                 return False
         return True
+
+    def _may_be_smooth(self, gains: Gains) -> bool:
+        answer = verdict(self._joint, gains, self._slowest, self._loop.conditions, detail=Detail.SMOOTH)
+        return answer.smooth is not False and not answer.unstable
 
     @staticmethod
     def _reaches(condition: Condition, gains: Gains) -> bool:
@@ -326,7 +329,7 @@ class _Case:
         """What becomes of the joint with these gains, and the integral action of now if that counts."""
         gains = replace(gains, integral=self._gains.integral if self._beyond_paper else 0.0)
         conditions = self._loop.conditions if self._beyond_paper else None
-        return exact_outcome(self._joint, gains, self._slowest, conditions or OperatingConditions()).outcome
+        return verdict(self._joint, gains, self._slowest, conditions, detail=Detail.OUTCOME).outcome
 
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains

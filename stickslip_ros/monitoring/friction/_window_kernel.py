@@ -136,7 +136,8 @@ def _slide(
 
     Fills the nodes that it passes.
 
-    Returns the time of its arrest, infinite if it goes on, where that is and Ψ then, and the last node before it.
+    Returns the time of its arrest, infinite if it goes on, where that is, Ψ then, the last node before it, and how many
+    steps it took.
     """
     points, columns, halvings = weights.shape[1], matrices.shape[2], matrices.shape[0] - 2
     vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
@@ -248,17 +249,18 @@ def _slide(
             way += s * (one + s * (two + s * (three + s * (four + s * five))))
             before = elapsed + arrest * size - lag
             if before <= 0.0:
-                return until, way, 1.0, node
+                return until, way, 1.0, node, index + 1
             while past < index and spans[past, 0] + spans[past, 1] <= before:
                 past += 1
-            return until, way, _stribeck_friction(law, 1.0, _velocity(before, past, spans, polynomials)), node
+            shape = _stribeck_friction(law, 1.0, _velocity(before, past, spans, polynomials))
+            return until, way, shape, node, index + 1
         way, speed, acceleration = end, end_speed, end_acceleration
         elapsed += size
         index += 1
     for i in range(node + 1, last + 1):
         # Nothing that moves so: what it came from was absurd, or not a number.
         positions[i] = velocities[i] = math.nan
-    return math.inf, way, 1.0, last
+    return math.inf, way, 1.0, last, index
 
 
 @compiled(nogil=True)
@@ -279,7 +281,10 @@ def simulate_windows(
     ``contacts`` are compliance and damping of the contact while the joint stands: it creeps with the force, and goes on
     from the speed of that when it breaks away, without the damping; when it stops it springs back, by what friction has
     been more than the force.
+
+    Returns the number of steps.
     """
+    total = 0
     room = 0.0
     for variant in range(parameters.shape[0]):
         smallest = steps[variant, COARSE]
@@ -333,11 +338,12 @@ def simulate_windows(
                 positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * drive), 0.0
             level_now, surplus = level, surpluses[n] + damped
             for _ in range(_MOST_SLIPS):
-                arrest, way, shape, node = _slide(
+                arrest, way, shape, node, taken = _slide(
                     begin, surplus, creep, level_now, drive, stiffness, drag, law, plant, steps[variant], direction,
                     rest, node, last, times, drive_at, filled, matrices, weights, spans, polynomials, positions_at,
                     velocities_at,
                 )  # fmt: skip
+                total += taken
                 if math.isinf(arrest):
                     break
                 rest += direction * way
@@ -366,3 +372,4 @@ def simulate_windows(
                 ratio = velocities_at[last] / plant[STRIBECK_VELOCITY]
                 found[variant, n, ARREST_POSITION] = positions_at[last]
                 found[variant, n, STRIBECK_FRACTION] = _stribeck_friction(law, 1.0, ratio)
+    return total

@@ -37,6 +37,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
 IDENTIFIED = 0.05  # standard error, of the value: with less the data determine a parameter
 DOES_NOT_FIT = "friction model does not fit"
+CUT_SHORT = "the study of the slips was cut short: further effects and laws were not tried"
 COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 
 # Misfit, of a slip, and slips set aside, of all slips: an estimate with more is not usable.

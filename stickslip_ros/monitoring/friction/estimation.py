@@ -28,6 +28,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
 )
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
+    CUT_SHORT,
     DOES_NOT_FIT,
     IDENTIFIED,
     NOT_ESTIMATED,
@@ -45,7 +46,7 @@ from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
 from stickslip_ros.monitoring.friction.place_fit import with_position_disturbance
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
@@ -53,6 +54,8 @@ from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
+# Steps of simulation in a study, 1: 2 s of a core. Slips that a model explains take a twentieth to a half of it.
+_MOST_STEPS = 6e6
 LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm, 1: right within a factor of two
 _LARGEST_UNEXPLAINED = 0.001  # tolerance, slip distances: joints that the model explains need less
@@ -96,7 +99,8 @@ def fitted_laws(
         yields : whether these were of a contact that yields.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
-    problem = SlipProblem(windows)
+    budget = Budget(_MOST_STEPS)
+    problem = SlipProblem(windows, budget=budget)
     known = _prior_knowledge(configured, normalised=problem.normalised)
     again = fit_with_contact(problem, start, known) if yields and start is not None else None
     problem, solution = again or (problem, search(problem, known, start))
@@ -104,7 +108,7 @@ def fitted_laws(
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.usable)
         if len(kept) < len(windows):
-            problem = SlipProblem(kept)
+            problem = SlipProblem(kept, budget=budget)
             solution = search(problem, known, start)
     if solution is None:
         return []
@@ -183,7 +187,11 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     # The subtracted force is only nearly the right one, so the fit without it is not certain either.
     disturbance = fits[0].position_disturbance
     why = disturbance.without if disturbance is not None else unexplained(fits[0])
-    against = contradiction(problem.windows)
+    reservations = (
+        f"{DOES_NOT_FIT}: {why}" if why else "",
+        CUT_SHORT if fits[0].cut_short else "",
+        contradiction(problem.windows),
+    )
     blank = FrictionEstimate(
         source=problem.windows[0].source,
         normalised=problem.normalised,
@@ -197,7 +205,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         mean_square=solution.mean_square,
         left_over=solution.tolerance / float(np.median(problem.distances)),
         scatter=solution.balance_error,
-        mismatch="; ".join(part for part in (f"{DOES_NOT_FIT}: {why}" if why else "", against) if part),
+        mismatch="; ".join(filter(None, reservations)),
         configured=configured,
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),

@@ -72,6 +72,11 @@ class FittedLaw:
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
 
     @property
+    def cut_short(self) -> bool:
+        """Whether the study had no time for all that could be tried."""
+        return self.problem.budget.spent
+
+    @property
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
         return misfit_of(self.problem, self.solution)
@@ -92,6 +97,8 @@ def fitted_with_more(
     problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
     prior_evidence : whether the slips are known to need the parameters; else a fit of a few slips has to show it first.
     """
+    if problem.budget.spent:
+        return first
     if not first.fits and not prior_evidence and not _worth_the_parameters(first, problem, more, known):
         return first
     try:

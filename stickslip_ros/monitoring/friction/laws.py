@@ -40,7 +40,7 @@ def weighed_laws(
     rejected : laws that fewer of these slips have excluded; they count as such as long as the first one fits.
     """
     fits, given_up = [first], []
-    if int(first.problem.usable.sum()) >= LEAST_SLIPS:
+    if int(first.problem.usable.sum()) >= LEAST_SLIPS and not first.cut_short:
         for law in LAWS:
             if law == first.law:
                 continue
@@ -65,7 +65,7 @@ def weighed_laws(
     )
     weights /= weights.sum()
     found = [
-        replace(fit, weight=float(weight), rejected=tuple(given_up))
+        replace(fit, weight=float(weight), rejected=() if first.cut_short else tuple(given_up))
         for fit, weight in zip(fits, weights, strict=True)
         if weight > EXCLUDED
     ]

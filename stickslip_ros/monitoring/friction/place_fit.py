@@ -46,7 +46,7 @@ def with_position_disturbance(plain: FittedLaw, known: Mapping[int, tuple[float,
 
 def _round(plain: FittedLaw, best: FittedLaw, known: Mapping[int, tuple[float, float]], why: str) -> FittedLaw | None:
     """Fit without the disturbance that the best fit so far shows; None if there is none, or BIC rejects it."""
-    dry = dry_friction_of(best.problem, best.solution.fit)
+    dry = None if best.cut_short else dry_friction_of(best.problem, best.solution.fit)
     if dry is None or not (dry.load_curve or dry.ripple is not None):
         return None
     if best is plain and dry.load_curve:

@@ -217,6 +217,8 @@ def fit_slips(
     weight[:size, :size] = prior.information
     damping = 1e-3
     for _ in range(iterations):
+        if problem.budget.spent:
+            break
         equations = fit.equations(point, fit.slopes(point, fit.free))
         pull = np.zeros(fit.columns)
         pull[:size] = prior.information @ (prior.mean - point.parameters)

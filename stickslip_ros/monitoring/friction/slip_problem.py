@@ -10,6 +10,7 @@ are Eq. (6), from one slip's end to the next one's beginning, and the balance of
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,18 @@ LEAST_VISCOUS = (
 )
 
 
+@dataclass
+class Budget:
+    """Steps of simulation that are left to a study: a bound of its time that is the same on every machine."""
+
+    steps: float = math.inf
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing is left: what could still be tried is not, and iterations end where they are."""
+        return self.steps <= 0.0
+
+
 class SlipProblem(ObservedSlips):
     """Observed slips, and what a simulation of them needs.
 
@@ -77,6 +90,7 @@ class SlipProblem(ObservedSlips):
         between creep, see :meth:`.SlipWindow.between_creep`.
     curved_at : speed at which the viscous friction is told [rad/s] if it may be a curve over speed, of which a share
         goes with the square of the speed; None if it is a straight line. Where only speeds are known it is one.
+    budget : of the simulations of this problem and of all that are made of it; None for no bound.
 
     ``more_errors`` are prior standard deviations of what stands beyond the parameters: the reference's speeds, where
     only they are known, relative; the controller's delay, in sample intervals, where it shows; the compliance of a
@@ -100,8 +114,10 @@ class SlipProblem(ObservedSlips):
         known_factor: FloatArray | None = None,
         contact: ContactKnowledge | None = None,
         curved_at: float | None = None,
+        budget: Budget | None = None,
     ) -> None:
         super().__init__(windows)
+        self.budget = budget or Budget()
         # Factor on the levels of Eq. (6).
         self._known_factor = known_factor
         self.subtracted_force = np.zeros(self.count) if subtracted_force is None else subtracted_force
@@ -265,7 +281,7 @@ class SlipProblem(ObservedSlips):
         # What was chosen by slip lies the other way round in memory, and would have the kernel compiled once more.
         drives, standing = np.ascontiguousarray(drives), np.ascontiguousarray(standing)
         drags = np.ascontiguousarray(drags)
-        kernel.simulate_windows(
+        self.budget.steps -= kernel.simulate_windows(
             plants, self.law, self.directions, starts, surpluses, gains, drags, contacts, standing, self.edges,
             self.times, drives, self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
@@ -308,7 +324,7 @@ class SlipProblem(ObservedSlips):
 
     def plain(self, law: int) -> SlipProblem:
         """The problem of the same slips under a law, without what a fit has added; what was found of stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=law)
+        other = SlipProblem(self.windows, self.before, law=law, budget=self.budget)
         other.set_noise(jitter=self.jitter, tolerance=0.0)
         return other
 
@@ -390,6 +406,7 @@ class SlipProblem(ObservedSlips):
             "delay_shows": self.delay_shows,
             "contact": self.contact,
             "curved_at": self.curved_at,
+            "budget": self.budget,
         }
 
     @property
