@@ -54,7 +54,7 @@ pictures: $(STAMP)
 coverage: $(STAMP)
 	$(BIN)/python -m pytest --cov=stickslip_ros --cov-report=term $(TESTS)
 
-# Installation, demo and some tests on every Python that is there: make matrix [LEGS="3.13 noble"]
+# Installation, demo and some tests on every Python that is there: make matrix [LEGS="noble kilted"]
 matrix:
 	@sh tools/matrix.sh $(LEGS)
 

@@ -12,8 +12,9 @@ SHARE = Path("share") / PACKAGE
 # colcon and bloom put executables into lib/, which is not on PATH; pip makes bin/stickslip by itself, into its wheel.
 BY_PIP = any("wheel" in argument for argument in sys.argv)
 
-# The versions of Jazzy, from wheels: for machines without ROS.
+# ROS 2 from wheels, for machines without ROS: Jazzy, and Kilted for the matrix.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"]
+KILTED_WHEELS = ["ros-kilted-rclpy[fastrtps]==9.1.2", "ros-kilted-common-interfaces==5.5.1"]
 DASK = ["dask", "distributed"]
 DOCS = ["furo", "latex2mathml", "myst-parser", "sphinx"]
 TEST = [
@@ -77,7 +78,7 @@ setup(
         "setuptools",
         "zstandard",
     ],
-    extras_require={"ros": ROS_WHEELS, "dask": DASK, "docs": DOCS, "test": TEST},
+    extras_require={"ros": ROS_WHEELS, "kilted": KILTED_WHEELS, "dask": DASK, "docs": DOCS, "test": TEST},
     zip_safe=False,
     maintainer="The stickslip_ros developers",
     maintainer_email="stickslip-ros@example.org",

@@ -104,15 +104,15 @@ def commands(folder: Path) -> list[Subject]:
     rows = (f"{0.001 * n:.3f},{0.01 * n % 6:.6f}\n" for n in range(2_000_000))
     table.write_text("time [s],position [rad]\n" + "".join(rows))
     words = (
-        ("margin", "--joint", "puma560_joint1"),
-        ("recommend", "--joint", "puma560_joint1"),
+        ("margin", "--model", "puma560_joint1"),
+        ("recommend", "--model", "puma560_joint1"),
         ("analyze", str(bag), "--json"),
         ("analyze", str(fleet), "--jobs", "2"),
         ("identify", str(bag)),
         ("convert", str(table), "--out", str(folder / "converted.mcap")),
         ("simulate", "--duration", "3000", "--out", str(folder / "written.mcap")),
         ("simulate", "--duration", "3000", "--out", str(folder / "written")),
-        ("map", "--joint", "puma560_joint1", "--out", str(folder / "map.png")),
+        ("map", "--model", "puma560_joint1", "--out", str(folder / "map.png")),
         ("demo", "--out", str(folder / "demo.png")),
         ("watch",),
         ("watch", "--browser"),

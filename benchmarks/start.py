@@ -38,7 +38,7 @@ def run() -> None:
     print(
         f"compiling everything, once         {processor:8.1f} s of processor, {duration:.1f} s, {os.cpu_count()} cores"
     )
-    joint = ["--joint", "puma560_joint1", "--velocity", "0.003"]
+    joint = ["--model", "puma560_joint1", "--velocity", "0.003"]
     bare = min(_processor(_IMPORT)[0] for _ in range(_REPEATS))
     for name, command in (("--help", ["--help"]), ("margin", ["margin", *joint])):
         own = min(_processor([*_STICKSLIP, *command])[0] for _ in range(_REPEATS))

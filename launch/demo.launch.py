@@ -45,12 +45,20 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "model",
                 default_value="puma560_joint1",
-                description="known joint (config/joints) or path of its file",
+                description="simulated joint: a name in config/joints, or the path of a joint file",
             ),
-            DeclareLaunchArgument("velocity", default_value="", description="commanded velocity [rad/s]"),
-            DeclareLaunchArgument("stiffness", default_value="", description="gain p of the joint [N*m/rad]"),
-            DeclareLaunchArgument("damping", default_value="", description="gain d of the joint [N*m*s/rad]"),
-            DeclareLaunchArgument("namespace", default_value="", description="namespace of both nodes"),
+            DeclareLaunchArgument(
+                "velocity", default_value="", description="commanded velocity [rad/s], without one that of the joint"
+            ),
+            DeclareLaunchArgument(
+                "stiffness", default_value="", description="stiffness, gain p of the controller [N*m/rad]"
+            ),
+            DeclareLaunchArgument(
+                "damping", default_value="", description="damping, gain d of the controller [N*m*s/rad]"
+            ),
+            DeclareLaunchArgument(
+                "namespace", default_value="", description="namespace of the simulated joint and the monitor"
+            ),
             OpaqueFunction(function=nodes),
         ]
     )

@@ -32,14 +32,17 @@ def monitors(context: LaunchContext) -> list[IncludeLaunchDescription]:
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
-            DeclareLaunchArgument("robots", description="namespaces, joined by commas: robot1,robot2"),
+            DeclareLaunchArgument("robots", description="namespaces of the robots, separated by commas: robot1,robot2"),
             DeclareLaunchArgument(
                 "params_file",
                 default_value="",
-                description="parameters of the monitors; none: every joint heard of, friction learnt",
+                description="path of the parameter file of all monitors; "
+                "without one they watch every joint that they hear, and learn its friction",
             ),
             DeclareLaunchArgument(
-                "controller", default_value="", description="node in each namespace whose gains are followed"
+                "controller",
+                default_value="",
+                description="controller node in each namespace whose gains the monitor reads",
             ),
             OpaqueFunction(function=monitors),
         ]

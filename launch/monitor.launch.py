@@ -38,18 +38,31 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "params_file",
                 default_value="",
-                description="parameters, a copy of config/monitor.yaml; none: every joint heard of, friction learnt",
+                description="path of a parameter file, e.g. a changed copy of config/monitor.yaml; "
+                "without one the monitor watches every joint that it hears, and learns its friction",
             ),
-            DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot, e.g. robot1"),
             DeclareLaunchArgument(
-                "controller", default_value="", description="node whose gains are followed, e.g. /pid_controller"
+                "controller",
+                default_value="",
+                description="controller node whose gains the monitor reads, e.g. /pid_controller",
             ),
-            DeclareLaunchArgument("joint_states", default_value="joint_states", description="topic of the motion"),
             DeclareLaunchArgument(
-                "joint_references", default_value="joint_references", description="topic of the desired motion"
+                "joint_states",
+                default_value="joint_states",
+                description="topic of the measured positions and velocities",
             ),
-            DeclareLaunchArgument("pd_gains", default_value="pd_gains", description="topic of gains"),
-            DeclareLaunchArgument("use_sim_time", default_value="false", description="true where /clock is the time"),
+            DeclareLaunchArgument(
+                "joint_references",
+                default_value="joint_references",
+                description="topic of the commanded positions and velocities",
+            ),
+            DeclareLaunchArgument(
+                "pd_gains", default_value="pd_gains", description="topic of the gains, if a node publishes them"
+            ),
+            DeclareLaunchArgument(
+                "use_sim_time", default_value="false", description="true: take the time from /clock, as in simulation"
+            ),
             OpaqueFunction(function=monitor),
         ]
     )

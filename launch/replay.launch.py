@@ -48,14 +48,18 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("recording", description="path of a bag or table, or the name of a known recording"),
             DeclareLaunchArgument(
-                "states", default_value="", description="topic of a bag's joint states, where there are several"
+                "states", default_value="", description="topic of the joint states, if the bag has several"
             ),
-            DeclareLaunchArgument("time_factor", default_value="1.0", description="recorded seconds a second"),
-            DeclareLaunchArgument("namespace", default_value="replay", description="namespace of both nodes"),
+            DeclareLaunchArgument(
+                "time_factor", default_value="1.0", description="speed of the replay: recorded seconds per second"
+            ),
+            DeclareLaunchArgument(
+                "namespace", default_value="replay", description="namespace of the replay and the monitor"
+            ),
             DeclareLaunchArgument(
                 "params_file",
                 default_value="",
-                description="parameters of the monitor, such as models and gains of the recorded joints",
+                description="path of a parameter file of the monitor, e.g. with gains of the recorded joints",
             ),
             OpaqueFunction(function=nodes),
         ]

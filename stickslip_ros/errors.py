@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from stickslip_ros.visible import visible
 
@@ -23,6 +24,16 @@ def reason(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+_BY_APT = ("lz4", "zstandard")
+
+
+def needs(error: ImportError) -> str:
+    """The package whose module could not be imported, and the command that installs it."""
+    package = (error.name or str(error)).partition(".")[0]
+    command = f"sudo apt install python3-{package}, or " if package in _BY_APT else ""
+    return f"needs the package {package}: {command}pip install {package}"
+
+
 class StickSlipError(Exception):
     """Base of every error that the package raises on purpose.
 
@@ -31,6 +42,21 @@ class StickSlipError(Exception):
 
     def __str__(self) -> str:
         return visible(super().__str__())
+
+
+@contextmanager
+def optional_packages(output: str) -> Iterator[None]:
+    """Context, or decorator, of what writes one output and imports packages that nothing else needs.
+
+    Raises
+    ------
+    StickSlipError
+        If one of them is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise StickSlipError(f"{output} {needs(error)}") from error
 
 
 class InvalidParameterError(StickSlipError, ValueError):

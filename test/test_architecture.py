@@ -154,7 +154,7 @@ def test_the_command_line_starts_without_ros() -> None:
     """Issue 2: `stickslip margin` needs no ROS."""
     code = (
         "import sys; sys.modules['rclpy'] = None; from stickslip_ros.cli.main import main; "
-        "sys.exit(main(['margin', '--joint', 'puma560_joint1', '--json']))"
+        "sys.exit(main(['margin', '--model', 'puma560_joint1', '--json']))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, timeout=60).returncode == 0
 
@@ -167,7 +167,7 @@ def test_what_only_bags_need_is_loaded_for_bags() -> None:
         "for name in ('bokeh', 'contourpy', 'lz4', 'mcap', 'rosbags', 'zstandard'): sys.modules[name] = None\n"
         "import stickslip_ros.nodes.monitor, stickslip_ros.nodes.replay\n"
         "from stickslip_ros.cli.main import main\n"
-        "assert main(['margin', '--joint', 'puma560_joint1', '--json']) == 0\n"
+        "assert main(['margin', '--model', 'puma560_joint1', '--json']) == 0\n"
         "sys.exit(main(['simulate', '--out', 'x.mcap']))"
     )
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=60)

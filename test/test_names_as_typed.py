@@ -114,7 +114,7 @@ def test_every_numeric_option_is_refused_by_its_own_name(
 ) -> None:
     """Issue 15: nan, -1, inf and a text in every option that takes a number; the line has the option as typed."""
     # Every other value is right, so that the refusal is about this one.
-    base = [command] if command == "simulate" else [command, "--joint", "puma560_joint1"]
+    base = [command] if command == "simulate" else [command, "--model", "puma560_joint1"]
     if command in ("map", "simulate"):
         base += ["--out", str(tmp_path / ("map.png" if command == "map" else "x.mcap"))]
     for value in ("nan", "-1", "inf", "many"):
@@ -138,7 +138,7 @@ def test_every_numeric_option_is_refused_by_its_own_name(
 def test_reversed_bounds_name_both_options(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 15: `--least-stiffness` above `--largest-stiffness`: the line has both."""
     options = [f"--least-{name}=5", f"--largest-{name}=3"]
-    assert main(["recommend", "--joint", "puma560_joint1", *options]) == 2
+    assert main(["recommend", "--model", "puma560_joint1", *options]) == 2
     assert f"'--least-{name}' and '--largest-{name}' must be " in capsys.readouterr().err
 
 

@@ -170,7 +170,7 @@ assert kernels() == before, kernels() - before
 
 def used(folder: Path) -> list[list[str]]:
     """Commands that call all the kernels."""
-    bag, joint = folder / "arm.mcap", ("--joint", "puma560_joint1")
+    bag, joint = folder / "arm.mcap", ("--model", "puma560_joint1")
     commands = (
         ("simulate", "--out", bag, "--duration", "20"),
         ("analyze", bag, "--json"),

@@ -11,7 +11,6 @@ from typing import Any
 
 from stickslip_ros.analysis.fleet import Answer
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
-from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import whole_file
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
@@ -146,7 +145,7 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
 
     Raises
     ------
-    StickSlipError
+    ImportError
         If Parquet is asked for and the package pyarrow is missing.
     OSError
         If it cannot be written.
@@ -159,11 +158,9 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise StickSlipError(f"Parquet needs the package {error.name}: pip install pyarrow") from error
+    import pyarrow
+    import pyarrow.parquet
+
     text, whole = pyarrow.string(), pyarrow.int64()
     # What has no unit is an answer, if it is no text.
     flags = {row.fleet for section in published.SECTIONS for row in section.rows if row.fleet and not row.unit}

@@ -4,14 +4,20 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
+from stickslip_ros.errors import needs
 from stickslip_ros.messages.blocks import Channel
 from stickslip_ros.messages.content import MessageError
 
 _DEFINITIONS_KEPT = 64
 _OF_ROS_1 = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+_NEXT_TYPE = re.compile(r"^=+$", re.MULTILINE)
+# Type and name; constants have names in capitals.
+_FIELD = re.compile(r"^\s*[a-zA-Z][\w/]*(?:<=\d+)?(?:\[[^]]*\])?[ \t]+([a-z]\w*)", re.MULTILINE)
 _LONGEST_DEFINITION = 1_000_000  # characters; the longest that is known has thirty thousand
 
 
@@ -28,13 +34,17 @@ class Decoder:
         self._type = channel.type
         if channel.encoding != "cdr":
             raise MessageError(f"its encoding is {channel.encoding!r}, not 'cdr'")
-        if not channel.schema.strip():
-            self._store = types_of_ros()
-        else:
-            found = types_of(channel.type, channel.schema_encoding, channel.schema)
-            if found is None:
-                raise MessageError(f"its definition of {channel.type} cannot be read")
-            self._store = found
+        try:
+            found = (
+                types_of(channel.type, channel.schema_encoding, channel.schema)
+                if channel.schema.strip()
+                else types_of_ros()
+            )
+        except ImportError as error:
+            found = _InstalledType(channel, error)
+        if found is None:
+            raise MessageError(f"its definition of {channel.type} cannot be read")
+        self._store = found
         if self._type not in self._store.fielddefs:
             raise MessageError(f"the bag does not define {channel.type}; record it with its package installed")
 
@@ -52,9 +62,46 @@ class Decoder:
         """
         try:
             return self._store.deserialize_cdr(message, self._type)
+        except MessageError:
+            raise
         except Exception as error:
             # What damaged bytes make generated code raise cannot be listed.
             raise MessageError(f"it is no {self._type}") from error
+
+
+class _InstalledType:
+    """The type of a channel where the package rosbags is missing: fields by the bag's definition, messages by ROS.
+
+    It has those names of rosbags that :class:`Decoder` uses. ROS is loaded with the first message: JointStates need
+    none of it.
+
+    Raises
+    ------
+    MessageError
+        If the definition is in a language that only rosbags reads.
+    """
+
+    def __init__(self, channel: Channel, missing: ImportError) -> None:
+        if channel.schema.strip() and channel.schema_encoding != "ros2msg":
+            raise MessageError(f"its definition of {channel.type} {needs(missing)}")
+        self._missing = missing
+        self._names = _FIELD.findall(_NEXT_TYPE.split(channel.schema)[0])
+        self.fielddefs = {channel.type: ((), [(name, None) for name in self._names])}
+
+    def deserialize_cdr(self, message: bytes, kind: str) -> Any:
+        """One message; MessageError if ROS is not there, or has another definition of the type."""
+        package, _, name = kind.split("/")
+        try:
+            from rclpy.serialization import deserialize_message
+
+            found = getattr(import_module(f"{package}.msg"), name)
+        except ImportError as error:
+            raise MessageError(f"{kind} {needs(self._missing)}") from error
+        if self._names and self._names != list(found.get_fields_and_field_types()):
+            raise MessageError(
+                f"its definition of {kind} is another one than that installed; it {needs(self._missing)}"
+            )
+        return deserialize_message(message, found)
 
 
 @lru_cache(maxsize=1)

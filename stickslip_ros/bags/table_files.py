@@ -28,6 +28,7 @@ from stickslip_ros.bags.table_text import (
     header_of,
     is_number,
 )
+from stickslip_ros.errors import needs
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular
 
@@ -107,7 +108,7 @@ def _pyarrow() -> Any:
         import pyarrow.csv
         import pyarrow.parquet
     except ImportError as error:
-        raise MissingPackageError(f"reading it needs the package {error.name}: pip install pyarrow") from error
+        raise MissingPackageError(f"reading it {needs(error)}") from error
     # It cancels what it reads when a signal comes, and that would be said of the table.
     pyarrow.enable_signal_handlers(False)
     return pyarrow

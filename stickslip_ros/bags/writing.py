@@ -17,7 +17,7 @@ import yaml
 
 from stickslip_ros.bags.storage.formats import METADATA
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.errors import InvalidParameterError, optional_packages
 from stickslip_ros.files import whole_file, write_whole
 from stickslip_ros.interrupts import check
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
@@ -42,17 +42,17 @@ class BagWriter:
     Raises
     ------
     RecordingError
-        If a directory of that name is there already, or a package is missing.
+        If a directory of that name is there already.
+    StickSlipError
+        If a package is missing.
     InvalidParameterError
         If there is no such compression.
     """
 
     def __init__(self, path: Path, topics: Mapping[str, str], compression: str = "zstd") -> None:
-        try:
+        with optional_packages(f"bag {path}: writing it"):
             from mcap.writer import CompressionType, Writer
             from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise RecordingError(f"bag {path}: writing it needs the package {error.name}") from error
         if compression not in COMPRESSIONS:
             raise InvalidParameterError("compression", f"one of {', '.join(COMPRESSIONS)}", compression)
         self._directory = path if path.suffix != ".mcap" else None

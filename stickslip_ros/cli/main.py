@@ -37,19 +37,24 @@ class Command(NamedTuple):
 
 _IDENTIFY = {"--on": "--joint", "--prior": "--model", "--largest-way": "--largest-distance"}
 _STAMP = {"--start": "--first-stamp"}
+_MODEL = {"--joint": "--model"}
 # Nothing else is loaded to name them.
 COMMANDS = {
-    "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?"),
-    "recommend": Command("recommend", "gains that would make this joint smooth"),
-    "reversal": Command("reversal", "how long a joint stands, and falls behind, where its reference turns round"),
+    "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?", former=_MODEL),
+    "recommend": Command("recommend", "gains that would make this joint smooth", former=_MODEL),
+    "reversal": Command(
+        "reversal", "how long a joint stands, and falls behind, where its reference turns round", former=_MODEL
+    ),
     "analyze": Command("analyze", "find stick slip in recorded bags"),
     "compare": Command("compare", "two recordings, before and after a change: did it help?"),
     "identify": Command(
         "identify", "learn a joint's inertia and friction from a recording or an experiment", former=_IDENTIFY
     ),
     "watch": Command("watch", "every joint, live in the terminal", compiled=False),
-    "map": Command("stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is"),
-    "simulate": Command("simulate", "write a bag of simulated joints", former=_STAMP),
+    "map": Command(
+        "stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is", former=_MODEL
+    ),
+    "simulate": Command("simulate", "write a bag of simulated joints", former=_STAMP | _MODEL),
     "convert": Command("convert", "turn a table of samples into a bag", compiled=False, former=_STAMP),
     "figures": Command("figures", "draw the paper's figures, with their numbers"),
     "demo": Command("demo", "stick slip detected, explained and cured, in half a minute", compiled=False),

@@ -3,7 +3,7 @@
 """`stickslip margin`: is this joint smooth at this speed, and by how much?
 
 Examples:
-    stickslip margin --joint puma560_joint1 --velocity 0.003
+    stickslip margin --model puma560_joint1 --velocity 0.003
     stickslip margin --inertia 6.3 --stiffness 630 --velocity 0.005 --stribeck 1.6 --stribeck-velocity 0.0058
 """
 
@@ -74,7 +74,7 @@ def conditions_from(options: argparse.Namespace) -> OperatingConditions:
 def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = True) -> None:
     """Options that name a joint, its gains and, if wanted, its speed; read by :func:`joint_from`."""
     parser.add_argument(
-        "--joint",
+        "--model",
         metavar="NAME",
         help="known joint (config/joints) or path of a joint file; other options override its values",
     )
@@ -123,19 +123,19 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     StickSlipError
         If something is missing or cannot be; the text names the option.
     """
-    known: KnownJoint | None = load_joint(options.joint) if options.joint else None
+    known: KnownJoint | None = load_joint(options.model) if options.model else None
     if known is None:
         missing = [name for name in ("inertia", "stiffness", "velocity", *_REQUIRED) if getattr(options, name) is None]
         if missing:
             needed = ", ".join(f"--{name.replace('_', '-')}" for name in missing)
-            raise StickSlipError(f"what is judged is not known: give {needed}, or a --joint that has them")
+            raise StickSlipError(f"what is judged is not known: give {needed}, or a --model that has them")
 
     def value(name: str, fallback: Any) -> float:
         given = getattr(options, name)
         if given is None:
             given = fallback
         if given is None:
-            raise InvalidParameterError(f"--{name.replace('_', '-')}", "given, or a --joint that has it", None)
+            raise InvalidParameterError(f"--{name.replace('_', '-')}", "given, or a --model that has it", None)
         # Only what is infinite by default may be.
         if not math.isfinite(given) and given != _DEFAULTS.get(name) and given is not fallback:
             raise InvalidParameterError(f"--{name.replace('_', '-')}", "a finite number", given)

@@ -8,14 +8,14 @@ A type is called by argparse while it reads the options; what it refuses is said
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
-from stickslip_ros.errors import InvalidParameterError, reason
+from stickslip_ros.errors import InvalidParameterError, optional_packages, reason
 from stickslip_ros.files import check_writable
 
 # What looks like the ending of a file: a folder of that name was hardly meant.
@@ -29,12 +29,12 @@ class OutputFile:
 
     Attributes
     ----------
-    endings : that its name may have. packages : that an ending needs, and what installs them.
+    endings : that its name may have. packages : that an ending needs.
     new : whether it must not be there yet.
     """
 
     endings: tuple[str, ...]
-    packages: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    packages: Mapping[str, str] = field(default_factory=dict)
     new: bool = False
 
     def __call__(self, text: str) -> Path:
@@ -42,9 +42,9 @@ class OutputFile:
         path = Path(text)
         if path.suffix not in self.endings:
             raise argparse.ArgumentTypeError(f"must end in {_either(self.endings)}: {text!r}")
-        package, install = self.packages.get(path.suffix, ("", ""))
-        if package and importlib.util.find_spec(package) is None:
-            raise argparse.ArgumentTypeError(f"a {path.suffix} file needs the package {package}: {install}")
+        if path.suffix in self.packages:
+            with optional_packages(f"a {path.suffix} file"):
+                import_module(self.packages[path.suffix])
         if path.is_dir():
             raise argparse.ArgumentTypeError(f"must be a file: {text!r} is a folder")
         if self.new and path.exists():
@@ -86,9 +86,9 @@ class OutputBag:
         return path
 
 
-PAGE = OutputFile((".html", ".htm"), dict.fromkeys((".html", ".htm"), ("bokeh", "pip install bokeh")))
+PAGE = OutputFile((".html", ".htm"), {".html": "bokeh", ".htm": "bokeh"})
 CSV = OutputFile((".csv",))
-TABLE = OutputFile((".csv", ".parquet"), {".parquet": ("pyarrow", "pip install pyarrow")})
+TABLE = OutputFile((".csv", ".parquet"), {".parquet": "pyarrow"})
 PICTURE = OutputFile((".png",))
 COMPENSATION = OutputFile((".csv", ".yaml"))
 TRAJECTORY = OutputFile((".yaml",))

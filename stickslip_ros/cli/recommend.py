@@ -3,8 +3,8 @@
 """`stickslip recommend`: which gains would make this joint smooth, within these bounds; nothing is touched.
 
 Examples:
-    stickslip recommend --joint puma560_joint1 --largest-stiffness 2000
-    stickslip recommend --joint puma560_joint1 --velocity 0.005 --what-if p=2000,d=30
+    stickslip recommend --model puma560_joint1 --largest-stiffness 2000
+    stickslip recommend --model puma560_joint1 --velocity 0.005 --what-if p=2000,d=30
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def run(options: argparse.Namespace) -> int:
         tracking_error=math.nan if options.tracking_error is None else options.tracking_error,
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
-    factors = options.factors or bool(options.joint and load_joint(options.joint).per_inertia)
+    factors = options.factors or bool(options.model and load_joint(options.model).per_inertia)
     _refuse(options, joint, factors=factors)
     given = None if options.trajectory is None else read_trajectory(options.trajectory, options.trajectory_joint)
     with Terminal(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
@@ -211,7 +211,7 @@ def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None
     if (options.compensation or written) and not joint.friction.coulomb > 0:
         raise StickSlipError(
             "most of what is compensated is Coulomb friction, which is not known: give --coulomb [N·m], > 0, or a "
-            "--joint that has it"
+            "--model that has it"
         )
     if written and factors:
         option = f"--{written[0].replace('_', '-')}"
@@ -226,7 +226,7 @@ def _compensation(
         raise InvalidParameterError("--velocity", "> 0 for a table of compensation", advice.velocity)
     variant = advice[Kind.LEAST_CHANGE]
     used = variant.gains if variant.found else gains
-    known = load_joint(options.joint) if options.joint else None
+    known = load_joint(options.model) if options.model else None
     kinds = compensations(
         joint, used, conditions,
         resolution=0.0 if known is None else known.encoder_resolution,

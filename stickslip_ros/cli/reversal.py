@@ -3,8 +3,8 @@
 """`stickslip reversal`: what friction does where the motion turns round.
 
 Examples:
-    stickslip reversal --joint puma560_joint1 --amplitude 0.2 --frequency 0.1
-    stickslip reversal --joint puma560_joint1 --amplitude 0.2 --frequency 0.1 --triangle --out reversal.png
+    stickslip reversal --model puma560_joint1 --amplitude 0.2 --frequency 0.1
+    stickslip reversal --model puma560_joint1 --amplitude 0.2 --frequency 0.1 --triangle --out reversal.png
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         reference = sampled(reference, joint, gains, conditions)  # as the reversals are of
         position = followed(joint, gains, reference, conditions).position
-        subject = f"{options.joint or 'The joint'}, {words}"
+        subject = f"{options.model or 'The joint'}, {words}"
         figure = reversal_figure(subject, reference, position, found, dependences, name=options.out.stem)
         for path in save(figure, options.out.parent):
             if not options.json:

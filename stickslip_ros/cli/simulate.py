@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
     )
     add_force_argument(parser)
-    parser.add_argument("--joint", metavar="NAME", default="puma560_joint1", help="known joint or joint file")
+    parser.add_argument("--model", metavar="NAME", default="puma560_joint1", help="known joint or joint file")
     parser.add_argument("--names", metavar="A,B", default="joint1", help="of the joints (default: %(default)s)")
     parser.add_argument("--velocity", metavar="V[,V]", help="one after the other [rad/s] (default: the known joint's)")
     parser.add_argument("--stiffness", type=float, metavar="KP", help="[N·m/rad] (default: the known joint's)")
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate and write."""
     refuse_to_overwrite("--out", options.out, force=options.force)
-    known = load_joint(options.joint)
+    known = load_joint(options.model)
     velocities = _velocities(options.velocity) if options.velocity is not None else (known.velocity,)
     names = [name.strip() for name in options.names.split(",")]
     if len(set(names)) != len(names) or not all(names):

@@ -3,8 +3,8 @@
 """`stickslip map`: where a joint sticks, over speed and stiffness, and where it is now.
 
 Examples:
-    stickslip map --joint puma560_joint1 --points 400
-    stickslip map --joint puma560_joint1 --damping 20 --out map.png
+    stickslip map --model puma560_joint1 --points 400
+    stickslip map --model puma560_joint1 --damping 20 --out map.png
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     if options.points < _LEAST_POINTS:
         raise InvalidParameterError("--points", f">= {_LEAST_POINTS}", options.points)
     joint, gains, velocity = joint_from(options)
-    subject = MapSubject(name=options.joint or "joint", joint=joint, gains=gains, velocity=velocity)
+    subject = MapSubject(name=options.model or "joint", joint=joint, gains=gains, velocity=velocity)
     with progress_bar("integrating") as progress:
         computed = map_of(subject, options.points, workers=os.cpu_count() or 1, progress=progress)
     for path in save(map_figure(subject, computed, name=options.out.stem), options.out.parent):

@@ -26,7 +26,7 @@ from rich.status import Status
 
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.watch_view import view
-from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError, optional_packages
 from stickslip_ros.interrupts import Interrupted
 
 if TYPE_CHECKING:
@@ -72,8 +72,8 @@ def run(options: argparse.Namespace) -> int:
         raise StickSlipError(f"watch needs ROS 2 (rclpy): {error}") from error
     try:
         if options.browser:
-            from stickslip_ros.cli.live_server import serve
-
+            with optional_packages("--browser"):
+                from stickslip_ros.cli.live_server import serve
             serve(options.address, options.port)
         else:
             _show(WatchListener(), options)

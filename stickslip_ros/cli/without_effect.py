@@ -47,5 +47,5 @@ def contact_need(friction: Friction) -> Need:
     return Need(
         options=("contact", "presliding_damping"),
         met=not friction.rigid,
-        text="a finite --presliding-stiffness, or a --joint that has one",
+        text="a finite --presliding-stiffness, or a --model that has one",
     )

@@ -91,7 +91,7 @@ class Identification:
         for name in ("inertia", "stribeck", "stribeck_velocity"):
             if name not in values:
                 raise InvalidParameterError(
-                    name, "shown by the motion (slips with known gains or effort show it), or given by --joint", None
+                    name, "shown by the motion (slips with known gains or effort show it), or given by --model", None
                 )
         inertia = values.pop("inertia")
         numbers = {name: max(value, 0.0) for name, value in values.items()}

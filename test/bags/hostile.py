@@ -247,7 +247,7 @@ def aliases_in_a_joint_file(folder: Path) -> list[str]:
     """The same in a joint file."""
     path = folder / "a.yaml"
     path.write_text(_aliases("k") + "name: *a39\n")
-    return ["margin", "--joint", str(path)]
+    return ["margin", "--model", str(path)]
 
 
 def deep_parameters(folder: Path) -> list[str]:

@@ -126,7 +126,7 @@ def test_what_is_refused(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ["analyze", str(bag), "--joint", f"none{ESCAPES}"],
         ["analyze", f"none{ESCAPES}\n.mcap"],
         ["identify", str(bag), "--on", f"none{ESCAPES}"],
-        ["margin", "--joint", f"none{ESCAPES}\n"],
+        ["margin", "--model", f"none{ESCAPES}\n"],
     ):
         assert main(arguments) == 2
         complaint = capsys.readouterr().err

@@ -22,7 +22,7 @@ from stickslip_ros.cli.main import build_parser, main
 from stickslip_ros.cli.outputs import OutputBag, OutputFile, OutputFolder
 from stickslip_ros.settings.known_joints import load_joint
 
-_JOINT = ["--joint=puma560_joint1"]
+_JOINT = ["--model=puma560_joint1"]
 # What makes a command right but for the option in question; {bag} is a recording, {table} a table.
 _OTHERWISE = {
     "margin": _JOINT,
@@ -47,7 +47,8 @@ _RIGHT: dict[str, tuple[str, ...]] = {
     "--stiffness": ("-1",), "--damping": ("-1",), "--integral": ("-1",), "--velocity": ("-1",), "--load": ("-1",),
     "--start": ("-1",), "--end": ("inf",), "--largest-stiffness": ("inf",), "--largest-damping": ("inf",),
     "--largest-damping-ratio": ("inf",), "--bandwidth": ("inf",), "--effort": ("inf",),
-    "--presliding-stiffness": ("inf",), "--references": ("",), "--gains-topic": ("",), "--joint": ("",),
+    "--presliding-stiffness": ("inf",), "--references": ("",), "--gains-topic": ("",),
+    "--joint": ("",), "--model": ("",),
     "--controller": _TEXTS, "--names": _TEXTS, "--name": _TEXTS, "--what-if": ("",),
     "--simulated": ("",), "--speeds": ("",), "--recording": ("",),
 }  # fmt: skip

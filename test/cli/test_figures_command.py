@@ -86,7 +86,7 @@ def test_one_figure_alone_is_always_the_same(tmp_path: Path) -> None:
 def test_map_of_a_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 3: `map` draws both boundaries and the operating point, and prints the files."""
     out = tmp_path / "here.png"
-    command = "map --joint puma560_joint1 --stiffness 2016 --velocity 0.00493 --damping 20 --points 400 --out"
+    command = "map --model puma560_joint1 --stiffness 2016 --velocity 0.00493 --damping 20 --points 400 --out"
     assert main([*command.split(), str(out)]) == 0
     printed = capsys.readouterr().out.split()
     assert printed == [str(out.with_suffix(ending)) for ending in (".png", ".svg", ".csv")]
@@ -121,7 +121,7 @@ def test_the_star_is_where_the_joint_moves_steadily(puma: Joint) -> None:
 def test_map_without_an_operating_point(tmp_path: Path) -> None:
     """Issue 3: at standstill there is no point to draw; the map is there all the same and says so."""
     out = tmp_path / "map.png"
-    assert main(["map", "--joint", "puma560_joint1", "--velocity", "0", "--points", "100", "--out", str(out)]) == 0
+    assert main(["map", "--model", "puma560_joint1", "--velocity", "0", "--points", "100", "--out", str(out)]) == 0
     assert not any(row["curve"].startswith("now") for row in rows(out.with_suffix(".csv")))
     assert "no operating point" in out.with_suffix(".svg").read_text(encoding="utf-8")
 
@@ -130,8 +130,8 @@ def test_map_without_an_operating_point(tmp_path: Path) -> None:
     ("command", "text"),
     [
         ("figures 7", "'figure' must be one of 1, 5, 6, 8, 9, 11, 12, 13, 14: 7"),
-        ("map --joint puma560_joint1 --points 3", "'--points' must be >= 100: 3"),
-        ("map --stiffness 3", "give --inertia, --velocity, --stribeck, --stribeck-velocity, or a --joint"),
+        ("map --model puma560_joint1 --points 3", "'--points' must be >= 100: 3"),
+        ("map --stiffness 3", "give --inertia, --velocity, --stribeck, --stribeck-velocity, or a --model"),
     ],
 )
 def test_bad_input_is_one_line(capsys: pytest.CaptureFixture[str], command: str, text: str) -> None:

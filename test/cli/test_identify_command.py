@@ -81,7 +81,7 @@ def test_without_gains_the_joint_file_is_per_inertia(
     assert known.joint.inertia == 1.0
     assert float(known.gains.stiffness) == pytest.approx(100.0, rel=0.03)
     capsys.readouterr()
-    assert main(["recommend", "--joint", str(out), "--velocity", "0.0058"]) == 0
+    assert main(["recommend", "--model", str(out), "--velocity", "0.0058"]) == 0
     advice = capsys.readouterr().out
     assert "damping × " in advice
     assert "N·m" not in advice

@@ -83,11 +83,11 @@ def test_an_unknown_law_in_a_joint_file_is_refused(law: str, tmp_path: Path) -> 
 
 def test_margin(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Eq. (43) is not applicable, with the reason; the exact verdict is of the joint's own law."""
-    text = output(capsys, f"margin --joint {file} {OPERATING_POINT}")
+    text = output(capsys, f"margin --model {file} {OPERATING_POINT}")
     assert "not applicable, because it is of the paper's friction law (hess_soom), and this joint's is expo" in text
     assert "the joint sticks, by integration of Eqs (4)-(6)" in text
     assert re.search(r"ρ_c +0\.216", text)
-    result: dict[str, Any] = json.loads(output(capsys, f"margin --joint {file} {OPERATING_POINT} --json"))
+    result: dict[str, Any] = json.loads(output(capsys, f"margin --model {file} {OPERATING_POINT} --json"))
     assert result["applicable"] is False
     assert result["smooth"] is None
     assert result["energy_margin"] is None
@@ -99,12 +99,12 @@ def test_margin(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_option_overrides_the_file(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """``--law`` beside the other values that can be typed."""
-    by_file = output(capsys, f"margin --joint {file} {OPERATING_POINT} --json")
-    by_option = output(capsys, f"margin --joint puma560_joint1 --law exponential {OPERATING_POINT} --json")
+    by_file = output(capsys, f"margin --model {file} {OPERATING_POINT} --json")
+    by_option = output(capsys, f"margin --model puma560_joint1 --law exponential {OPERATING_POINT} --json")
     for key in ("critical_damping_ratio", "lowest_smooth_velocity", "least_smooth_stiffness"):
         assert json.loads(by_option)["exact"][key] == pytest.approx(json.loads(by_file)["exact"][key], rel=1e-2)
-    papers = output(capsys, f"margin --joint puma560_joint1 {OPERATING_POINT} --json")
-    back = output(capsys, f"margin --joint {file} --law hess_soom {OPERATING_POINT} --json")
+    papers = output(capsys, f"margin --model puma560_joint1 {OPERATING_POINT} --json")
+    back = output(capsys, f"margin --model {file} --law hess_soom {OPERATING_POINT} --json")
     assert json.loads(back)["applicable"] is True
     assert json.loads(back)["energy_margin"] == pytest.approx(json.loads(papers)["energy_margin"], rel=1e-3)
 
@@ -112,7 +112,7 @@ def test_the_option_overrides_the_file(file: Path, capsys: pytest.CaptureFixture
 def test_an_unknown_law_as_an_option_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """With the laws that are known."""
     with pytest.raises(SystemExit):
-        main(["margin", "--joint", "puma560_joint1", "--law", "gaussian"])
+        main(["margin", "--model", "puma560_joint1", "--law", "gaussian"])
     said = capsys.readouterr().err
     assert "hess_soom" in said
     assert "exponential" in said
@@ -120,7 +120,7 @@ def test_an_unknown_law_as_an_option_is_refused(capsys: pytest.CaptureFixture[st
 
 def test_recommend_is_by_the_exact_condition(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """There is advice, it holds for the law, and it says by what."""
-    result = json.loads(output(capsys, f"recommend --joint {file} {OPERATING_POINT} --json"))
+    result = json.loads(output(capsys, f"recommend --model {file} {OPERATING_POINT} --json"))
     assert result["condition"] == "exact"
     assert result["exactly_smooth"] is True
     assert result["outcome"] == "steady"
@@ -130,13 +130,13 @@ def test_recommend_is_by_the_exact_condition(file: Path, capsys: pytest.CaptureF
     assert groups.damping_ratio >= 1.2 * exact_critical_damping_ratio(groups)
     assert outcomes(groups).steady
     assert all(math.isfinite(one["elasticity"]) for one in result["sensitivities"].values())
-    text = output(capsys, f"recommend --joint {file} {OPERATING_POINT}")
+    text = output(capsys, f"recommend --model {file} {OPERATING_POINT}")
     assert text.startswith("By the exact condition (Eq. (43) is not of the law exponential) at 0.00493 rad/s: raise")
 
 
 def test_map_is_without_eq_43(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The exact boundary alone; nothing is said of a share of points that there is not."""
-    output(capsys, f"map --joint {file} {OPERATING_POINT} --points 100 --out {tmp_path / 'map.png'}")
+    output(capsys, f"map --model {file} {OPERATING_POINT} --points 100 --out {tmp_path / 'map.png'}")
     drawn = (tmp_path / "map.svg").read_text(encoding="utf-8")
     table = (tmp_path / "map.csv").read_text(encoding="utf-8")
     assert "stick slip ends (integrated)" in table
@@ -149,7 +149,7 @@ def test_simulate_and_analyze(file: Path, tmp_path: Path, capsys: pytest.Capture
     bags = {}
     for name, law in (("file", file), ("paper", "puma560_joint1")):
         bags[name] = tmp_path / f"{name}.mcap"
-        output(capsys, f"simulate --joint {law} {OPERATING_POINT} --resolution 0 --duration 12 --out {bags[name]}")
+        output(capsys, f"simulate --model {law} {OPERATING_POINT} --resolution 0 --duration 12 --out {bags[name]}")
     positions = [read_joint(bag, "joint1").position for bag in bags.values()]
     assert np.abs(positions[0] - positions[1]).max() > 1e-4
     analysis = json.loads(output(capsys, f"analyze {bags['file']} --model {file} --json"))

@@ -39,7 +39,7 @@ class Row:
 _SOFT = ("--presliding-stiffness=1e5",)
 _ADVISED = ("--model=puma560_joint1",)
 _JOINT = {
-    "--joint": Row(("puma560_joint1", "erob80_100")),
+    "--model": Row(("puma560_joint1", "erob80_100")),
     "--inertia": Row(("6.3", "60")), "--stiffness": Row(("630", "900")), "--damping": Row(("0", "5")),
     "--velocity": Row(("0.005", "0.05")),
     "--stribeck": Row(("1", "2")), "--stribeck-velocity": Row(("0.005", "0.01")), "--lag": Row(("0.01", "0.05")),
@@ -50,7 +50,7 @@ _JOINT = {
 ROWS: dict[str, dict[str, Row]] = {
     "reversal": {
         **{name: row for name, row in _JOINT.items() if name != "--velocity"},
-        "--joint": Row(("puma560_joint1", "erob80_100"), ("--coulomb=8",)),
+        "--model": Row(("puma560_joint1", "erob80_100"), ("--coulomb=8",)),
         "--coulomb": Row(("8", "9")),
         "--integral": Row(("0", "9000")),
         "--amplitude": Row(("0.02", "0.03")),
@@ -143,9 +143,9 @@ NO_EFFECT = {("recommend", "--coulomb")}
 # They say where the work is done, and change nothing of what comes out: test/bags/test_fleet.py.
 NO_EFFECT |= {("analyze", "--jobs"), ("analyze", "--scheduler")}
 BASE = {
-    "reversal": ("--joint=puma560_joint1", "--stiffness=6300", "--damping=200", "--amplitude=0.02", "--frequency=0.05",
+    "reversal": ("--model=puma560_joint1", "--stiffness=6300", "--damping=200", "--amplitude=0.02", "--frequency=0.05",
                  "--json"),
-    "recommend": ("--joint=puma560_joint1", "--velocity=0.005", "--json"),
+    "recommend": ("--model=puma560_joint1", "--velocity=0.005", "--json"),
     "convert": ("{table}", "--out={folder}/log.mcap"),
     "analyze": ("{bag}", "--no-learning", "--json"),
 }  # fmt: skip

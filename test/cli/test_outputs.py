@@ -195,7 +195,7 @@ def test_errors_of_files_are_sentences(tmp_path: Path, capsys: pytest.CaptureFix
     assert raised.value.filename == str(tmp_path / "missing" / "x.txt")
     for command, what in (
         (["analyze", "x.mcap", "--parameters"], "parameter file "),
-        (["margin", "--joint"], "joint file "),
+        (["margin", "--model"], "joint file "),
         (["convert", "--out", str(tmp_path / "x.mcap")], "recording "),
     ):
         missing = tmp_path / ("missing.csv" if command[0] == "convert" else "missing.yaml")
@@ -249,5 +249,5 @@ def test_negative_gains_are_no_options(text: str, bag: Path, capsys: pytest.Capt
 @pytest.mark.parametrize("value", ["-0.008", "-8e-3"])
 def test_negative_numbers_are_no_options(value: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Neither with an exponent, which argparse takes for an option."""
-    assert main(["margin", "--joint", "puma560_joint1", "--velocity", value]) == 0
+    assert main(["margin", "--model", "puma560_joint1", "--velocity", value]) == 0
     assert "At -0.008 rad/s" in capsys.readouterr().out

@@ -40,7 +40,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
     (folder / "elastic.yaml").write_text(FILE)
     bag = str(folder / "arm.mcap")
     to_and_fro = ",".join(["0.01", "-0.01"] * 4)
-    given = ["--joint", str(folder / "elastic.yaml"), "--velocity", to_and_fro, "--duration", "40", "--rate", "500"]
+    given = ["--model", str(folder / "elastic.yaml"), "--velocity", to_and_fro, "--duration", "40", "--rate", "500"]
     assert main(["simulate", "--out", bag, *given]) == 0
     return bag
 

@@ -18,7 +18,7 @@ from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.settings.known_joints import load_joint
 
-PUMA = ["recommend", "--joint", "puma560_joint1", "--least-damping-ratio", "0"]
+PUMA = ["recommend", "--model", "puma560_joint1", "--least-damping-ratio", "0"]
 KNOWN = load_joint("puma560_joint1")
 
 
@@ -123,7 +123,7 @@ def test_bad_options(capsys: pytest.CaptureFixture[str], options: list[str], tex
 @pytest.mark.slow
 def test_compensation_beside_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 23: what each kind buys at each share, how much does harm, and the feed-forward as a table."""
-    command = "recommend --joint puma560_joint1 --stiffness 2016 --velocity 0.005"
+    command = "recommend --model puma560_joint1 --stiffness 2016 --velocity 0.005"
     assert main([*command.split(), "--compensation", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["compensation"]
     assert list(found["kinds"]) == ["feed-forward", "feedback", "push", "dither"]
@@ -151,8 +151,8 @@ def test_compensation_beside_the_gains(tmp_path: Path, capsys: pytest.CaptureFix
     "joint",
     [
         "--inertia 6.3 --stiffness 2016 --velocity 0.005 --stribeck 1.6 --stribeck-velocity 0.0058",
-        "--joint dynamixel_mx106 --stiffness 10 --velocity 0.1",
-        "--joint puma560_joint1 --coulomb 0",
+        "--model dynamixel_mx106 --stiffness 10 --velocity 0.1",
+        "--model puma560_joint1 --coulomb 0",
     ],
 )
 @pytest.mark.parametrize("wanted", ["--compensation", "--compensation-out {}/nc.csv"])
@@ -176,7 +176,7 @@ def effort_at(content: dict[str, Any], instants: np.ndarray) -> np.ndarray:
 def test_the_effort_of_a_trajectory(tmp_path: Path) -> None:
     """Issue 23: as joint_trajectory_controller takes it, however far the points are apart, and nothing at the end."""
     table, out = tmp_path / "motion.csv", tmp_path / "motion.yaml"
-    command = f"recommend --joint puma560_joint1 --trajectory {table} --trajectory-out {out}"
+    command = f"recommend --model puma560_joint1 --trajectory {table} --trajectory-out {out}"
     table.write_text("time_s,position_rad\n0,0\n10,0.05\n20,0\n", encoding="utf-8")
     assert main([*command.split(), "--feedforward", "0.8", "--trajectory-joint", "elbow"]) == 0
     content = yaml.safe_load(out.read_text(encoding="utf-8"))
@@ -195,7 +195,7 @@ def test_the_effort_of_a_trajectory_with_velocities(tmp_path: Path) -> None:
     """Issue 23: along the cubics that joint_trajectory_controller goes along between such points."""
     table, out = tmp_path / "motion.csv", tmp_path / "motion.yaml"
     table.write_text("time_s,position_rad,velocity_rad_per_s\n0,0,0\n2,0.02,0\n4,0,0\n", encoding="utf-8")
-    assert main(f"recommend --joint puma560_joint1 --trajectory {table} --trajectory-out {out}".split()) == 0
+    assert main(f"recommend --model puma560_joint1 --trajectory {table} --trajectory-out {out}".split()) == 0
     content = yaml.safe_load(out.read_text(encoding="utf-8"))
     instants = np.linspace(0.01, 3.99, 200)
     s = 0.5 * (instants % 2.0)
@@ -220,5 +220,5 @@ def test_the_effort_of_a_trajectory_with_velocities(tmp_path: Path) -> None:
 )
 def test_options_without_effect(capsys: pytest.CaptureFixture[str], options: str, said: str) -> None:
     """Issue 23: they were ignored without a word."""
-    assert main(["recommend", "--joint", "puma560_joint1", *options.split()]) == 2
+    assert main(["recommend", "--model", "puma560_joint1", *options.split()]) == 2
     assert said in capsys.readouterr().err

@@ -12,7 +12,7 @@ import pytest
 
 from stickslip_ros.cli.main import main
 
-JOINT = "--joint puma560_joint1 --stiffness 6300 --damping 200"
+JOINT = "--model puma560_joint1 --stiffness 6300 --damping 200"
 
 
 def run(command: str, status: int = 0) -> None:
@@ -124,7 +124,7 @@ def test_unknown_coulomb_friction_is_not_taken_for_none(capsys: pytest.CaptureFi
     """Issue 23: it does not cancel where a joint turns round; 0 is taken from who types it."""
     alone = "--inertia 6.3 --stiffness 6300 --damping 200 --stribeck 1.6 --stribeck-velocity 0.0058"
     motion = "--amplitude 0.02 --frequency 0.05"
-    for joint in (alone, "--joint dynamixel_mx106"):
+    for joint in (alone, "--model dynamixel_mx106"):
         run(f"{joint} {motion}", status=2)
         assert "Coulomb friction, which is not known: give --coulomb" in capsys.readouterr().err
     run(f"{alone} {motion} --coulomb 0")

@@ -20,7 +20,7 @@ from stickslip_ros.model.reversal import followed, reversal_map, sine
 from stickslip_ros.model.verdict import Detail, verdict
 
 UNSTABLE = "the loop is unstable: its motion grows without end"
-GIVEN = ["--joint", "puma560_joint1", "--stiffness", "6300"]
+GIVEN = ["--model", "puma560_joint1", "--stiffness", "6300"]
 RUNS_AWAY = [
     ["--damping", "-500"],
     ["--damping", "200", "--integral", "1e9"],

@@ -8,6 +8,9 @@ import subprocess
 import sys
 
 import pytest
+from rclpy.waitable import Waitable
+
+from stickslip_ros.nodes.intake.drain import FirstMessage
 
 _IN_A_CALLBACK = """
 import os, signal
@@ -65,3 +68,10 @@ def test_ctrl_c_waits_for_what_is_under_way(ros_domain: int) -> None:
 def test_a_signal_wakes_a_node_to_which_nothing_comes(ros_domain: int) -> None:
     """Issue 35: the executor waits without a limit, and its process notices all the same."""
     assert printed(_WHILE_NOTHING_COMES) == "status 0\n"
+
+
+def test_what_the_executor_calls_is_implemented_here() -> None:
+    """Issue 40: in Kilted each method of the base class raises NotImplementedError; Jazzy's do nothing in two."""
+    of_base = {name for name, one in vars(Waitable).items() if callable(one)}
+    assert {"__enter__", "__exit__"} <= of_base
+    assert of_base - {"__init__", "add_future", "remove_future"} <= set(vars(FirstMessage))

@@ -19,7 +19,6 @@ from stickslip_ros.analysis.fleet_joints import FleetJoint, History
 from stickslip_ros.analysis.fleet_table import Row
 from stickslip_ros.analysis.judgement import NOT_JUDGED
 from stickslip_ros.analysis.report.page import Plot, number_text, percent_text, write_page
-from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import counted
 from stickslip_ros.visible import visible
@@ -82,15 +81,13 @@ def write_fleet_page(
 
     Raises
     ------
-    StickSlipError
+    ImportError
         If the package bokeh is missing.
     OSError
         If it cannot be written.
     """
-    try:
-        from markupsafe import Markup
-    except ImportError as error:
-        raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
+    from markupsafe import Markup
+
     links = {bag: _link(page, path) for bag, page in (reports or {}).items()}
     dated = all(joint.dated for joint in joints)
     plots = _plots(dated=dated) if joints else []

@@ -13,7 +13,6 @@ from typing import Any
 
 import stickslip_ros
 from stickslip_ros.analysis.words import percent
-from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation_effect import CompensationEffect
 from stickslip_ros.model.verdict import ExactVerdict
@@ -43,18 +42,16 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
 
     Raises
     ------
-    StickSlipError
+    ImportError
         If the package bokeh is missing, or jinja2, which it brings.
     OSError
         If it cannot be written.
     """
-    try:
-        from bokeh.embed import components
-        from bokeh.resources import Resources
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-        from markupsafe import Markup
-    except ImportError as error:
-        raise StickSlipError(f"a report needs the package {error.name}: pip install bokeh") from error
+    from bokeh.embed import components
+    from bokeh.resources import Resources
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
     script, divs = components(tuple(plot.figure for plot in plots)) if plots else ("", ())
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if plots else ""
     folder = resources.files("stickslip_ros.analysis.report").joinpath("static")

@@ -15,6 +15,7 @@ from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import NOT_JUDGED, SEVERITY
 from stickslip_ros.analysis.report.page import Plot, write_page
 from stickslip_ros.analysis.trend import YEAR_2001
+from stickslip_ros.errors import optional_packages
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, compensation_advice
@@ -55,6 +56,7 @@ class _Section:
     parameters: list[_Row]
 
 
+@optional_packages("a page")
 def write_report(path: Path, analysis: BagAnalysis) -> None:
     """Write the report of an analysis with traces.
 

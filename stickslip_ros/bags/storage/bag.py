@@ -22,7 +22,7 @@ from stickslip_ros.bags.storage.transcoding import Transcode, transcoded
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.table_files import SUFFIXES as TABLES
-from stickslip_ros.errors import reason
+from stickslip_ros.errors import needs, optional_packages, reason
 from stickslip_ros.messages.blocks import Block, Channel, Storage
 from stickslip_ros.messages.content import MessageError
 from stickslip_ros.regular_files import read_yaml
@@ -54,9 +54,10 @@ class Bag:
         try:
             self._storages = self._open()
             # Each channel as ROS 2 has it, and what makes its messages so.
-            self._transcoded: dict[Channel, tuple[Channel, Transcode | None]] = {
-                channel: transcoded(channel) for _, _, channels in self._storages for channel in channels
-            }
+            with optional_packages(f"bag {self.path}: its encoding"):
+                self._transcoded: dict[Channel, tuple[Channel, Transcode | None]] = {
+                    channel: transcoded(channel) for _, _, channels in self._storages for channel in channels
+                }
         except BaseException:
             self._stack.close()
             raise
@@ -86,9 +87,10 @@ class Bag:
         raw = {one for one, (channel, _) in self._transcoded.items() if channel in wanted}
         for file, storage, _ in self._storages:
             allowance = Allowance(self._limit, file.stat().st_size)
-            for block in storage.blocks(raw, progress):
-                for part in self._decompressed(block, raw, allowance) if self._per_message else (block,):
-                    yield self._as_ros2(part)
+            with optional_packages(f"bag {self.path}: its compression"):
+                for block in storage.blocks(raw, progress):
+                    for part in self._decompressed(block, raw, allowance) if self._per_message else (block,):
+                        yield self._as_ros2(part)
 
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
         try:
@@ -109,7 +111,7 @@ class Bag:
                 storage = format_of(bag_file).open(bag_file, self.warnings.append)
                 opened.append((file, storage, storage.channels()))
             except (OSError, ValueError, EOFError, ImportError) as error:
-                why = f"it needs the package {error.name}" if isinstance(error, ImportError) else reason(error)
+                why = f"it {needs(error)}" if isinstance(error, ImportError) else reason(error)
                 reasons.append(f"{file.name}: {why}" if self.path.is_dir() else why)
         if not opened and self.path.suffix in TABLES:
             reasons.append(f"a table becomes one by stickslip convert {self.path} --out {self.path.stem}.mcap")

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
+from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit, zstd_library
 from stickslip_ros.files import in_nobodys_use
 from stickslip_ros.regular_files import open_regular
 
@@ -101,8 +101,7 @@ class _ZstdStream(io.RawIOBase):
     """A compressed file as a stream; damage and too much of it are OSErrors."""
 
     def __init__(self, file: IO[bytes], allowance: Allowance) -> None:
-        import zstandard
-
+        zstandard = zstd_library()
         super().__init__()
         self._damage, self._allowance = zstandard.ZstdError, allowance
         self._reader = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
@@ -122,7 +121,7 @@ class _ZstdStream(io.RawIOBase):
 
     def close(self) -> None:
         if not self.closed:
-            self._reader.close()  # type: ignore[no-untyped-call]
+            self._reader.close()
         super().close()
 
 

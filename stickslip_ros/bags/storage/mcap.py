@@ -9,22 +9,25 @@ as it makes sense. What is lost is said.
 
 from __future__ import annotations
 
-import io
 import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Channel as ChannelRecord
-from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
 from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.mcap_records import (
+    ChannelRecord,
+    Chunk,
+    ChunkIndex,
+    Opcode,
+    Schema,
+    footer,
+    messages_by_channel,
+)
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
@@ -37,7 +40,7 @@ _OF_USE = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL)
 _MOST_REPORTED = 3  # of what makes a file useless
 _MOST_CHANNELS = 1 << 16  # their numbers have 16 bits
 # What a damaged record makes its parser raise.
-_DAMAGE = (McapError, ValueError, struct.error, EOFError, OverflowError, MemoryError)
+_DAMAGE = (ValueError, EOFError, OverflowError, MemoryError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +48,6 @@ class _Summary:
     channels: dict[int, Channel]
     counts: dict[int, int]
     chunks: list[ChunkIndex]
-    messages: int
 
 
 class McapStorage:
@@ -130,8 +132,7 @@ class McapStorage:
             if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
                 self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
                 return None
-            footer = Footer.read(ReadDataStream(io.BytesIO(end[9:])))
-            begin = footer.summary_start
+            begin, expected = footer(end[9:])
             if begin == 0:
                 return None
             if not len(MAGIC) <= begin <= size - tail:
@@ -140,9 +141,9 @@ class McapStorage:
             file.seek(begin)
             content = file.read(size - tail - begin)
             # Without a checksum the index may say anything; the data speak for themselves.
-            if footer.summary_crc == 0:
+            if expected == 0:
                 return None
-            if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != footer.summary_crc:
+            if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
                 self._warn_of_index()
                 return None
             try:
@@ -151,12 +152,12 @@ class McapStorage:
                 self._warn_of_index()
                 return None
             for chunk in summary.chunks:
-                file.seek(chunk.chunk_start_offset)
+                file.seek(chunk.begin)
                 if file.read(1) != bytes([Opcode.CHUNK]):
                     self._warn_of_index()
                     return None
             # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
-            listed = [set(chunk.message_index_offsets) for chunk in summary.chunks]
+            listed = [chunk.channels for chunk in summary.chunks]
             return summary if listed and all(some and some <= set(summary.channels) for some in listed) else None
 
     def _warn_of_index(self) -> None:
@@ -164,20 +165,19 @@ class McapStorage:
 
     def _parse_summary(self, content: bytes) -> _Summary:
         buffer = np.frombuffer(content, dtype=np.uint8)
-        chunks, statistics = [], None
+        chunks, counts = [], dict[int, int]()
         for table in _tables(buffer):
             for opcode, offset, length, _, _ in table.tolist():
                 if opcode == Opcode.CHUNK_INDEX:
-                    chunks.append(ChunkIndex.read(_stream(buffer, offset, length)))
+                    chunks.append(ChunkIndex.read(_content(buffer, offset, length)))
                 elif opcode == Opcode.STATISTICS:
-                    statistics = Statistics.read(_stream(buffer, offset, length))
+                    counts = messages_by_channel(_content(buffer, offset, length))
                 else:
                     self._note(opcode, buffer, offset, length)
         return _Summary(
             channels=dict(self._channels),
-            counts=dict(statistics.channel_message_counts) if statistics else {},
-            chunks=sorted(chunks, key=lambda chunk: int(chunk.chunk_start_offset)),
-            messages=statistics.message_count if statistics else 0,
+            counts=counts,
+            chunks=sorted(chunks),
         )
 
     def _by_index(self, summary: _Summary, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
@@ -186,16 +186,16 @@ class McapStorage:
         with self._file.open() as file:
             at = 0
             for index in summary.chunks:
-                progress(index.chunk_start_offset + index.chunk_length - at)
-                at = index.chunk_start_offset + index.chunk_length
-                if numbers.isdisjoint(index.message_index_offsets):
+                progress(index.begin + index.length - at)
+                at = index.begin + index.length
+                if numbers.isdisjoint(index.channels):
                     continue
-                file.seek(index.chunk_start_offset)
-                record = file.read(index.chunk_length)
+                file.seek(index.begin)
+                record = file.read(index.length)
                 if len(record) < 9 or len(record) - 9 != struct.unpack_from("<Q", record, 1)[0]:
-                    self._warn(self._lost(index.chunk_start_offset, "its length is damaged"))
+                    self._warn(self._lost(index.begin, "its length is damaged"))
                     continue
-                for block in self._chunk(record[9:], index.chunk_start_offset):
+                for block in self._chunk(record[9:], index.begin):
                     found += int(np.isin(block.channel, list(numbers)).sum())
                     yield block
             expected = sum(summary.counts.get(number, 0) for number in numbers)
@@ -256,7 +256,7 @@ class McapStorage:
 
     def _check_data(self, buffer: Bytes, end: Integers, checksum: int) -> None:
         if end[kernel.OPCODE] == Opcode.DATA_END and end[kernel.LENGTH] >= 4:
-            expected = DataEnd.read(_stream(buffer, int(end[kernel.OFFSET]), 4)).data_section_crc
+            expected = int.from_bytes(_content(buffer, int(end[kernel.OFFSET]), 4), "little")
             if expected not in (0, checksum):
                 self._warn(f"{self._file.name}: its checksum is wrong: some data are damaged, and results with them")
 
@@ -285,12 +285,12 @@ class McapStorage:
 
     def _chunk(self, content: bytes, offset: int) -> Iterator[Block]:
         try:
-            chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
+            chunk = Chunk.read(content)
             records = _decompressed(chunk, self._file.allowance)
         except ImportError:
             raise
         except Exception as error:
-            # Whatever the three libraries raise for bytes that make no sense.
+            # Whatever the libraries of compressions raise for bytes that make no sense.
             self._warn(self._lost(offset, " ".join(str(error).split()) or type(error).__name__))
             return
         buffer = np.frombuffer(records, dtype=np.uint8)
@@ -303,10 +303,10 @@ class McapStorage:
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_stream(buffer, offset, length))
+            schema = Schema.read(_content(buffer, offset, length))
             self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            record = ChannelRecord.read(_stream(buffer, offset, length))
+            record = ChannelRecord.read(_content(buffer, offset, length))
             schema_of = self._schemas.get(record.schema_id)
             channel = Channel(
                 topic=record.topic,
@@ -349,8 +349,8 @@ def _skip(stream: IO[bytes], count: int, checksum: int, progress: Callable[[int]
     return count, checksum
 
 
-def _stream(buffer: Bytes, offset: int, length: int) -> Any:
-    return ReadDataStream(io.BytesIO(buffer[offset : offset + length].tobytes()))
+def _content(buffer: Bytes, offset: int, length: int) -> bytes:
+    return buffer[offset : offset + length].tobytes()
 
 
 def _walk(buffer: Bytes) -> tuple[list[Integers], int, int, bool]:
@@ -382,7 +382,7 @@ def _decompressed(chunk: Chunk, allowance: Allowance) -> bytes:
     """
     size = chunk.uncompressed_size
     if chunk.compression == "":
-        records: bytes = chunk.data
+        records = chunk.data
     elif chunk.compression == "zstd":
         records = allowance.zstd(chunk.data)
     elif chunk.compression == "lz4":

@@ -60,6 +60,23 @@ class TooMuchUnpackedError(ValueError):
         super().__init__(f"{what} unpacks to more than {largest / _MEGABYTE:.4g} MB; {OPTION} MB allows more")
 
 
+def zstd_library() -> Any:
+    """The package zstandard; where it is missing the same by the library of the system, as zstandard has no rosdep key.
+
+    Raises
+    ------
+    ImportError
+        If the library is missing too.
+    """
+    try:
+        import zstandard
+    except ImportError:
+        from stickslip_ros.bags.storage import system_zstd
+
+        return system_zstd
+    return zstandard
+
+
 class Allowance:
     """What may still be unpacked of one file.
 
@@ -91,8 +108,7 @@ class Allowance:
 
     def zstd(self, data: bytes) -> bytes:
         """One frame, decompressed; raises as :meth:`_unpacked`."""
-        import zstandard
-
+        zstandard = zstd_library()
         # Making one takes longer than most messages do.
         self._decompressor = self._decompressor or zstandard.ZstdDecompressor()
 

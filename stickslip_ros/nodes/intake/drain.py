@@ -128,6 +128,12 @@ class FirstMessage(Waitable):
         self.armed = False
         node.add_waitable(self)
 
+    def __enter__(self) -> None:
+        """Mark nothing as in use, as Jazzy's base class does; Kilted's has no such method."""
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
     def get_num_entities(self) -> NumberOfEntities:
         """Number of subscriptions in the wait set."""
         return NumberOfEntities(num_subs=len(self._subscriptions) if self.armed else 0)
