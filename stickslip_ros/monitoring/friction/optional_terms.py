@@ -4,7 +4,8 @@
 
 Prior odds of a term are 1:1, with a normal prior of its parameter. The score test is one Gauss-Newton step from the fit
 without the term. A term whose test exceeds `CLEARLY_BETTER` is added to the fit. Otherwise the posterior probability
-of the term times its effect is added to the covariance of the other parameters (model averaging).
+of the term times its effect is added to the covariance of the other parameters (model averaging). A term that is added
+may stand for another effect: the change that it makes of the other parameters is part of their errors too.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ _MUCH = 0.98  # parameter, of its upper bound: one that is larger is at its boun
 _LITTLE = (
     0.005  # tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes
 )
+# Probability that an added term stands for another effect that is as smooth, 1: as likely as not. The load of a
+# flexible joint and bristles had curves of friction, with three to fifteen times the viscous friction.
+_ANOTHER = 0.5
 _FARTHEST = 2.0  # parameter, prior standard deviations: the linear step of the score test holds no further
 
 
@@ -100,8 +104,8 @@ def with_optional_terms(
 ) -> FittedLaw:
     """The fit with every term that clearly explains the slips better, the most significant first; else the fit itself.
 
-    The terms left out add to the covariance (`by_optional_terms`). Where the law does not fit, residuals say nothing of
-    the terms, and nothing is added.
+    The terms left out add to the covariance (`by_optional_terms`), and so do changes by those added. Where the law does
+    not fit, residuals say nothing of the terms, and nothing is added.
 
     Parameters
     ----------
@@ -112,18 +116,30 @@ def with_optional_terms(
     fitted = first
     straight = beside is not None and beside.problem.curved_at is None
     tried: set[OptionalTerm] = {CURVED_VISCOUS} if straight else set()
+    moves: list[FloatArray] = []
     scores = _score_tests(fitted)
     while (best := _most_significant(fitted, {one: scores[one] for one in scores if one not in tried})) is not None:
         tried.add(best)
         found = fitted_with_more(fitted, best.added(fitted.problem), 1, known, prior_evidence=scores[best] is not None)
         if found is not fitted and not _at_its_bound(found, best):
+            moves.append(_shared(found) - _shared(fitted))
             fitted = found
             scores = _score_tests(fitted)
     covariance = sum((score.covariance for score in scores.values() if score is not None), start=np.zeros(()))
+    own = len(fitted.solution.fit.parameters) - PARAMETERS
+    for move in moves:
+        all_of_it = np.insert(move, np.full(own, PARAMETERS), 0.0)
+        covariance = covariance + _ANOTHER * np.outer(all_of_it, all_of_it)
     late = scores.get(LATE_CONTROLLER)
     return replace(
         fitted, by_optional_terms=np.asarray(covariance), late=LATE if late is None else math.sqrt(late.mean_square)
     )
+
+
+def _shared(fitted: FittedLaw) -> FloatArray:
+    """Parameters and kinetic friction of a fit, without what its optional terms have of their own."""
+    fit = fitted.solution.fit
+    return np.concatenate([fit.parameters[:PARAMETERS], fit.kinetic])
 
 
 def _score_tests(fitted: FittedLaw) -> dict[OptionalTerm, TermScore | None]:
