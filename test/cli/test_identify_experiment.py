@@ -74,7 +74,7 @@ def test_one_of_several_joints_is_moved(ros_domain: int, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("parameters", "joint", "said"),
     [
-        ({"manner": "ignore"}, "elbow", "elbow does not move and is 0.02"),
+        ({"manner": "ignore"}, "elbow", "elbow does not move and is 0.0"),
         (
             {"refuse_all": "true"},
             "elbow",

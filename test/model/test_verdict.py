@@ -72,9 +72,9 @@ def test_meaningless_questions_have_no_answer(puma: Joint, gains: Gains, velocit
 @pytest.mark.parametrize("velocity", [nightly(1e-9), 1e-3, 10.0])
 def test_extreme_joints_are_answered_in_time(puma: Joint, stiffness: float, velocity: float) -> None:
     """Issue 3: no gain or speed makes the integration run away."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     verdict(puma, Gains(stiffness=stiffness), velocity)
-    assert time.perf_counter() - begin < 30.0
+    assert time.process_time() - begin < 30.0
 
 
 def test_a_load_changes_no_verdict(puma: Joint) -> None:
