@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 from rich.console import Console
@@ -27,7 +27,7 @@ from stickslip_ros.analysis.fleet_table import (
 )
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, fitting
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
@@ -42,7 +42,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
     console = console_of_tables()
     console.print(f"[bold]{escape(visible(analysis.path))}[/]", soft_wrap=True)
     joints = list(analysis.joints.values())
-    console.print(_joints_table(joints, _columns(console, joints)))
+    _print_table(console, [_cells(joint) for joint in joints], _SPARED)
     console.print(
         "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
         "stuck\nreserve: damping beyond what ends stick slip; exactly: what becomes of it; both by integration[/]",
@@ -72,25 +72,19 @@ _TEXTS = ("joint\n", "status\n", "worst\n")
 _SPARED = ("of\n[s]", "sticks\n[s]", "slip\n[rad]", "speed\n[rad/s]", "exactly\n", "reserve\n")
 
 
-def _columns(console: Console, joints: Sequence[JointAnalysis]) -> list[str]:
-    """The headings there is room for."""
-    headings = list(_cells(joints[0])) if joints else ["joint\n"]
-    endless = console.options.update(width=10 * _WIDTH)
-    for spared in _SPARED if joints else ():
-        if _joints_table(joints, headings).__rich_measure__(console, endless).maximum <= console.width:
-            break
-        headings.remove(spared)
-    return headings
+def _print_table(console: Console, rows: Sequence[Mapping[str, str]], spared: Sequence[str]) -> None:
+    """A line for each row, whose cells are by heading; without the spared headings there is no room for."""
 
+    def table(headings: Sequence[str]) -> Table:
+        made = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+        for heading in headings:
+            made.add_column(escape(heading), justify="left" if heading in _TEXTS else "right", no_wrap=True)
+        for row in rows:
+            made.add_row(*[row[heading] for heading in headings])
+        return made
 
-def _joints_table(joints: Sequence[JointAnalysis], headings: Sequence[str]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for heading in headings:
-        table.add_column(escape(heading), justify="left" if heading in _TEXTS else "right", no_wrap=True)
-    for joint in joints:
-        cells = _cells(joint)
-        table.add_row(*[cells[heading] for heading in headings])
-    return table
+    if rows:
+        console.print(table(fitting(console, rows[0], spared, table)))
 
 
 def _cells(joint: JointAnalysis) -> dict[str, str]:
