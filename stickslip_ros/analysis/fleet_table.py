@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
+from stickslip_ros.analysis.judgement import SEVERITY
 from stickslip_ros.files import whole_file
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
@@ -55,19 +55,6 @@ def stuck_in(rows: Sequence[Row]) -> int:
     return sum(row["worst_status"] == Status.STICK_SLIP.value for row in rows)
 
 
-def usual_status(rows: Sequence[Row]) -> str:
-    """The status of the recordings in which the joint moved longest, if its motion was judged in any; of two as long
-    the more severe.
-    """
-    here = [status for status in SEVERITY if any(row["status"] == status.value for row in rows)]
-    judged = [status for status in here if status in JUDGED]
-
-    def moved(status: Status) -> float:
-        return float(sum(row["moving_time"] or _NEVER for row in rows if row["status"] == status.value))
-
-    return max(judged or here, key=moved).value
-
-
 def worst_status(rows: Sequence[Row]) -> str:
     """The most severe status that occurred in any of a joint's recordings."""
     here = {row["worst_status"] for row in rows}
@@ -80,12 +67,6 @@ def dry_friction_name(row: Row) -> str:
     """
     known = (name for name in ("coulomb", COULOMB_AND_LOAD) if row[f"{name}_identified"] and not row["per_inertia"])
     return next(known, "")
-
-
-def dry_friction(row: Row) -> float | None:
-    """Coulomb friction [N·m], with any load where the joint moved in one direction alone; None if it is not known."""
-    name = dry_friction_name(row)
-    return float(row[name]) if name else None
 
 
 def _row(path: Path, found: Answer) -> Row:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 from rich.console import Console
@@ -15,19 +15,10 @@ from rich.table import Table
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.fleet import Answer, TimedAnswer
-from stickslip_ros.analysis.fleet_joints import FleetJoint
-from stickslip_ros.analysis.fleet_table import (
-    by_joint,
-    dry_friction,
-    rows_of,
-    stick_slip_share,
-    stuck_in,
-    usual_status,
-    worst_status,
-)
+from stickslip_ros.analysis.fleet_joints import LEAST_MOVING, FleetJoint
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, fitting
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
@@ -42,7 +33,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
     console = console_of_tables()
     console.print(f"[bold]{escape(visible(analysis.path))}[/]", soft_wrap=True)
     joints = list(analysis.joints.values())
-    console.print(_joints_table(joints, _columns(console, joints)))
+    _print_table(console, [_cells(joint) for joint in joints], _SPARED)
     console.print(
         "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
         "stuck\nreserve: damping beyond what ends stick slip; exactly: what becomes of it; both by integration[/]",
@@ -67,30 +58,25 @@ def print_analysis(analysis: BagAnalysis) -> None:
         console.print(visible(warning), markup=False, soft_wrap=True)
 
 
-_TEXTS = ("joint\n", "status\n", "worst\n")
-# The headings of a bag's table that a narrow terminal has no room for, the first one first.
+_TEXTS = ("robot\n", "joint\n", "status\n", "worst\n")
+# The headings of a bag's table, and of a fleet's, that a narrow terminal has no room for, the first one first.
 _SPARED = ("of\n[s]", "sticks\n[s]", "slip\n[rad]", "speed\n[rad/s]", "exactly\n", "reserve\n")
+_SPARED_OF_FLEET = ("of\n[s]", "sticks\n[s]", "cycles\n", "friction\n[N·m]", "bags\n", "sticking\n")
 
 
-def _columns(console: Console, joints: Sequence[JointAnalysis]) -> list[str]:
-    """The headings there is room for."""
-    headings = list(_cells(joints[0])) if joints else ["joint\n"]
-    endless = console.options.update(width=10 * _WIDTH)
-    for spared in _SPARED if joints else ():
-        if _joints_table(joints, headings).__rich_measure__(console, endless).maximum <= console.width:
-            break
-        headings.remove(spared)
-    return headings
+def _print_table(console: Console, rows: Sequence[Mapping[str, str]], spared: Sequence[str]) -> None:
+    """A line for each row, whose cells are by heading; without the spared headings there is no room for."""
 
+    def table(headings: Sequence[str]) -> Table:
+        made = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+        for heading in headings:
+            made.add_column(escape(heading), justify="left" if heading in _TEXTS else "right", no_wrap=True)
+        for row in rows:
+            made.add_row(*[row[heading] for heading in headings])
+        return made
 
-def _joints_table(joints: Sequence[JointAnalysis], headings: Sequence[str]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for heading in headings:
-        table.add_column(escape(heading), justify="left" if heading in _TEXTS else "right", no_wrap=True)
-    for joint in joints:
-        cells = _cells(joint)
-        table.add_row(*[cells[heading] for heading in headings])
-    return table
+    if rows:
+        console.print(table(fitting(console, rows[0], spared, table)))
 
 
 def _cells(joint: JointAnalysis) -> dict[str, str]:
@@ -114,37 +100,16 @@ def _share(share: float) -> float:
     return share if math.isfinite(share) else 0.0
 
 
-def print_fleet(answers: Sequence[Answer]) -> None:
-    """Many bags: a row for each joint of each robot."""
+def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None:
+    """Many bags: a row for each joint of each robot, as the page has it; and what is the matter with their answers."""
     console = console_of_tables()
-    table = Table(box=None, padding=(0, 1))
-    for heading in (
-        "robot\n", "joint\n", "status\n", "stick slip\n", "worst\n", "bags\n", "sticking\n", "sticks\n[s]", "of\n[s]",
-        "cycles\n", "friction\n[N·m]",
-    ):  # fmt: skip
-        table.add_column(escape(heading), justify="left" if heading in ("robot\n", *_TEXTS) else "right", no_wrap=True)
-    for (robot, joint), rows in sorted(by_joint(rows_of(answers)).items()):
-        known = [value for row in rows if (value := dry_friction(row)) is not None]
-        table.add_row(
-            escape(visible(robot)),
-            escape(visible(joint)),
-            status_text(usual_status(rows)),
-            words.percent(stick_slip_share(rows)),
-            status_text(worst_status(rows)),
-            str(len(rows)),
-            str(stuck_in(rows)),
-            f"{sum(row['sticking_time'] for row in rows):.3g}",
-            f"{sum(row['moving_time'] or 0.0 for row in rows):.4g}",
-            str(sum(row["cycles"] for row in rows)),
-            "-" if not known else _number(known[0]) if len(known) == 1 else f"{known[0]:.3g} to {known[-1]:.3g}",
-        )
-    console.print(table)
+    _print_table(console, [_fleet_cells(joint) for joint in joints], _SPARED_OF_FLEET)
     console.print(
-        "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
-        "stuck; sticking: bags in which it stuck[/]",
+        "[dim]status: in the last bag that shows it; worst: that occurred; sticking: bags in which it stuck\n"
+        f"stick slip: of the time in which it moved or stuck, in the last bag with {LEAST_MOVING:g} s of that; "
+        "friction: Coulomb friction identified in the first and in the last of these[/]",
         soft_wrap=True,
     )
-    console.print("[dim]friction: Coulomb friction identified in the first and in the latest bag[/]", soft_wrap=True)
     failed = [found["path"] for found in answers if "error" in found]
     if failed:
         console.print(f"[yellow]{counted(len(failed), 'bag')} could not be analysed:[/] ", end="")
@@ -153,6 +118,23 @@ def print_fleet(answers: Sequence[Answer]) -> None:
         for warning in found.get("warnings", []):
             console.print("[yellow]warning:[/] ", end="")
             console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
+
+
+def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
+    friction = [_number(point.measured.value) for point in joint.histories["coulomb"].points] or ["-"]
+    return {
+        "robot\n": escape(visible(joint.robot)),
+        "joint\n": escape(visible(joint.name)),
+        "status\n": status_text(joint.status.value),
+        "stick slip\n": words.percent(joint.histories["stick_slip"].latest),
+        "worst\n": status_text(joint.worst.value),
+        "bags\n": str(len(joint.rows)),
+        "sticking\n": str(joint.stuck_in),
+        "sticks\n[s]": f"{sum(row['sticking_time'] for row in joint.rows):.3g}",
+        "of\n[s]": f"{sum(row['moving_time'] or 0.0 for row in joint.rows):.4g}",
+        "cycles\n": str(sum(row["cycles"] for row in joint.rows)),
+        "friction\n[N·m]": friction[0] if len(friction) == 1 else f"{friction[0]} to {friction[-1]}",
+    }
 
 
 def print_brief(answers: Sequence[Answer]) -> None:

@@ -132,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
         elif analysis is not None:
             print_analysis(analysis)
         elif len(bags) > 1 or not errors:
-            print_fleet(answers)
+            print_fleet(joints, answers)
         if not options.json:
             print_alarms(joints)
     for text in unwritten:

@@ -65,7 +65,6 @@ class LivePage:
         self._map_of: Subject | None = None
         self._pending_map: tuple[Subject, Future[JointMap]] | None = None
         self._pending_if: tuple[Subject, Future[dict[str, Any]]] | None = None
-        self._wanted_if: Subject | None = None
         self._present: Gains | None = None
         self._sheet = sheet = InlineStyleSheet(css=_text("live.css"))
 
@@ -73,7 +72,7 @@ class LivePage:
             return Div(text="", sizing_mode="stretch_width", stylesheets=[sheet])
 
         self._header, self._table, self._advice, self._answer = words(), words(), words(), words()
-        self._table.name = "table"
+        self._table.name, self._answer.name = "table", "answer"
         self._choice = Select(title="joint", options=[], name="joint", width=260, stylesheets=[sheet])
         self._choice.on_change("value", lambda _, __, name: self._choose(name))
         self._motion = ColumnDataSource({key: [0.0] for key in ("time", "position", "reference")})
@@ -158,6 +157,9 @@ class LivePage:
         if self._joint:
             self._listener.look_away(self._joint)
         self._joint, self._present, self._map_of = name, None, None
+        # What was asked about another joint is not answered here.
+        self._pending_map, self._pending_if = None, None
+        self._write(self._answer, "")
         self._listener.look_at(name)
         self._cells.data = {key: [] for key in self._cells.data}
         self.update()
@@ -171,7 +173,7 @@ class LivePage:
         gains = _gains(numbers, "")
         speed = abs(joint.velocity)
         if model is None or gains is None or not speed > 0.0:
-            self._present, self._wanted_if = None, None
+            self._present = None
             self._write(
                 self._answer, "<p>What other gains would do is worked out once friction and gains are known.</p>"
             )
@@ -237,14 +239,14 @@ class LivePage:
         if model is None or present is None or not speed > 0.0:
             return
         gains = Gains(stiffness=_digits(10.0**self._stiffness.value), damping=_digits(self._damping.value))
-        self._wanted_if = Subject(joint=model, gains=gains, velocity=speed)
+        wanted = Subject(joint=model, gains=gains, velocity=speed)
         if self._pending_if is not None and self._pending_if[1].done():
             requested, answer = self._pending_if
             self._pending_if = None
             if answer.exception() is None:
                 self._write(self._answer, _answer(requested, answer.result()))
         if self._pending_if is None:
-            self._pending_if = (self._wanted_if, self._work.submit(what_if, self._wanted_if))
+            self._pending_if = (wanted, self._work.submit(what_if, wanted))
 
 
 def _text(name: str) -> str:

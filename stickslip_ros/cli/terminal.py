@@ -5,14 +5,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.measure import Measurement
 from rich.segment import Segment
+from rich.table import Table
 
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n"  # by which tables and paragraphs are made
+_ENDLESS = 10_000  # columns: more than any table needs
 
 
 class Terminal(Console):
@@ -25,6 +28,28 @@ class Terminal(Console):
                 yield segment
             else:
                 yield Segment(visible(segment.text, kept=_OF_LAYOUT), segment.style)
+
+
+def width_of(console: Console, table: Table) -> int:
+    """Columns that a table takes where nothing of it is cut or wrapped."""
+    return Measurement.get(console, console.options.update(width=_ENDLESS), table).maximum
+
+
+def fitting(
+    console: Console, headings: Iterable[str], spared: Iterable[str], make: Callable[[Sequence[str]], Table]
+) -> list[str]:
+    """The headings that the console has room for.
+
+    Parameters
+    ----------
+    spared : headings that a narrow console does without, the first one first. make : the table of some headings.
+    """
+    kept = list(headings)
+    for heading in spared:
+        if width_of(console, make(kept)) <= console.width:
+            break
+        kept.remove(heading)
+    return kept
 
 
 def complain(text: str) -> None:

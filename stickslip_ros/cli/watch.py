@@ -88,8 +88,7 @@ def _show(listener: WatchListener, options: argparse.Namespace) -> None:
     console = Terminal(highlight=False)
 
     def shown(height: int | None) -> RenderableType:
-        joints, header = listener.joints(), listener.header()
-        return view(joints, header, duration=options.seconds, width=console.width, height=height)
+        return view(listener.joints(), listener.header(), console, duration=options.seconds, height=height)
 
     try:
         with console.status(_LISTENING) as status:

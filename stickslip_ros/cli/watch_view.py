@@ -7,22 +7,32 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from stickslip_ros.cli.terminal import fitting, width_of
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.diagnosis import Level
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _LEAST_WIDTH, _MOST_WIDTH = 12, 60  # of a sparkline
-_OTHER_COLUMNS, _LONGEST_NAME = 57, 28
+_LONGEST_NAME = 28
+_INDENT = 2  # columns before the lines of a message
 _STYLES = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "bold red", Level.STALE: "dim"}
 _MARKS = {Level.OK: "●", Level.WARN: "▲", Level.ERROR: "■", Level.STALE: "○"}
 _WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
 _FRAME = 7  # lines of the view that are no joint's
+_STATUS, _SPEED, _OUTCOME, _RESERVE = "status", "speed", "by\nphysics", "reserve\n[%]"
+_TOLD, _CYCLES, _SLIP = "told\n[rad/s]", "cycles\n[1]", "slip\n[rad]"
+_HEADINGS = ("joint", _STATUS, _SPEED, _TOLD, _OUTCOME, _RESERVE, _CYCLES, _SLIP)
+_NUMBERS = (_TOLD, _RESERVE, _CYCLES, _SLIP)
+# The headings that a narrow terminal has no room for, the first one first.
+_SPARED = (_SLIP, _TOLD, _CYCLES, _OUTCOME, _SPEED, _RESERVE)
 _OUTCOMES = {"steady": "green", "swings": "yellow", "sticks": "red"}
 
 
@@ -71,48 +81,67 @@ def sparkline(history: FloatArray, duration: float, width: int, *, commanded: fl
 
 
 def view(
-    joints: Sequence[JointView], header: str, *, duration: float, width: int, height: int | None = None
+    joints: Sequence[JointView], header: str, console: Console, *, duration: float, height: int | None = None
 ) -> RenderableType:
-    """The view, worst joints first, for a terminal of so many columns and lines; without lines, the whole of it."""
+    """The view as wide as the console, worst joints first; with a height [lines] what fits in, else all of it."""
     ordered = sorted(joints, key=lambda joint: (_WORST_FIRST.index(joint.level), joint.name))
-    matters = [joint for joint in ordered if joint.level is not Level.OK]
+    messages = [_message(joint, console) for joint in ordered if joint.level is not Level.OK]
     if height is not None:
         room = max(6, height - _FRAME)
-        matters = matters[: max(1, min(len(matters), room // 3), room - len(ordered))]
-        ordered = ordered[: room - len(matters)]
-    name_width = min(_LONGEST_NAME, max((len(joint.name) for joint in joints), default=0))
-    line = min(_MOST_WIDTH, max(_LEAST_WIDTH, width - _OTHER_COLUMNS - name_width))
-    table = Table(box=None, pad_edge=False, header_style="dim", collapse_padding=True)
-    table.add_column("joint", no_wrap=True, max_width=_LONGEST_NAME)
-    table.add_column("status", no_wrap=True)
-    table.add_column(f"speed,\nlast {duration:g} s", no_wrap=True, min_width=line)
-    table.add_column("told\n\\[rad/s]", justify="right", no_wrap=True)
-    table.add_column("by\nphysics", no_wrap=True)
-    table.add_column("reserve\n\\[%]", justify="right", no_wrap=True)
-    table.add_column("cycles\n\\[1]", justify="right", no_wrap=True)
-    table.add_column("slip\n\\[rad]", justify="right", no_wrap=True)
-    for joint in ordered:
-        style = _STYLES[joint.level]
-        speeds = sparkline(joint.history, duration, line, commanded=_known(abs(joint.velocity)))
-        table.add_row(
-            Text(joint.name),
-            Text(f"{_MARKS[joint.level]} {joint.status}", style=style),
-            Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
-            _number(joint.velocity),
-            Text(joint.outcome or "-", style=_OUTCOMES.get(joint.outcome, "")),
-            _reserve(joint.reserve),
-            str(joint.cycles),
-            _number(joint.slip),
-        )
-    parts: list[RenderableType] = [Text(header, style="bold"), Text(), table]
+        lines = list(accumulate(map(len, messages)))
+        most = max(room // 3, room - len(ordered))
+        fit = sum(line <= most for line in lines) or min(1, len(messages))
+        messages = messages[:fit]
+        ordered = ordered[: max(1, room - sum(map(len, messages)))]
+
+    def table(headings: Sequence[str], line: int = _LEAST_WIDTH) -> Table:
+        made = Table(box=None, pad_edge=False, header_style="dim", collapse_padding=True)
+        for heading in headings:
+            made.add_column(
+                f"speed,\nlast {duration:g} s" if heading is _SPEED else escape(heading),
+                justify="right" if heading in _NUMBERS else "left", no_wrap=True,
+                max_width=_LONGEST_NAME if heading == "joint" else None,
+            )  # fmt: skip
+        for joint in ordered:
+            cells = _cells(joint, duration, line)
+            made.add_row(*[cells[heading] for heading in headings])
+        return made
+
+    kept = fitting(console, _HEADINGS, _SPARED, table)
+    left = console.width - width_of(console, table(kept))
+    parts: list[RenderableType] = [Text(header, style="bold"), Text()]
+    parts.append(table(kept, max(_LEAST_WIDTH, min(_MOST_WIDTH, _LEAST_WIDTH + left))))
     if len(ordered) < len(joints):
         parts.append(Text(f"… and {len(joints) - len(ordered)} more", style="dim"))
     parts.append(Text())
-    for joint in matters:
-        words = Text(no_wrap=height is not None, overflow="ellipsis")
-        words.append(f"{joint.name}: ", style=_STYLES[joint.level])
-        parts.append(words.append(joint.message))
-    return Group(*parts)
+    return Group(*parts, *(line for message in messages for line in message))
+
+
+def _cells(joint: JointView, duration: float, line: int) -> dict[str, RenderableType]:
+    """A joint's cells by heading; its speeds are so many columns wide."""
+    speeds = sparkline(joint.history, duration, line, commanded=_known(abs(joint.velocity)))
+    return {
+        "joint": Text(joint.name),
+        _STATUS: Text(f"{_MARKS[joint.level]} {joint.status}", style=_STYLES[joint.level]),
+        _SPEED: Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
+        _TOLD: _number(joint.velocity),
+        _OUTCOME: Text(joint.outcome or "-", style=_OUTCOMES.get(joint.outcome, "")),
+        _RESERVE: _reserve(joint.reserve),
+        _CYCLES: str(joint.cycles),
+        _SLIP: _number(joint.slip),
+    }
+
+
+def _message(joint: JointView, console: Console) -> list[Text]:
+    """What is the matter with a joint: in one line where there is room, else under its name, wrapped between words."""
+    words = Text.assemble((f"{joint.name}: ", _STYLES[joint.level]), joint.message)
+    if words.cell_len <= console.width:
+        return [words]
+    lines = Text(joint.message).wrap(console, console.width - _INDENT)
+    for line in lines:
+        line.rstrip()
+        line.pad_left(_INDENT)
+    return [Text(f"{joint.name}:", style=_STYLES[joint.level]), *lines]
 
 
 def _known(value: float) -> float:

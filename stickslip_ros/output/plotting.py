@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 BLUE, RED, GREEN, ORANGE, PURPLE, GREY = "#1f5fa8", "#c0392b", "#2e8b57", "#d9822b", "#7d4fa3", "#777777"
 COLOURS = (BLUE, RED, GREEN, ORANGE, PURPLE, GREY)
 _DOTS = 130  # an inch
+_SHADE = 0.22  # opacity of a region, 1: the lightest colour still differs from white paper
+_MOST_ABREAST = 2  # panels: three are wider than a page
+_MOST_DECADES = 4.0  # of an axis whose labels at 1, 2 and 5 have room
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +73,7 @@ class Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """Panels side by side under a title and a note."""
+    """Panels, two side by side, under a title and a note."""
 
     name: str
     title: str
@@ -117,10 +121,12 @@ def _drawn(figure: Figure) -> Drawing:
     # Not by pyplot, which keeps every figure until it is closed.
     from matplotlib.figure import Figure as NewDrawing
 
-    count = len(figure.panels)
-    drawing = NewDrawing(figsize=(7.5 if count == 1 else 5.6 * count, 5.6), layout="constrained")
+    columns = min(len(figure.panels), _MOST_ABREAST)
+    lines = math.ceil(len(figure.panels) / columns)
+    width, height = 7.5 if columns == 1 else 5.6 * columns, 5.6 if lines == 1 else 4.6 * lines
+    drawing = NewDrawing(figsize=(width, height), layout="constrained")
     for number, panel in enumerate(figure.panels, start=1):
-        _draw(panel, drawing.add_subplot(1, count, number))
+        _draw(panel, drawing.add_subplot(lines, columns, number))
     drawing.suptitle(figure.title, x=0.01, ha="left", fontsize=12)
     drawing.supxlabel(figure.note, x=0.01, ha="left", fontsize=8, color=GREY)
     return drawing
@@ -132,7 +138,7 @@ def _draw(panel: Panel, axis: Axes) -> None:
     for region in panel.regions:
         axis.contourf(
             region.x, region.y, np.ma.masked_invalid(region.inside), levels=[0.0, np.inf], colors=[region.colour],
-            alpha=0.10,
+            alpha=_SHADE,
         )  # fmt: skip
     for curve in panel.curves:
         if curve.style in ("o", "s", "*"):
@@ -142,11 +148,11 @@ def _draw(panel: Panel, axis: Axes) -> None:
             )  # fmt: skip
         else:
             axis.plot(curve.x, curve.y, curve.style, color=curve.colour, linewidth=1.6, label=curve.label or None)
-    scales = [axis.xaxis, axis.yaxis]
     axis.spines[["top", "right"]].set_visible(False)
     if panel.logarithmic:
         axis.set_xscale("log")
         axis.set_yscale("log")
+    scales = [(axis.xaxis, axis.get_xlim()), (axis.yaxis, axis.get_ylim())]
     if panel.right is not None:
         label, factor = panel.right
 
@@ -158,10 +164,11 @@ def _draw(panel: Panel, axis: Axes) -> None:
 
         second = axis.secondary_yaxis("right", functions=(to_right, to_left))
         second.set_ylabel(label)
-        scales.append(second.yaxis)
+        scales.append((second.yaxis, axis.get_ylim()))
     if panel.logarithmic:
-        for ticks in scales:
-            ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        for ticks, (low, high) in scales:
+            few = math.log10(high / low) <= _MOST_DECADES
+            ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
             ticks.set_major_formatter("{x:g}")
             ticks.set_minor_formatter(NullFormatter())
     if panel.equal:

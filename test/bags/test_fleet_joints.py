@@ -195,8 +195,30 @@ def test_one_of_a_kind_is_told_so(
     assert "-0.0<" not in text
     write_fleet_page(page, still[:1], fleet_joints(still[:1]))
     assert "Stick slip in 1 recording<" in page.read_text(encoding="utf-8")
-    print_fleet([*still, broken])
+    print_fleet(fleet_joints(still), [*still, broken])
     assert "1 bag could not be analysed: /data/robot0/broken.mcap" in capsys.readouterr().out
+
+
+def test_terminal_and_page_have_the_same(
+    answers: list[dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Issue 40, item 6: a fleet's joint has one status and one share, those of its last recording; the terminal had
+    the status of the longest motion, and the share of all.
+    """
+    found = copy.deepcopy(answers[:3])
+    for number, bag in enumerate(found):
+        sticks = dict.fromkeys(("status", "worst_status"), "stick_slip") | {"stick_slip_share": 0.25}
+        smooth = dict.fromkeys(("status", "worst_status"), "smooth") | {"stick_slip_share": 0.0, "moving_time": 900.0}
+        bag["joints"] = {"axis0": bag["joints"]["axis0"] | (sticks if number == 2 else smooth)}
+    joints = fleet_joints(found)
+    page = tmp_path / "fleet.html"
+    write_fleet_page(page, found, joints)
+    print_fleet(joints, found)
+    (line,) = [line.split() for line in capsys.readouterr().out.splitlines() if "axis0" in line]
+    assert line[2:5] == ["stick_slip", "25", "%"]
+    table = page.read_text(encoding="utf-8").partition("<table id='joints'")[2].partition("</table>")[0]
+    assert "data-status='stick_slip'" in table
+    assert re.search(r"data-sort='0.25'>.*</svg>25<", table)
 
 
 def test_the_page_is_sorted_and_filtered(answers: list[dict[str, Any]], tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import analyze
 from stickslip_ros.analysis.fleet import Answers, BagTask
 from stickslip_ros.analysis.fleet_table import stick_slip_share as share_of_rows
-from stickslip_ros.analysis.fleet_table import usual_status
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import moving_time, overall_status, stick_slip_share, worst_status
 from stickslip_ros.analysis.transient import transient
@@ -214,9 +213,7 @@ def test_a_joint_over_its_recordings() -> None:
         {"status": "stick_slip", "worst_status": "stick_slip", "moving_time": 5.0, "sticking_time": 5.0},
         {"status": "at_rest", "worst_status": "at_rest", "moving_time": 0.0, "sticking_time": 0.0},
     ]
-    assert usual_status(rows) == "smooth"
     assert share_of_rows(rows) == pytest.approx(0.1)
-    assert usual_status(rows[-1:]) == "at_rest"
     assert math.isnan(share_of_rows(rows[-1:]))
 
 

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.paper_figures import FIGURES
@@ -102,6 +104,27 @@ def test_map_of_a_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     ]
     near = [float(row["y"]) for row in exact if abs(math.log(float(row["x"]) / 4.93)) < 0.1]
     assert max(near) == pytest.approx(2414.0, rel=0.15)
+
+
+def test_what_is_on_a_map_is_seen(tmp_path: Path) -> None:
+    """Issue 40, item 6: the regions of a map differ in colour (swings was nearly white); over many decades the axes
+    have labels (there were none).
+    """
+    out = tmp_path / "here.png"
+    command = "map --model puma560_joint1 --damping 20 --points 400 --out"
+    assert main([*command.split(), str(out)]) == 0
+    colours, counts = np.unique(imread(out).reshape(-1, 4)[:, :3], axis=0, return_counts=True)
+    white, *shades = colours[np.argsort(-counts)][:3]
+    for one, other in ((white, shades[0]), (white, shades[1]), (shades[0], shades[1])):
+        assert np.abs(one - other).max() > 0.12
+    wide = "map --inertia 800 --stribeck 100 --stribeck-velocity 1e-5 --velocity 1 --stiffness 5 --points 100 --out"
+    assert main([*wide.split(), str(out)]) == 0
+    figure = out.with_suffix(".svg").read_text(encoding="utf-8")
+    # The right scale has an empty x axis of its own, which is the first.
+    axes = figure.split('<g id="matplotlib.axis_')[2:]
+    assert len(axes) == 3
+    for axis in axes:
+        assert 3 <= len(re.findall(r"<!-- [\d.e+]+ -->", axis)) <= 12
 
 
 def test_the_star_is_where_the_joint_moves_steadily(puma: Joint) -> None:

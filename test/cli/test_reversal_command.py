@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,8 @@ def test_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for curve in ("reference", "joint", "±5 mrad", "±20 mrad", "±80 mrad"):
         assert curve in numbers
     assert str(tmp_path / "reversal.png") in capsys.readouterr().out
+    width, height = struct.unpack(">II", (tmp_path / "reversal.png").read_bytes()[16:24])
+    assert (width, height) < (1500, 1500), "four panels in a row were 2,912 px wide (issue 40)"
 
 
 def test_a_trajectory_of_the_users_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

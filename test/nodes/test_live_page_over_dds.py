@@ -9,16 +9,20 @@ import re
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bags.browser import Page, browser
+from bokeh.document import Document
 
 from stickslip_ros.cli.live_joint import Subject, cycle_duration, phase_loop, what_if
-from stickslip_ros.cli.live_page import advice_text, joint_table
+from stickslip_ros.cli.live_listener import Snapshot
+from stickslip_ros.cli.live_page import LivePage, advice_text, joint_table
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.cli.watch_view import JointView
@@ -135,6 +139,44 @@ def test_names_are_text_and_nothing_else() -> None:
     for text in (joint_table([view], hostile), advice_text(view, {"recommendation": hostile})):
         assert "<img" not in text
         assert "&lt;img src=x onerror=&#x27;alert(1)&#x27;&gt;&quot;" in text
+
+
+class Listener:
+    """Two joints that a monitor knows, with other gains."""
+
+    def __init__(self) -> None:
+        told = {key: value_text(value) for key, value in joint_values(load_joint("puma560_joint1").joint)}
+        told |= {"velocity [rad/s]": "0.0058", "damping [N*m*s/rad]": "20"}
+        values = {name: told | {"stiffness [N*m/rad]": gain} for name, gain in (("a", "630"), ("b", "6300"))}
+        self.snapshot = Snapshot(values=values, joints=tuple(
+            JointView(
+                name=name, level=Level.OK, status="smooth", message="", velocity=0.0058, outcome="", reserve=0.5,
+                cycles=0, slip=0.0, history=np.zeros((0, 2)),
+            ) for name in values
+        ))  # fmt: skip
+
+    def look_at(self, _: str) -> None:
+        """Nothing moves."""
+
+    look_away = look_at
+
+
+def test_answers_are_of_the_joint_that_is_chosen() -> None:
+    """Issue 40, item 6: what gains do to one joint stood under the joint chosen after it until its own came."""
+    document = Document()
+    with ThreadPoolExecutor(1) as work:
+        page = LivePage(document, Listener(), work)  # type: ignore[arg-type]
+        answer, until = document.get_model_by_name("answer"), time.monotonic() + 60.0
+        while "k_p 630 " not in answer.text:
+            assert time.monotonic() < until
+            time.sleep(0.05)
+            page.update()
+        document.get_model_by_name("joint").value = "b"
+        while "k_p 6300 " not in answer.text:
+            assert "k_p 630 " not in answer.text
+            assert time.monotonic() < until
+            time.sleep(0.05)
+            page.update()
 
 
 def handshake(port: int, origin: str) -> str:
