@@ -165,7 +165,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         position_disturbance=fits[0].position_disturbance,
         contact=problem.contact,
         curved_at=problem.curved_at,
-        explains=not (unexplained(fits[0]) or fits[0].cut_short),
+        explains=not unexplained(fits[0]),
         explains_latest=_explains_latest(problem, fit),
         rejected=fits[0].rejected,
     )

@@ -54,8 +54,8 @@ from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
-# Steps of simulation in a study, 1: 2 s of a core. Slips that a model explains take a twentieth to a half of it.
-_MOST_STEPS = 6e6
+# Steps of simulation in a study, 1: 3 to 5 s of a core. Slips that a model explains take a hundredth to nearly all.
+_MOST_STEPS = 1.2e7
 LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm, 1: right within a factor of two
 _LARGEST_UNEXPLAINED = 0.001  # tolerance, slip distances: joints that the model explains need less
