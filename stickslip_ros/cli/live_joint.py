@@ -37,17 +37,16 @@ def what_if(subject: Subject) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class JointMap:
-    """Where a joint sticks, swings or moves steadily over speed and stiffness, with its present damping."""
+    """What becomes of a joint over speed and stiffness, with its present damping."""
 
     found: ExtinctionMap
     damping: float
 
-    def regions(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Where it sticks, and where it swings, as masks of the map's shape."""
+    def outcomes(self) -> NDArray[np.int64]:
+        """0 where it sticks, 1 where it swings, 2 where it moves steadily, 3 without an answer; of the map's shape."""
         total = self.found.total_damping(self.damping)
-        sticks = np.nan_to_num(self.found.exact_damping - total) > 0.0
-        unsteady = np.nan_to_num(self.found.steady_damping - total) > 0.0
-        return sticks, unsteady & ~sticks
+        cases = [self.found.exact_damping > total, self.found.unknown, self.found.steady_damping > total]
+        return np.select(cases, [0, 3, 1], 2)
 
 
 def joint_map(subject: Subject) -> JointMap:

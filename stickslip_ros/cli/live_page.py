@@ -26,7 +26,7 @@ from bokeh.models import (
     Slider,
 )
 
-from stickslip_ros.analysis.report.plots import BLUE, GREEN, INK, ORANGE, RED, new_figure
+from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 from stickslip_ros.cli.live_joint import JointMap, Subject, cycle_duration, joint_map, phase_loop, what_if
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
 from stickslip_ros.cli.watch_view import JointView
@@ -47,7 +47,7 @@ _MARKS = {Level.ERROR: "■", Level.WARN: "▲", Level.STALE: "○", Level.OK: "
 _MOVED = 1e-3  # relative change of what a map depends on
 _DECADES = 1.0  # of the slider on either side of the present stiffness
 _ADVISED = "#116329"
-_COLOURS = ((RED, "sticks"), (ORANGE, "swings"), (GREEN, "steady"))
+_COLOURS = (RED, ORANGE, GREEN, GREY)  # of the outcomes of a map
 
 
 class LivePage:
@@ -348,13 +348,12 @@ def _similar(one: Subject, other: Subject) -> bool:
 
 def _cells(found: JointMap) -> dict[str, Any]:
     """A rectangle about each point of the map, in the colour of what happens there."""
-    sticks, swings = found.regions()
+    outcomes = found.outcomes()
     across, along = _edges(found.found.velocity), _edges(found.found.stiffness)
-    rows, columns = (index.ravel() for index in np.indices(sticks.shape))
-    number = np.where(sticks, 0, np.where(swings, 1, 2)).ravel()
+    rows, columns = (index.ravel() for index in np.indices(outcomes.shape))
     return {
         "left": across[columns], "right": across[columns + 1], "bottom": along[rows], "top": along[rows + 1],
-        "colour": [_COLOURS[index][0] for index in number],
+        "colour": [_COLOURS[index] for index in outcomes.ravel()],
     }  # fmt: skip
 
 

@@ -51,6 +51,11 @@ class ExtinctionMap:
         return damping + self.own_damping[:, None]
 
     @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Where the integration gives no answer, shape (m, n)."""
+        return np.asarray(np.isnan(self.exact_damping) | np.isnan(self.steady_damping))
+
+    @property
     def conservative(self) -> float:
         """Share of the points at which the damping k_v that Eq. (43) asks for is enough, to the 1 %."""
         known = np.isfinite(self.paper_damping) & np.isfinite(self.exact_damping)

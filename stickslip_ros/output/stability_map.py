@@ -13,7 +13,7 @@ from stickslip_ros.model.exact import Progress
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map, map_axes
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.assessment import Assessment
-from stickslip_ros.output.plotting import BLUE, GREEN, ORANGE, RED, Curve, Figure, Panel, Region, boundary, png
+from stickslip_ros.output.plotting import BLUE, GREEN, GREY, ORANGE, RED, Curve, Figure, Panel, Region, boundary, png
 
 _FEW_POINTS = 600  # a second's work
 
@@ -73,6 +73,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         notes += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law_in_words}."
         if not subject.joint.friction.rigid:
             notes += " The map is of the same joint without presliding."
+    unknown = ", gives no answer (grey)" if computed.unknown.any() else ""
     note = "There is no operating point: it needs a speed and a stiffness."
     panels = [_panel(subject, computed, "now", subject.gains)]
     if subject.on_the_map:
@@ -81,7 +82,7 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
             panels.append(_panel(subject, computed, "advised", subject.advised))
     return Figure(
         name=name,
-        title=f"Where {subject.name} sticks (red), swings (orange), moves steadily (white)",
+        title=f"Where {subject.name} sticks (red), swings (orange), moves steadily (white){unknown}",
         note=f"{notes}\n{note}",
         panels=tuple(panels),
     )
@@ -105,14 +106,14 @@ def _panel(subject: MapSubject, computed: ExtinctionMap, when: str, gains: Gains
         label = f"{when}: {speed:.3g} mrad/s, {stiffness:.4g} {stiffness_unit}"
         colour, style = (RED, "o") if when == "now" else (GREEN, "*")
         curves.append(Curve(label=label, x=np.array([speed]), y=np.array([stiffness]), colour=colour, style=style))
+    regions = [Region(x=x, y=y, inside=steady_inside, colour=ORANGE), Region(x=x, y=y, inside=exact_inside, colour=RED)]
+    if computed.unknown.any():
+        regions.append(Region(x=x, y=y, inside=np.where(computed.unknown, 1.0, -1.0), colour=GREY))
     return Panel(
         x_label="commanded velocity [mrad/s]",
         y_label=f"stiffness $k_p$ [{stiffness_unit}{', per inertia' if subject.per_inertia else ''}]",
         curves=tuple(curves),
-        regions=(
-            Region(x=x, y=y, inside=steady_inside, colour=ORANGE),
-            Region(x=x, y=y, inside=exact_inside, colour=RED),
-        ),
+        regions=tuple(regions),
         title=title,
         logarithmic=True,
         legend="below",

@@ -7,12 +7,14 @@ from __future__ import annotations
 import csv
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from stickslip_ros.cli.live_joint import JointMap
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.paper_figures import FIGURES
 from stickslip_ros.model.extinction import work_integral
@@ -139,6 +141,20 @@ def test_the_star_is_where_the_joint_moves_steadily(puma: Joint) -> None:
             for axis, value in ((panel.regions[0].x, 1e3 * speed), (panel.regions[0].y, float(gains.stiffness)))
         )
         assert [bool(region.inside[row, column] > 0) for region in panel.regions] == inside
+
+
+def test_what_has_no_answer_is_not_drawn_as_steady(puma: Joint) -> None:
+    """Points of absurd joints were white, of which the title said that the joint moves steadily there."""
+    subject = MapSubject(name="joint1", joint=puma, gains=Gains(stiffness=630.0), velocity=0.0058, advised=None)
+    computed = map_of(subject, 100)
+    assert "grey" not in map_figure(subject, computed).title
+    exact = np.zeros_like(computed.exact_damping)
+    exact[0, 0] = math.nan
+    found = replace(computed, exact_damping=exact, steady_damping=np.zeros_like(exact))
+    figure = map_figure(subject, found)
+    assert figure.title.endswith("gives no answer (grey)")
+    assert figure.panels[0].regions[-1].inside[0, 0] > 0
+    assert JointMap(found=found, damping=0.0).outcomes()[0, :2].tolist() == [3, 2]
 
 
 def test_map_without_an_operating_point(tmp_path: Path) -> None:

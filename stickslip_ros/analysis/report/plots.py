@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.stability_map import MapSubject, map_of, subject_of
 from stickslip_ros.output.wording import with_prefix
 
-RED, AMBER, BLUE, GREEN, ORANGE = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24"
+RED, AMBER, BLUE, GREEN, ORANGE, GREY = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24", "#8c959f"
 INK = "#1b1f24"  # of what the page paints in the colour of its text
 _ROOM = 3.0  # points of the map from a region's edge, for a word in it
 _MARKED, _FEW_MARKS = 3000, 150  # cycles at most; from which on their marks are small
