@@ -154,7 +154,7 @@ def test_what_watch_shows(ros_domain: int) -> None:
         listener._on_diagnostics(DiagnosticArray(status=[status]))
         out = io.StringIO()
         console = Terminal(file=out, width=2000)
-        console.print(view(listener.joints(), f"header{ESCAPES}", duration=10.0, width=2000))
+        console.print(view(listener.joints(), f"header{ESCAPES}", console, duration=10.0))
         assert not commands(out.getvalue())
         assert not [line for line in out.getvalue().splitlines() if line.startswith("stickslip:")]
     finally:

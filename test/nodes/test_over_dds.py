@@ -20,6 +20,8 @@ from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.conversion import table
 
+_STALE = b"\x03"
+_ATTEMPTS = 3  # of a comparison that a busy machine spoils
 _INCOMING = ("joint_states", "joint_references")
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
 USUAL = {
@@ -162,12 +164,17 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
     # A live monitor subscribes best effort and may lose a sample when the machine is short of time; a comparison
     # sample by sample asks for reliable delivery, as anyone may with the same parameters.
     reliable = {f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in _INCOMING}
-    with NodeProcess("monitor", {"joints": "[joint1]", "learn": "false", **reliable}), probe() as one:
-        one.wait_for_monitor()
-        with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
-            one.wait(lambda: not replay.running, 40.0, "the end of the recording")
-            assert replay.wait(5.0) == 0
-        one.wait(lambda: len(one.cycles) >= len(expected), 30.0, f"{len(expected)} cycles; {len(one.cycles)} came")
+    for _ in range(_ATTEMPTS):
+        with NodeProcess("monitor", {"joints": "[joint1]", "learn": "false", **reliable}), probe() as one:
+            one.wait_for_monitor()
+            with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
+                one.wait(lambda: not replay.running, 60.0, "the end of the recording")
+                assert replay.wait(5.0) == 0
+            one.wait(lambda: len(one.cycles) >= len(expected) or one.diagnostics["joint1"][0] == _STALE, 30.0, "cycles")
+            late = float(one.diagnostics["stickslip_monitor"][2]["references too late [1]"])
+        # A live monitor judges without references that come 0.2 s too late, as on a machine short of time.
+        if late == 0.0:
+            break
     heard = one.cycles
     assert len(heard) == len(expected)
     offset = 1.0
