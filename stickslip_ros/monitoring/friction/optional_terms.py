@@ -4,8 +4,8 @@
 
 Prior odds of a term are 1:1, with a normal prior of its parameter. The score test is one Gauss-Newton step from the fit
 without the term. A term whose test exceeds `CLEARLY_BETTER` is added to the fit. Otherwise the posterior probability
-of the term times its effect is added to the covariance of the other parameters (model averaging). A term that is added
-may stand for another effect: the change that it makes of the other parameters is part of their errors too.
+of the term times its effect is added to the covariance of the other parameters (model averaging). A flexible term that
+is added may stand for another effect: the change that it makes of the other parameters is part of their errors too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _MUCH = 0.98  # parameter, of its upper bound: one that is larger is at its boun
 _LITTLE = (
     0.005  # tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes
 )
-# Probability that an added term stands for another effect that is as smooth, 1: as likely as not. The load of a
+# Probability that a flexible term stands for another effect that is as smooth, 1: as likely as not. The load of a
 # flexible joint and bristles had curves of friction, with three to fifteen times the viscous friction.
 _ANOTHER = 0.5
 _FARTHEST = 2.0  # parameter, prior standard deviations: the linear step of the score test holds no further
@@ -52,8 +52,8 @@ class OptionalTerm:
     reported_change : change of the reported parameters per unit of the term's, from a problem without it and its
         parameters, shape (p,).
     std : prior standard deviation of the term's parameter, whose prior mean is zero. lower : its lower bound.
-    explains_misfit : whether the term is also tried where no law fits, if a truncated fit of a few slips is better with
-        the term.
+    explains_misfit : whether the term is so flexible that it may stand for another effect. It is also tried where no
+        law fits, if a truncated fit of a few slips is better with the term.
     """
 
     applies: Callable[[FittedLaw], bool]
@@ -122,7 +122,8 @@ def with_optional_terms(
         tried.add(best)
         found = fitted_with_more(fitted, best.added(fitted.problem), 1, known, prior_evidence=scores[best] is not None)
         if found is not fitted and not _at_its_bound(found, best):
-            moves.append(_shared(found) - _shared(fitted))
+            if best.explains_misfit:
+                moves.append(_shared(found) - _shared(fitted))
             fitted = found
             scores = _score_tests(fitted)
     covariance = sum((score.covariance for score in scores.values() if score is not None), start=np.zeros(()))
