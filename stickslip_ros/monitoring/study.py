@@ -18,6 +18,7 @@ from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
 from stickslip_ros.monitoring.friction.contact_knowledge import ContactKnowledge
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
+    MOST_STEPS,
     covariance_over_laws,
     fitted_laws,
     friction_estimate,
@@ -86,6 +87,7 @@ class StudyQuestion:
     ----------
     windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
     rejected : laws that earlier slips have excluded. yields : whether they were of a contact that yields.
+    most_steps : steps of simulation; a study that would take more is cut short, and its estimate says so.
     """
 
     windows: list[SlipWindow]
@@ -93,6 +95,7 @@ class StudyQuestion:
     start: FloatArray | None = None
     rejected: tuple[str, ...] = ()
     yields: bool = False
+    most_steps: float = MOST_STEPS
 
 
 def study(question: StudyQuestion) -> Learnt | None:
@@ -109,7 +112,7 @@ def study(question: StudyQuestion) -> Learnt | None:
     if not may_be_usable(without):
         # A search for what would not be believed takes seconds, and of these slips each asks for another.
         return found
-    alone = _fitted(StudyQuestion(windows=without, configured=question.configured))
+    alone = _fitted(replace(question, windows=without, start=None, rejected=(), yields=False))
     if alone is None or not alone.estimate.usable:
         return found
     if found is None:
@@ -134,7 +137,14 @@ def _fitted(question: StudyQuestion) -> Learnt | None:
 
 def _study(question: StudyQuestion) -> Learnt | None:
     windows, configured = question.windows, question.configured
-    fits = fitted_laws(windows, configured, question.start, question.rejected, yields=question.yields)
+    fits = fitted_laws(
+        windows,
+        configured,
+        question.start,
+        question.rejected,
+        yields=question.yields,
+        most_steps=question.most_steps,
+    )
     if not fits:
         return None
     problem, solution = fits[0].problem, fits[0].solution

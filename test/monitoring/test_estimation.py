@@ -386,7 +386,9 @@ def test_a_study_that_would_take_long_is_cut_short_and_says_so() -> None:
     for distance, duration, dwell in np.array([0.016, 0.3, 0.8]) * np.exp(0.05 * rng.standard_normal((46, 3))):
         position += 0.5 * distance * (1.0 - np.cos(np.pi * np.clip((time - begin) / duration, 0.0, 1.0)))
         begin += dwell
-    estimate = estimated(Batch(time=time, position=position), None)
-    assert estimate.mismatch.startswith(DOES_NOT_FIT)
-    assert estimate.mismatch.endswith(CUT_SHORT)
-    assert not any(estimate[name].identified for name in NAMES[1:])
+    windows = cut_slips(Batch(time=time, position=position), None)[0]
+    found = study(StudyQuestion(windows=windows, most_steps=5e5))
+    assert found is not None
+    assert found.estimate.mismatch.startswith(DOES_NOT_FIT)
+    assert found.estimate.mismatch.endswith(CUT_SHORT)
+    assert not any(found.estimate[name].identified for name in NAMES[1:])

@@ -54,8 +54,9 @@ from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
-# Steps of simulation in a study, 1: 3 to 5 s of a core. Slips that a model explains take a hundredth to nearly all.
-_MOST_STEPS = 1.2e7
+# Steps of simulation in a study, 1: 5 to 8 s of a core. Friction that varies with position takes up to 2.1e7, other
+# slips that the model explains up to 1e7, most of them less than 1e6.
+MOST_STEPS = 2.5e7
 LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm, 1: right within a factor of two
 _LARGEST_UNEXPLAINED = 0.001  # tolerance, slip distances: joints that the model explains need less
@@ -90,16 +91,18 @@ def fitted_laws(
     rejected: Collection[str] = (),
     *,
     yields: bool = False,
+    most_steps: float = MOST_STEPS,
 ) -> list[FittedLaw]:
     """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
 
     Parameters
     ----------
     start : logarithms that fitted earlier slips under the paper's law, or None. rejected : laws that these excluded.
-        yields : whether these were of a contact that yields.
+        yields : whether these were of a contact that yields. most_steps : of simulation; then the fits end where they
+        are.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
-    budget = Budget(_MOST_STEPS)
+    budget = Budget(most_steps)
     problem = SlipProblem(windows, budget=budget)
     known = _prior_knowledge(configured, normalised=problem.normalised)
     again = fit_with_contact(problem, start, known) if yields and start is not None else None
