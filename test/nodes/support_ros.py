@@ -36,6 +36,7 @@ from stickslip_ros.output.margin_table import MARGIN_FIELDS
 from stickslip_ros.settings.known_joints import load_joint
 
 NO_DATA = "no data"  # how the status of a joint begins whose data have ended
+STALE = b"\x03"  # level of a joint whose data have ended
 ROOM = 50_000  # messages, that nothing is dropped however long the node waits for a processor
 _ANSWERED, _ASK_AGAIN = 15.0, 3.0  # [s]
 _SETTLED = 0.2  # [s]

@@ -11,11 +11,9 @@ from pathlib import Path
 
 import pytest
 from cut_network import NO_RIGHT
-from support_ros import Probe, probe
+from support_ros import STALE, Probe, probe
 
 from stickslip_ros.cli.processes import NodeProcess
-
-STALE = b"\x03"
 
 
 def wait_for_stick_slip(one: Probe, joint: str) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 from conftest import nightly, recording
-from support_ros import Probe, probe, staircase
+from support_ros import STALE, Probe, probe, staircase
 
 from stickslip_ros.bags.table import load_recording
 from stickslip_ros.cli.processes import NodeProcess
@@ -20,7 +20,6 @@ from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.conversion import table
 
-_STALE = b"\x03"
 _ATTEMPTS = 3  # of a comparison that a busy machine spoils
 _INCOMING = ("joint_states", "joint_references")
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
@@ -111,7 +110,7 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
         # The same stairs alone give the same number of cycles.
         assert len([cycle for cycle in one.cycles if cycle["joint"] == "good"]) >= 8
         # Silence is STALE.
-        one.wait(lambda: one.diagnostics["good"][0] == b"\x03", 5.0, "STALE")
+        one.wait(lambda: one.diagnostics["good"][0] == STALE, 5.0, "STALE")
 
 
 @pytest.mark.parametrize(
@@ -170,7 +169,7 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
             with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
                 one.wait(lambda: not replay.running, 60.0, "the end of the recording")
                 assert replay.wait(5.0) == 0
-            one.wait(lambda: len(one.cycles) >= len(expected) or one.diagnostics["joint1"][0] == _STALE, 30.0, "cycles")
+            one.wait(lambda: len(one.cycles) >= len(expected) or one.diagnostics["joint1"][0] == STALE, 30.0, "cycles")
             late = float(one.diagnostics["stickslip_monitor"][2]["references too late [1]"])
         # A live monitor judges without references that come 0.2 s too late, as on a machine short of time.
         if late == 0.0:

@@ -17,7 +17,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from support_ros import Probe, play, probe, staircase
+from support_ros import STALE, Probe, play, probe, staircase
 
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.nodes.conversion import stamp
@@ -70,7 +70,7 @@ def test_a_bag_that_loops(one: Probe) -> None:
     for _ in range(3):
         play(one, "joint1", *staircase(2000), begin=100.0)
     # The last step of a loop ends where the samples do; the silence after the last loop makes it known.
-    one.wait(lambda: one.diagnostics["joint1"][0] == b"\x03", 10.0, "silence")
+    one.wait(lambda: one.diagnostics["joint1"][0] == STALE, 10.0, "silence")
     one.spin(0.3)
     found = cycles(one)
     first = sorted({round(begin, 6) for begin in found})
@@ -107,7 +107,7 @@ def test_simulated_time_that_pauses_and_loops(one: Probe) -> None:
     one.wait(lambda: bool(stamps) and abs(stamps[-1] - 57.0) < 0.2, 5.0, "statuses stamped by the clock")
     # The simulation pauses: statuses go on, with the time at which it stands.
     stamps.clear()
-    one.wait(lambda: one.diagnostics["joint1"][0] == b"\x03" and len(stamps) > 5, 5.0, "silence")
+    one.wait(lambda: one.diagnostics["joint1"][0] == STALE and len(stamps) > 5, 5.0, "silence")
     assert max(stamps) - min(stamps) < 0.2
     before = len(cycles(one))
     run(50.0)

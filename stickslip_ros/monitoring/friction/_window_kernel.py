@@ -105,6 +105,14 @@ def _fill_lagged_weights(lag, weights):
 
 
 @helper()
+def _step_at(time, index, done, spans):
+    """The step in which a time after breakaway lies, of those that are done; from the one of an earlier time on."""
+    while index + 1 < done and spans[index + 1, 0] <= time:
+        index += 1
+    return index
+
+
+@helper()
 def _velocity(time, index, spans, polynomials):
     """Velocity at a time after breakaway in a step that is done, by its polynomial."""
     share = (time - spans[index, 0]) / spans[index, 1]
@@ -152,8 +160,7 @@ def _slide(
         if index < before_fall:
             size, which = lag / before_fall, 0
         else:
-            while past + 1 < index and spans[past + 1, 0] <= elapsed - lag:
-                past += 1
+            past = _step_at(elapsed - lag, past, index, spans)
             ratio = max(_velocity(elapsed - lag, past, spans, polynomials), 0.0) if index > 0 else 0.0
             size, which = steps[COARSE], 1
             while which <= halvings and size > steps[FINE] + steps[GROWTH] * ratio:
@@ -173,15 +180,14 @@ def _slide(
             while cursor + 1 < last and times[cursor + 1] < time:
                 cursor += 1
             forces[j] = surplus + direction * _at(time, cursor, times, drives) - drive
-            lagged, before = 0.0, elapsed + NODES[j] * size - lag
+            before = elapsed + NODES[j] * size - lag
             if before <= 0.0 or index < before_fall:
                 lagged = 0.0  # it had not begun
             elif NODES[j] * size >= lag:
                 implicit = min(implicit, j)
                 lagged = (speed + acceleration * (NODES[j] * size - lag)) / unit
             else:
-                while past + 1 < index and spans[past + 1, 0] <= before:
-                    past += 1
+                past = _step_at(before, past, index, spans)
                 lagged = _velocity(before, past, spans, polynomials)
             shapes[j] = _stribeck_friction(law, 1.0, lagged)
             if drag != 0.0:
@@ -250,8 +256,7 @@ def _slide(
             before = elapsed + arrest * size - lag
             if before <= 0.0:
                 return until, way, 1.0, node, index + 1
-            while past < index and spans[past, 0] + spans[past, 1] <= before:
-                past += 1
+            past = _step_at(before, past, index + 1, spans)
             shape = _stribeck_friction(law, 1.0, _velocity(before, past, spans, polynomials))
             return until, way, shape, node, index + 1
         way, speed, acceleration = end, end_speed, end_acceleration

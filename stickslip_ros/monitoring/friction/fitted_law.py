@@ -74,6 +74,10 @@ class FittedLaw:
         """Whether it leaves nothing over."""
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
 
+    def refitted(self, problem: SlipProblem, solution: Solution) -> FittedLaw:
+        """The same with another fit of the slips, of which the optional terms are not known yet."""
+        return replace(self, problem=problem, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+
     @property
     def cut_short(self) -> bool:
         """Whether the study had no time for all that could be tried."""
@@ -100,7 +104,7 @@ def fitted_with_more(
     problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
     prior_evidence : whether the slips are known to need the parameters; else a fit of a few slips has to show it first.
     """
-    if problem.budget.spent:
+    if first.cut_short:
         return first
     if not first.fits and not prior_evidence and not _worth_the_parameters(first, problem, more, known):
         return first
@@ -111,7 +115,7 @@ def fitted_with_more(
     gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
-    return replace(first, problem=problem, solution=found, by_optional_terms=np.zeros(()), late=LATE)
+    return first.refitted(problem, found)
 
 
 def _worth_the_parameters(

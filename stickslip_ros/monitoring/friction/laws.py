@@ -20,7 +20,6 @@ from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of, r
 from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
 from stickslip_ros.monitoring.friction.screening import same_curve, same_parameters, screen_law
-from stickslip_ros.monitoring.friction.slip_problem import LATE
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
 from stickslip_ros.monitoring.friction.trend import with_trend
 from stickslip_ros.monitoring.friction.yielding_contact import with_contact
@@ -114,4 +113,4 @@ def _near(
         solution = fit_near(problem, start, shape.solution.fit, known)
     except LinAlgError:
         return None
-    return replace(first, law=law, problem=problem, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+    return replace(first.refitted(problem, solution), law=law)
