@@ -68,7 +68,7 @@ class NodeProcess:
         ours = not module.endswith(".py")
         target = ["-m", "stickslip_ros.nodes", module] if ours else [module]
         command = [sys.executable, *target, "--ros-args", *arguments]
-        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115
         # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
         self._process = subprocess.Popen(
             command, stdout=self._log, stderr=subprocess.STDOUT, start_new_session=True,
@@ -100,9 +100,9 @@ class NodeProcess:
 
     def output(self) -> str:
         """What the process has printed so far."""
-        self._log.flush()
-        self._log.seek(0)
-        return self._log.read()
+        # The process writes where the file's offset is, and shares it: reading must not move it.
+        log = self._log.fileno()
+        return os.pread(log, os.fstat(log).st_size, 0).decode(errors="replace")
 
     def kill(self) -> None:
         """End the process without a warning."""

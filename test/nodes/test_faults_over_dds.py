@@ -25,6 +25,7 @@ def wait_for_stick_slip(one: Probe, joint: str) -> None:
     )
 
 
+@pytest.mark.usefixtures("without_shared_memory")
 def test_a_robot_that_is_killed_and_comes_back_after_half_a_minute(ros_domain: int) -> None:
     """Issue 7: DDS participant killed, 30 s of silence, restarted, with other joints: recovered from without help."""
     with NodeProcess("monitor", {"joints": "['']", "state_file": "none"}) as monitor, probe() as one:

@@ -193,6 +193,7 @@ def test_success_means_better_and_worse_is_seen_without_references(ros_domain: i
         assert re.search(r"swings to and fro|oscillation", message), message
 
 
+@pytest.mark.usefixtures("without_shared_memory")
 def test_an_unfinished_ramp_is_remembered(ros_domain: int) -> None:
     """Item 6: after kill -9 the next monitor says what was left, writes nothing, and goes back when asked to.
 
