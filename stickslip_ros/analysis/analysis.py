@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -111,7 +113,8 @@ def analyze(
         If the parameters make no joint.
     """
     options = options or AnalysisOptions()
-    with Bag(path, options.unpacking) as bag:
+    # Joints know nothing of each other, and what takes long in a joint is compiled and lets other threads run.
+    with Bag(path, options.unpacking) as bag, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
         try:
             robots = find_robots(bag.channels(), options.topics)
         except RecordingError as error:
@@ -124,7 +127,7 @@ def analyze(
             done = min(done + count, size)
             progress(done, size)
 
-        joints, recorded = _process_pieces(reader, options, read, watcher)
+        joints, recorded = _process_pieces(reader, options, threads, read, watcher)
         progress(size, size)
         controller = options.topics.controller
         if controller is not None and controller not in reader.controllers:
@@ -144,7 +147,7 @@ def analyze(
             # One line says it all: nothing else can be said of such joints.
             raise RecordingError(f"bag {path}: its joint states have no positions, without which nothing can be judged")
         # Assessed only now, that the warnings of the last block are there.
-        found = {name: joint.analysis() for name, joint in joints.items()}
+        found = dict(zip(joints, threads.map(JointAnalyzer.analysis, joints.values()), strict=True))
     for name, joint in found.items():
         warnings += [f"{name}: {problem}" for problem in joint.problems]
         change = joint.assessment.change
@@ -187,7 +190,7 @@ def _without_leaders(robots: Mapping[str, Topics], reader: BagReader, joints: Ma
 
 
 def _process_pieces(
-    reader: BagReader, options: AnalysisOptions, read: Callable[[int], None], watcher: Watcher
+    reader: BagReader, options: AnalysisOptions, threads: Executor, read: Callable[[int], None], watcher: Watcher
 ) -> tuple[dict[str, JointAnalyzer], float]:
     joints: dict[str, JointAnalyzer] = {}
     first = math.nan
@@ -204,6 +207,7 @@ def _process_pieces(
         clock = piece.clock if math.isfinite(piece.clock) else clock
         samples, first, beyond = _within(piece.samples, first, options)
         recorded = first + clock if math.isnan(recorded) else recorded
+        fed = []
         for name in dict.fromkeys([*samples, *piece.references]):
             joint = joints.get(name)
             if joint is None:
@@ -222,11 +226,15 @@ def _process_pieces(
                 )
                 if name in gains_of:
                     joint.change_gains(gains_of[name])
-            found[name] = found.get(name, []) + joint.process(samples.get(name), piece.references.get(name))
+            fed.append(joint)
+        given = zip(*[(samples.get(joint.name), piece.references.get(joint.name)) for joint in fed], strict=True)
+        cycles = threads.map(JointAnalyzer.process, fed, *given)
+        for joint, more in zip(fed, cycles, strict=True):
+            found[joint.name] = found.get(joint.name, []) + more
         watcher(joints, found, clock)
         if beyond:
             break
-    watcher(joints, {name: joint.finish() for name, joint in joints.items()}, clock)
+    watcher(joints, dict(zip(joints, threads.map(JointAnalyzer.finish, joints.values()), strict=True)), clock)
     return joints, recorded
 
 

@@ -72,8 +72,10 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
         panel.step(times, values, where="post", color=BLUE, linewidth=1.4)
         panel.set_ylim(-_MOST_RESERVE, _MOST_RESERVE)
         panel.set_ylabel("damping reserve [%]")
-        panel.text(0.005, 0.93, "above 0: smooth", transform=panel.transAxes, va="top", fontsize=8, color=GREEN)
-        panel.text(0.005, 0.07, "below 0: stick slip", transform=panel.transAxes, fontsize=8, color=RED)
+        at = 0.005 * (states[-1, 0] - start)
+        # Beside the line at 0, of which they speak: a joint that sticks stays near the lower edge.
+        panel.text(at, 5.0, "above 0: smooth", fontsize=8, color=GREEN)
+        panel.text(at, -5.0, "below 0: stick slip", va="top", fontsize=8, color=RED)
     for panel in axes[:, 0]:
         for changed, _ in marks:
             panel.axvline(changed - start, color="black", linestyle="--", linewidth=1.0)

@@ -6,8 +6,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from time import monotonic
 
 _MOST_REASONS = 64  # number of reasons, 1: they may quote names from the graph, so their number is bounded
+_TOLD = 60.0  # time after a refusal for which the node's status is about it, s: an operator looks by then
 
 
 class Refusals:
@@ -15,12 +17,13 @@ class Refusals:
 
     Parameters
     ----------
-    warn : writes to the log.
+    warn : writes to the log. clock : steady [s].
     """
 
-    def __init__(self, warn: Callable[[str], None]) -> None:
-        self._warn = warn
+    def __init__(self, warn: Callable[[str], None], clock: Callable[[], float] = monotonic) -> None:
+        self._warn, self._clock = warn, clock
         self.counts: Counter[str] = Counter()
+        self._times: dict[str, float] = {}  # of the last of each [s]
 
     def __call__(self, reason: str, count: int = 1) -> None:
         """Count a refusal."""
@@ -30,8 +33,10 @@ class Refusals:
             if reason not in self.counts:
                 self._warn(f"refused: {reason}")
         self.counts[reason] += count
+        self._times[reason] = self._clock()
 
     @property
     def latest(self) -> str:
-        """The reason that occurred first most recently, "" if there is none."""
-        return next(reversed(self.counts), "")
+        """Of the last minute's reasons the one that occurred first most recently, "" if there is none."""
+        begin = self._clock() - _TOLD
+        return next((reason for reason in reversed(self.counts) if self._times[reason] > begin), "")
