@@ -9,23 +9,19 @@ needs the functions loads them then in a fraction of a second. Processes that ar
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
-import json
 import os
 import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba.core import event
 
 from stickslip_ros.compilation import cache_folder, forget_earlier_sources, marker, without_linear_algebra
 from stickslip_ros.errors import StickSlipError
@@ -35,29 +31,8 @@ from stickslip_ros.parent_death import NICENESS, die_with_parent
 if TYPE_CHECKING:
     from stickslip_ros.model.friction import Gains, Joint
 
-_LOCK, _PROGRESS = "lock", "progress.json"
-_REPORT_EVERY = 0.5  # time between two reports, s: a person sees the progress
-_ENOUGH_TO_ESTIMATE = 0.1  # share of the work, 1: from here on its duration gives that of the rest
-_AT_LEAST = 0.2  # least share of the time left at the last progress, 1: the last function is the longest
-_COMPILED = "compiled"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Progress:
-    """How far compiling has come.
-
-    Attributes
-    ----------
-    share : done, 0 to 1. left : estimate of the time left [s]. other_process : whether another process compiles.
-    """
-
-    share: float = 0.0
-    left: float = 0.0
-    other_process: bool = False
-
-    def __str__(self) -> str:
-        who = "another process compiles" if self.other_process else "compiling"
-        return f"{who}, once after installation: {max(1, round(self.left))} s left"
+_LOCK = "lock"
+_LOOK_EVERY = 0.1  # time between two looks at whether it is done, s: Ctrl-C is noticed within it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,14 +41,10 @@ class Part:
 
     Attributes
     ----------
-    use : calls them. functions : how many there are, those included that they call; seconds : that these took once.
-        Both are no more than a measure of progress.
-    node : whether the node needs them in its own process.
+    use : calls them. node : whether the node needs them in its own process.
     """
 
     use: Callable[[], None]
-    functions: int
-    seconds: float
     node: bool
 
 
@@ -149,11 +120,12 @@ def _example() -> tuple[Joint, Gains]:
     return Joint(inertia=1.0, friction=friction), Gains(stiffness=100.0)
 
 
+# The longest first.
 PARTS = {
-    "verdict": Part(use=_use_verdict, functions=35, seconds=10.0, node=False),
-    "detection": Part(use=_use_detection, functions=32, seconds=8.0, node=True),
-    "simulation": Part(use=_use_simulation, functions=36, seconds=10.0, node=True),
-    "messages": Part(use=_use_messages, functions=10, seconds=2.0, node=True),
+    "verdict": Part(use=_use_verdict, node=False),
+    "simulation": Part(use=_use_simulation, node=True),
+    "detection": Part(use=_use_detection, node=True),
+    "messages": Part(use=_use_messages, node=True),
 }
 
 
@@ -180,16 +152,12 @@ class Compilation:
     def __init__(self, jobs: int | None = None) -> None:
         # Where the folder goes with this process it has to be chosen here.
         cache_folder()
-        jobs = jobs or os.cpu_count() or 1
+        self._began, self._message = time.monotonic(), ""
         # Ctrl-C is for this process, which ends the other one in its own time.
         self._process = subprocess.Popen(
-            _command(jobs), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            start_new_session=True,
+            _command(jobs or os.cpu_count() or 1), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, start_new_session=True, text=True, errors="replace",
         )  # fmt: skip
-        assert self._process.stdout is not None
-        os.set_blocking(self._process.stdout.fileno(), False)
-        self._rest, self._message = b"", b""
-        self._reported, self._reported_at = Progress(left=_seconds(dict.fromkeys(PARTS, 1.0), jobs)), time.monotonic()
 
     def __enter__(self) -> Compilation:
         return self
@@ -199,18 +167,9 @@ class Compilation:
     ) -> None:
         self.close()
 
-    @property
-    def progress(self) -> Progress:
-        """Present progress."""
-        assert self._process.stdout is not None
-        *lines, self._rest = (self._rest + (self._process.stdout.read() or b"")).split(b"\n")
-        for line in lines:
-            try:
-                self._reported, self._reported_at = Progress(**json.loads(line)), time.monotonic()
-            except (ValueError, TypeError):
-                self._message = line
-        passed = time.monotonic() - self._reported_at
-        return replace(self._reported, left=max(self._reported.left - passed, 0.0))
+    def __str__(self) -> str:
+        seconds = round(time.monotonic() - self._began)
+        return f"compiling, once after installation: {seconds} s so far, usually less than half a minute"
 
     @property
     def running(self) -> bool:
@@ -222,8 +181,9 @@ class Compilation:
         """Why compiling failed, "" if it succeeded or still runs."""
         if self.running or self._process.returncode == 0:
             return ""
-        assert self.progress is not None
-        return self._message.decode(errors="replace") or f"it ended with status {self._process.returncode}"
+        assert self._process.stdout is not None
+        self._message = self._message or self._process.stdout.read().strip()
+        return self._message or f"it ended with status {self._process.returncode}"
 
     def close(self) -> None:
         """End the process; functions that it has compiled by then are kept."""
@@ -234,12 +194,12 @@ class Compilation:
         self._process.stdout.close()
 
 
-def compile_ahead(report: Callable[[Progress], None], jobs: int | None = None) -> str:
+def compile_ahead(report: Callable[[str], None], jobs: int | None = None) -> str:
     """Compile what is not compiled yet, in other processes, and wait for it; returns why not, or "".
 
     Parameters
     ----------
-    report : called now and then.
+    report : called now and then with what is being done.
 
     Raises
     ------
@@ -251,94 +211,30 @@ def compile_ahead(report: Callable[[Progress], None], jobs: int | None = None) -
     with Compilation(jobs) as compilation:
         while compilation.running:
             check()
-            report(compilation.progress)
-            time.sleep(_REPORT_EVERY / 5.0)
+            report(str(compilation))
+            time.sleep(_LOOK_EVERY)
         return compilation.failure
 
 
-def _seconds(shares: Mapping[str, float], jobs: int) -> float:
-    """Duration [s] of these shares of the parts with ``jobs`` parts at once, by the durations of the table."""
-    each = [share * PARTS[name].seconds for name, share in shares.items()]
-    return max(*each, sum(each) / jobs)
-
-
 def _compile_all(jobs: int) -> None:
-    """Compile every part, unless another process does; progress goes to standard output."""
-    folder = cache_folder().path
-    with (folder / _LOCK).open("w") as lock:
-        while True:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError:
-                _relay(folder / _PROGRESS)
-                time.sleep(_REPORT_EVERY)
+    """Compile every part, once another process that does so has ended."""
+    with (cache_folder().path / _LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         if not is_warm():
-            _compile_parts(jobs, folder / _PROGRESS)
+            with ThreadPoolExecutor(max_workers=jobs) as pool:
+                list(pool.map(_compile_part, PARTS))
             marker().touch()
             forget_earlier_sources()
-            (folder / _PROGRESS).unlink(missing_ok=True)
 
 
-def _relay(progress: Path) -> None:
-    """Print the progress of the other process."""
-    with contextlib.suppress(OSError, ValueError, TypeError):
-        _print_progress(replace(Progress(**json.loads(progress.read_text())), other_process=True))
-
-
-def _print_progress(progress: Progress) -> None:
-    print(json.dumps(asdict(progress)), flush=True)
-
-
-def _compile_parts(jobs: int, progress: Path) -> None:
-    began = time.monotonic()
-    left = dict.fromkeys(PARTS, 1.0)
-    nominal = _seconds(left, jobs)
-    known_share = known_at = 0.0
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
-        longest_first = sorted(PARTS, key=lambda name: -PARTS[name].seconds)
-        running = {pool.submit(_compile_part, name, left) for name in longest_first}
-        while running:
-            remaining, passed = _seconds(left, jobs), time.monotonic() - began
-            share = 1.0 - remaining / nominal
-            if share > known_share:
-                known_share, known_at = share, passed
-            # The pace is that until the last progress, once enough is done; the time left counts down from there.
-            pace = known_at / (known_share * nominal) if known_share > _ENOUGH_TO_ESTIMATE else 1.0
-            rest = pace * remaining
-            now = Progress(share=share, left=max(rest - (passed - known_at), _AT_LEAST * rest))
-            _print_progress(now)
-            progress.write_text(json.dumps(asdict(now)))
-            done, running = wait(running, timeout=_REPORT_EVERY, return_when=FIRST_COMPLETED)
-            for future in done:
-                future.result()
-
-
-def _compile_part(name: str, left: dict[str, float]) -> None:
-    """Compile a part in a process of its own; ``left`` has the share of it that is still to be done."""
-    # Not forked, so that numba's memory is its own.
-    message = ""
-    with subprocess.Popen(_command(name), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        assert process.stdout is not None
-        for line in process.stdout:
-            if line.startswith(_COMPILED):
-                left[name] = max(0.02, left[name] - 1.0 / PARTS[name].functions)
-            else:
-                message = line.strip() or message
-    if process.returncode:
-        raise StickSlipError(f"compiling {name} failed: {message or f'status {process.returncode}'}")
-    left[name] = 0.0
-
-
-class _CompilationListener(event.Listener):  # type: ignore[misc]
-    """Listener that prints a line for every function that numba has compiled."""
-
-    def on_start(self, event: event.Event) -> None:
-        """Nothing yet."""
-
-    def on_end(self, event: event.Event) -> None:
-        """One more."""
-        print(_COMPILED, flush=True)
+def _compile_part(name: str) -> None:
+    """Compile a part in a process of its own: not forked, so that numba's memory is its own."""
+    done = subprocess.run(
+        _command(name), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", check=False
+    )
+    if done.returncode:
+        *_, message = ["", *done.stdout.strip().splitlines()]
+        raise StickSlipError(f"compiling {name} failed: {message or f'status {done.returncode}'}")
 
 
 def _command(what: str | int) -> list[str]:
@@ -352,7 +248,6 @@ def _main(parent: str, what: str) -> int:
     try:
         if what in PARTS:
             without_linear_algebra()
-            event.register("numba:compile", _CompilationListener())
             PARTS[what].use()
         else:
             _compile_all(int(what))

@@ -114,7 +114,7 @@ def _compile(console: Console) -> None:
         return
     console.print("Compiling, once after installation; every other start takes a second.")
     with console.status("") as status:
-        failure = compile_ahead(lambda progress: status.update(f"{progress}"))
+        failure = compile_ahead(status.update)
     if failure:
         raise StickSlipError(failure)
 

@@ -164,16 +164,16 @@ def _with_negative_values(given: Sequence[str]) -> list[str]:
 
 
 def _compile() -> None:
-    """Compile what is not compiled yet, with a progress bar where somebody looks."""
+    """Compile what is not compiled yet, with a line about it where somebody looks."""
     from stickslip_ros.compilation import cache_folder, without_linear_algebra
     from stickslip_ros.warm_up import is_warm
 
     without_linear_algebra()
     # Where it cannot be kept, a command compiles what it calls itself.
     if cache_folder().permanent and not is_warm():
-        from stickslip_ros.cli.warm_up import compile_with_bar
+        from stickslip_ros.cli.warm_up import compile_and_say
 
-        compile_with_bar()
+        compile_and_say()
 
 
 def _run(options: argparse.Namespace) -> int:

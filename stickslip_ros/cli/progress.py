@@ -7,22 +7,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.progress import BarColumn, Progress, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.interrupts import check
 
 
 @contextmanager
-def progress_bar(text: str, *, foretold: bool = True) -> Iterator[Callable[[float, float], None]]:
-    """A bar that is told what is done and of how much; nothing is drawn where stderr is no terminal.
-
-    Parameters
-    ----------
-    foretold : whether how long it takes on can be told from how long it took.
-    """
-    columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()]
-    columns += [TimeRemainingColumn()] if foretold else []
+def progress_bar(text: str) -> Iterator[Callable[[float, float], None]]:
+    """A bar that is told what is done and of how much; nothing is drawn where stderr is no terminal."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Terminal(stderr=True)
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     with bar as progress:

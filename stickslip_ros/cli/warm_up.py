@@ -15,10 +15,10 @@ from __future__ import annotations
 import argparse
 import time
 
-from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.compilation import NOT_KEPT, cache_folder
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.warm_up import Progress, compile_ahead, is_warm
+from stickslip_ros.warm_up import compile_ahead, is_warm
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,18 +37,17 @@ def run(options: argparse.Namespace) -> int:
         print(f"compiled already: {folder.path}")
         return 0
     began = time.monotonic()
-    failure = compile_with_bar(options.jobs)
+    failure = compile_and_say(options.jobs)
     if failure:
         raise StickSlipError(failure)
     print(f"compiled in {time.monotonic() - began:.0f} s: {folder.path}")
     return 0
 
 
-def compile_with_bar(jobs: int | None = None) -> str:
-    """Compile what is not compiled yet, with a progress bar where stderr is a terminal; returns why not, or ""."""
-    with progress_bar("Compiling, once after installation", foretold=False) as bar:
-
-        def report(progress: Progress) -> None:
-            bar(round(100 * progress.share), 100)
-
-        return compile_ahead(report, jobs)
+def compile_and_say(jobs: int | None = None) -> str:
+    """Compile what is not compiled yet, with a line about it where stderr is a terminal; returns why not, or ""."""
+    console = Terminal(stderr=True)
+    if not console.is_terminal:
+        return compile_ahead(lambda _: None, jobs)
+    with console.status("") as status:
+        return compile_ahead(status.update, jobs)

@@ -12,9 +12,9 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
 from stickslip_ros.compilation import NOT_KEPT, cache_folder, without_linear_algebra
-from stickslip_ros.warm_up import Compilation, Progress, compile_ahead, is_warm, load_for_node
+from stickslip_ros.warm_up import Compilation, compile_ahead, is_warm, load_for_node
 
-_REPORT_EVERY = 10.0  # time between two lines on the progress, s: compiling takes half a minute
+_REPORT_EVERY = 10.0  # time between two lines in the log, s: compiling takes half a minute
 
 
 class CompiledParts:
@@ -22,7 +22,7 @@ class CompiledParts:
 
     Attributes
     ----------
-    ready : whether all functions can be called. state : progress, in words, "" if nothing is being compiled.
+    ready : whether all functions can be called. state : what is being done, in words, "" if nothing is being compiled.
     """
 
     def __init__(self, log: RcutilsLogger) -> None:
@@ -40,7 +40,7 @@ class CompiledParts:
         self._report(monotonic())
 
     def poll(self, now: float) -> None:
-        """Report the progress, and load the functions once they are compiled; ``now`` is a steady time [s]."""
+        """Report what is being done, and load the functions once they are compiled; ``now`` is a steady time [s]."""
         if self._compilation is None or self.ready:
             return
         if self._compilation.running:
@@ -56,7 +56,7 @@ class CompiledParts:
 
     def _report(self, now: float) -> None:
         assert self._compilation is not None
-        self.state = str(self._compilation.progress)
+        self.state = str(self._compilation)
         if now >= self._report_at:
             self._report_at = now + _REPORT_EVERY
             self._log.info(self.state)
@@ -77,7 +77,7 @@ class CompiledParts:
 
 
 def wait_until_compiled(node: Node) -> None:
-    """Wait until everything is compiled, with a line on the progress in the log.
+    """Wait until everything is compiled, with a line in the log now and then.
 
     Raises
     ------
@@ -86,11 +86,11 @@ def wait_until_compiled(node: Node) -> None:
     """
     reported_at = -math.inf
 
-    def report(progress: Progress) -> None:
+    def report(text: str) -> None:
         nonlocal reported_at
         if monotonic() - reported_at >= _REPORT_EVERY:
             reported_at = monotonic()
-            node.get_logger().info(str(progress))
+            node.get_logger().info(text)
 
     failure = compile_ahead(report)
     if failure:
