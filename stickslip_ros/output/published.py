@@ -98,6 +98,11 @@ def number(value: Any) -> float | None:
     return float(value) if math.isfinite(float(value)) else None
 
 
+def numbers(subject: Any, *names: str) -> dict[str, float | None]:
+    """Attributes of an object, each a number that JSON can hold, or None."""
+    return {name: number(getattr(subject, name)) for name in names}
+
+
 def _as_text(value: object) -> object:
     if isinstance(value, Enum):
         return value.value
