@@ -23,6 +23,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from stickslip_ros.cli.monitor_client import values_of
 from stickslip_ros.cli.processes import NodeProcess, isolate
 
 _SECONDS = 20.0
@@ -71,14 +72,13 @@ class Listener:
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
         for status in array.status:
             if status.hardware_id == "stickslip_monitor":
-                self.own = {pair.key: pair.value for pair in status.values}
+                self.own = values_of(status)
                 self.latencies.append(float(self.own["latency from message to status [s]"]))
 
     def _on_cycles(self, array: DiagnosticArray) -> None:
         now = time.time()
         for status in array.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self.delays.append(now - float(values["arrest [s]"]))
+            self.delays.append(now - float(values_of(status)["arrest [s]"]))
 
 
 def processor_time(pid: int) -> float:

@@ -25,7 +25,7 @@ from stickslip_ros.output.as_json import (
     recommendation_json,
 )
 from stickslip_ros.output.csv_table import write_csv
-from stickslip_ros.output.published import number
+from stickslip_ros.output.published import number, numbers
 
 CYCLE_COLUMNS = {
     "breakaway_s": "breakaway",
@@ -77,14 +77,12 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     gains = state.gains
     return {
         "samples": joint.samples,
-        "start": number(joint.start),
-        "duration": number(joint.duration),
+        **numbers(joint, "start", "duration"),
         **published.SAMPLING.for_json(state),
         **published.POSITION.for_json(state),
         **published.STATUS.for_json(joint.status),
         "worst_status": joint.worst.value,
-        "stick_slip_share": number(joint.stick_slip_share),
-        "moving_time": number(joint.moving_time),
+        **numbers(joint, "stick_slip_share", "moving_time"),
         "reason": joint.reason,
         "time_in": {status.value: number(joint.time_in(status)) for status in Status},
         **published.VELOCITY.for_json(joint.velocity),

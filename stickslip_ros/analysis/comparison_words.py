@@ -11,7 +11,7 @@ from stickslip_ros.analysis.comparison import Comparison, JointComparison, Quant
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.trend import Measured
 from stickslip_ros.analysis.words import percent
-from stickslip_ros.output.published import number
+from stickslip_ros.output.published import number, numbers
 
 _SHARE = "stick_slip_share"
 _HEADS = {
@@ -151,8 +151,7 @@ def _side_json(joint: JointAnalysis) -> dict[str, Any]:
         "status": joint.status.value,
         "worst_status": joint.worst.value,
         "cycles": len(joint.cycles),
-        "velocity": number(joint.velocity),
-        "moving_time": number(joint.moving_time),
+        **numbers(joint, "velocity", "moving_time"),
         "outcome": None if outcome is None else outcome.value,
     }
 

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +17,6 @@ from stickslip_ros.bags.topics import TopicChoice, find_robots, find_topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-
-
-def read_joint(path: Path, joint: str, choice: TopicChoice | None = None, limit: UnpackLimit | None = None) -> Batch:
-    """Everything recorded of one joint, with its reference; see :func:`read_joint_with_gains`."""
-    # Gains are not read here, so that it is no matter which they would be.
-    return read_joint_with_gains(path, joint, replace(choice or TopicChoice(), gains=""), limit)[0]
 
 
 def read_joint_with_gains(

@@ -24,12 +24,12 @@ GAINS_FORM = "[JOINT=]P[,D[,I]]"
 GAINS_RULE = "finite and >= 0 (without the sign, if the motor counts against its joint)"
 _EVERY = "*"
 _ORDER = ("p", "d", "i")
-# Options of the advice, by the parameter of every joint that they set.
+# Options of the advice: the parameter of every joint that each sets, what stands for its value, and its help.
 _LIMITS = {
-    "largest_stiffness": "limits.*.p_max",
-    "largest_damping": "limits.*.d_max",
-    "bandwidth": "limits.*.bandwidth",
-    "slowest_velocity": "slowest_velocity.*",
+    "largest_stiffness": ("limits.*.p_max", "X", "[N·m/rad]"),
+    "largest_damping": ("limits.*.d_max", "X", "[N·m·s/rad]"),
+    "bandwidth": ("limits.*.bandwidth", "W", "largest crossover frequency [rad/s]"),
+    "slowest_velocity": ("slowest_velocity.*", "V", "smooth from this speed on [rad/s]"),
 }
 
 
@@ -72,10 +72,8 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
 def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
     """What advice must keep within, for every joint; read by :func:`analysis_options` where a command has them."""
     limits = parser.add_argument_group("limits of the advice (more, and of single joints: --parameters)")
-    limits.add_argument("--largest-stiffness", type=float, metavar="X", help="[N·m/rad]")
-    limits.add_argument("--largest-damping", type=float, metavar="X", help="[N·m·s/rad]")
-    limits.add_argument("--bandwidth", type=float, metavar="W", help="largest crossover frequency [rad/s]")
-    limits.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
+    for name, (_, metavar, text) in _LIMITS.items():
+        limits.add_argument(f"--{name.replace('_', '-')}", type=float, metavar=metavar, help=text)
 
 
 def add_unpack_argument(parser: Any) -> None:
@@ -123,7 +121,7 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
             given |= _gains(option, text)
     if options.no_learning:
         given["learn"] = False
-    for name, parameter in _LIMITS.items():
+    for name, (parameter, _, _) in _LIMITS.items():
         value = getattr(options, name, None)
         if value is not None:
             if not value > 0 or (name == "slowest_velocity" and value == math.inf):

@@ -29,7 +29,7 @@ from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.advice.compensations import At
 from stickslip_ros.output.csv_table import write_csv
-from stickslip_ros.output.published import number
+from stickslip_ros.output.published import number, numbers
 from stickslip_ros.output.wording import OUTCOME_WORDS
 
 _NEXT_TO_NOTHING = 1e-12  # [rad]: rounding
@@ -180,10 +180,7 @@ def _effect_json(share: float, effect: CompensationEffect) -> dict[str, Any]:
         "outcome": None if effect.outcome is None else effect.outcome.value,
         "unstable": effect.unstable,
         "reason": effect.reason,
-        "critical_damping_ratio": number(effect.critical_damping_ratio),
-        "steady_error": number(effect.steady_error),
-        "swing": number(effect.swing),
-        "standing_swing": number(effect.standing_swing),
+        **numbers(effect, "critical_damping_ratio", "steady_error", "swing", "standing_swing"),
         "reversal_peak_error": number(effect.peak_error),
         "reversal_standing": None if turn is None else number(turn.standing),
     }

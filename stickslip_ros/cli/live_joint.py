@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map, map_axes
 from stickslip_ros.model.friction import Gains, Joint
@@ -35,25 +34,11 @@ def what_if(subject: Subject) -> dict[str, Any]:
     return margin_json(subject.joint, subject.gains, subject.velocity)
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointMap:
-    """What becomes of a joint over speed and stiffness, with its present damping."""
-
-    found: ExtinctionMap
-    damping: float
-
-    def outcomes(self) -> NDArray[np.int64]:
-        """0 where it sticks, 1 where it swings, 2 where it moves steadily, 3 without an answer; of the map's shape."""
-        total = self.found.total_damping(self.damping)
-        cases = [self.found.exact_damping > total, self.found.unknown, self.found.steady_damping > total]
-        return np.select(cases, [0, 3, 1], 2)
-
-
-def joint_map(subject: Subject) -> JointMap:
+def joint_map(subject: Subject) -> ExtinctionMap:
     """The map about a joint's operating point; a second."""
     stiffness = float(subject.gains.stiffness)
     axes = map_axes(subject.joint, velocity=subject.velocity, stiffnesses=[stiffness], points=_MAP_POINTS)
-    return JointMap(found=extinction_map(subject.joint, *axes), damping=float(subject.gains.damping))
+    return extinction_map(subject.joint, *axes)
 
 
 def phase_loop(samples: FloatArray, references: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:

@@ -17,18 +17,16 @@ from dataclasses import dataclass, field
 from types import TracebackType
 
 import numpy as np
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import ReliabilityPolicy
 
 from stickslip_ros.cli.watch_listener import WatchListener
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
-from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.visible import visible
 
 _LISTENED = 0.1  # [s] at once
 _KEPT = 20_000  # rows of a joint's motion
-_QUEUE = 5000
 _NONE = np.zeros((0, 3))
 
 
@@ -51,14 +49,6 @@ class Snapshot:
     references: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-@dataclass
-class _Motion:
-    """Two topics of a robot, and the rows of its joints."""
-
-    states: JointStateTopic
-    references: JointStateTopic
-
-
 class LiveListener:
     """A context manager: the thread ends with it.
 
@@ -72,7 +62,7 @@ class LiveListener:
         self._listener = WatchListener()
         self._looked_at: dict[str, int] = {}
         self._lock = threading.Lock()
-        self._motions: dict[str, _Motion] = {}
+        self._motions: dict[str, tuple[JointStateTopic, JointStateTopic]] = {}
         self._samples: dict[str, FloatArray] = {}
         self._references: dict[str, FloatArray] = {}
         self._ending = threading.Event()
@@ -120,31 +110,20 @@ class LiveListener:
         """Take the motion of the joints that are looked at, and leave the topics of all others."""
         robots = {joint.rpartition("/")[0] for joint in looked_at}
         for robot in [robot for robot in self._motions if robot not in robots]:
-            motion = self._motions.pop(robot)
-            motion.states.close()
-            motion.references.close()
+            for topic in self._motions.pop(robot):
+                topic.close()
         for robot in robots - set(self._motions):
-            self._motions[robot] = self._listen_to(robot)
+            self._motions[robot] = self._listener.motion(robot, ReliabilityPolicy.BEST_EFFORT)
         for kept in (self._samples, self._references):
             for joint in [joint for joint in kept if joint not in looked_at]:
                 del kept[joint]
         now = time.monotonic()
         for robot, motion in self._motions.items():
-            for topic, kept in ((motion.states, self._samples), (motion.references, self._references)):
+            for topic, kept in zip(motion, (self._samples, self._references), strict=True):
                 for name, rows in topic.samples_until(now).items():
                     joint = visible(f"{robot}/{name}" if robot else name)
                     if joint in looked_at:
                         kept[joint] = _continued(kept.get(joint, _NONE), rows[:, :3])
-
-    def _listen_to(self, robot: str) -> _Motion:
-        qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
-        before = f"/{robot}/" if robot else "/"
-        refuse = Refusals(lambda _: None)
-        states, references = (
-            JointStateTopic(self._listener.node, f"{before}{topic}", qos, refuse)
-            for topic in ("joint_states", "joint_references")
-        )
-        return _Motion(states=states, references=references)
 
 
 def _continued(kept: FloatArray, rows: FloatArray) -> FloatArray:

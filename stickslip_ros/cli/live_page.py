@@ -27,9 +27,10 @@ from bokeh.models import (
 )
 
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
-from stickslip_ros.cli.live_joint import JointMap, Subject, cycle_duration, joint_map, phase_loop, what_if
+from stickslip_ros.cli.live_joint import Subject, cycle_duration, joint_map, phase_loop, what_if
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
 from stickslip_ros.cli.watch_view import JointView
+from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
@@ -63,7 +64,7 @@ class LivePage:
         self._joint = ""
         self._shown: dict[str, str] = {}
         self._map_of: Subject | None = None
-        self._pending_map: tuple[Subject, Future[JointMap]] | None = None
+        self._pending_map: tuple[Subject, Future[ExtinctionMap]] | None = None
         self._pending_if: tuple[Subject, Future[dict[str, Any]]] | None = None
         self._present: Gains | None = None
         self._sheet = sheet = InlineStyleSheet(css=_text("live.css"))
@@ -214,7 +215,7 @@ class LivePage:
             self._pending_map = None
             if answer.exception() is None:
                 self._map_of = requested
-                self._cells.data = cells = _cells(answer.result())
+                self._cells.data = cells = _cells(answer.result(), float(requested.gains.damping))
                 self._speeds.update(start=float(cells["left"].min()), end=float(cells["right"].max()))
                 self._stiffnesses.update(start=float(cells["bottom"].min()), end=float(cells["top"].max()))
         due = self._map_of is None or not _similar(self._map_of, subject)
@@ -346,10 +347,10 @@ def _similar(one: Subject, other: Subject) -> bool:
     return same and near and math.isclose(float(one.gains.stiffness), float(other.gains.stiffness), rel_tol=0.5)
 
 
-def _cells(found: JointMap) -> dict[str, Any]:
+def _cells(found: ExtinctionMap, damping: float) -> dict[str, Any]:
     """A rectangle about each point of the map, in the colour of what happens there."""
-    outcomes = found.outcomes()
-    across, along = _edges(found.found.velocity), _edges(found.found.stiffness)
+    outcomes = found.outcomes(damping)
+    across, along = _edges(found.velocity), _edges(found.stiffness)
     rows, columns = (index.ravel() for index in np.indices(outcomes.shape))
     return {
         "left": across[columns], "right": across[columns + 1], "bottom": along[rows], "top": along[rows + 1],

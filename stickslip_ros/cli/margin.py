@@ -27,7 +27,7 @@ from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import json_text, margin_json
-from stickslip_ros.output.published import number
+from stickslip_ros.output.published import number, numbers
 from stickslip_ros.output.wording import OUTCOME_WORDS, with_prefix
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
@@ -171,8 +171,7 @@ def _hunting(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dic
     """How it hunts, and which gains would not; null where none of those that are tried do not."""
     found = hunting(joint, gains, conditions)
     return {
-        "period": number(found.period),
-        "amplitude": number(found.amplitude),
+        **numbers(found, "period", "amplitude"),
         "starts": list(found.starts),
         "unstable": list(found.unstable),
         "largest_quiet_integral": number(largest_non_hunting_integral(joint, gains, conditions)) or None,
@@ -187,8 +186,7 @@ def _on_a_rigid_contact(joint: Joint, gains: Gains, conditions: OperatingConditi
     return {
         "hunts": found.hunts,
         "unstable": bool(found.unstable),
-        "period": number(found.period),
-        "amplitude": number(found.amplitude),
+        **numbers(found, "period", "amplitude"),
         "starts": list(found.starts),
     }
 

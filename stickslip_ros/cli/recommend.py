@@ -35,6 +35,7 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.model.compensation import USUAL_FILTER
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.advice.compensations import compensations
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommend import recommend
@@ -45,6 +46,12 @@ from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
+# Ranges of the limits, and the options that they are made of.
+_RANGES = {
+    "stiffness_range": ("--least-stiffness", "--largest-stiffness"),
+    "damping_range": ("--least-damping", "--largest-damping"),
+    "damping_ratio_range": ("--least-damping-ratio", "--largest-damping-ratio"),
+}
 _WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
 
 
@@ -69,14 +76,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     wanted.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
     bounds = parser.add_argument_group("bounds")
-    for name, unit, (least, largest) in (
-        ("stiffness", "N·m/rad", defaults.stiffness_range),
-        ("damping", "N·m·s/rad", defaults.damping_range),
-        ("damping-ratio", "1", defaults.damping_ratio_range),
-    ):
+    for field, (lower, upper) in _RANGES.items():
+        (least, largest), unit = getattr(defaults, field), unit_of(AdviceLimits, field)
         default = f" (default {least:g})" if least > 0 else ""
-        bounds.add_argument(f"--least-{name}", type=float, metavar="X", default=least, help=f"[{unit}]{default}")
-        bounds.add_argument(f"--largest-{name}", type=float, metavar="X", default=largest, help=f"[{unit}]")
+        bounds.add_argument(lower, type=float, metavar="X", default=least, help=f"[{unit}]{default}")
+        bounds.add_argument(upper, type=float, metavar="X", default=largest, help=f"[{unit}]")
     bounds.add_argument("--bandwidth", type=float, metavar="W", default=math.inf, help="crossover frequency [rad/s]")
     bounds.add_argument("--sample-rate", type=float, metavar="F", help="of the controller [Hz]")
     bounds.add_argument(
@@ -117,13 +121,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"time constant of the measured speed that compensation goes by [s] (default {USUAL_FILTER:g})",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(
-        run=run,
-        made_of={
-            f"{name}_range": (f"--least-{name.replace('_', '-')}", f"--largest-{name.replace('_', '-')}")
-            for name in ("stiffness", "damping", "damping_ratio")
-        },
-    )
+    parser.set_defaults(run=run, made_of=_RANGES)
 
 
 def run(options: argparse.Namespace) -> int:

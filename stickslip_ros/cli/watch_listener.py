@@ -10,15 +10,12 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
+from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
+from stickslip_ros.cli.monitor_client import MonitorClient, values_of
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
-from stickslip_ros.nodes.running import turn
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.visible import visible
 
@@ -44,35 +41,21 @@ class _Heard:
             return math.nan
 
 
-class WatchListener:
-    """A node that only listens."""
+class WatchListener(MonitorClient):
+    """A client of every monitor on the graph."""
 
     def __init__(self) -> None:
-        # Ctrl-C is the command's: rclpy's own handler would end the context in the middle of a call.
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self.node = Node("stickslip_watch")
+        super().__init__("stickslip_watch")
         self._joints: dict[str, _Heard] = {}
         self._monitors: dict[str, _Heard] = {}
         self._topics: set[str] = set()
         self._look_at = -math.inf
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
 
-    def close(self) -> None:
-        """Leave the graph."""
-        self.node.destroy_node()
-        rclpy.try_shutdown()
-
-    def listen(self, duration: float) -> None:
-        """Take what comes for so many seconds."""
-        until = time.monotonic() + duration
-        while (left := until - time.monotonic()) > 0:
-            if time.monotonic() >= self._look_at:
-                self._look_at = time.monotonic() + _LOOK_EVERY
-                self._look_for_monitors()
-            turn(self.node, min(left, 0.1))
-
-    def _look_for_monitors(self) -> None:
-        """Listen to the positions that monitors publish with the friction."""
+    def look(self) -> None:
+        """Listen to the positions that monitors publish with the friction, once a second to those that have come."""
+        if time.monotonic() < self._look_at:
+            return
+        self._look_at = time.monotonic() + _LOOK_EVERY
         names = {name for name, _ in self.node.get_topic_names_and_types()}
         for name in sorted(names - self._topics):
             monitor, _, last = name.rpartition("/")
@@ -94,20 +77,20 @@ class WatchListener:
             if now > before and math.isfinite(position):
                 heard.history.append((now, position))
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            robot, named, rest = status.name.rpartition(_MONITOR)
-            if not named or (robot and not robot.endswith("/")):
-                continue
-            if not rest:
-                self._note(self._monitors.setdefault(visible(status.name), _Heard()), status)
-            elif rest.startswith(": "):
-                self._note(self._joints.setdefault(visible(status.hardware_id), _Heard()), status)
+    def note(self, status: DiagnosticStatus) -> None:
+        """Keep the status of a monitor, or of a joint of one."""
+        robot, named, rest = status.name.rpartition(_MONITOR)
+        if not named or (robot and not robot.endswith("/")):
+            return
+        if not rest:
+            self._note(self._monitors.setdefault(visible(status.name), _Heard()), status)
+        elif rest.startswith(": "):
+            self._note(self._joints.setdefault(visible(status.hardware_id), _Heard()), status)
 
     @staticmethod
     def _note(heard: _Heard, status: DiagnosticStatus) -> None:
         heard.level, heard.message, heard.at = Level(status.level[0]), visible(status.message), time.monotonic()
-        heard.values = {visible(pair.key): visible(pair.value) for pair in status.values}
+        heard.values = {visible(key): visible(value) for key, value in values_of(status).items()}
 
     def joints(self) -> list[JointView]:
         """What is known of every joint now."""

@@ -50,6 +50,18 @@ class ExtinctionMap:
         """k_v and the joint's own damping together [N·m·s/rad] at each stiffness, shape (m, 1)."""
         return damping + self.own_damping[:, None]
 
+    def missing_damping(self, damping: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Damping that k_v lacks to end stick slip, and to move steadily [N·m·s/rad], shape (m, n); below 0 it is more
+        than enough, NaN where there is no answer.
+        """
+        total = self.total_damping(damping)
+        return self.exact_damping - total, self.steady_damping - total
+
+    def outcomes(self, damping: float) -> NDArray[np.int64]:
+        """0 where the joint sticks, 1 where it swings, 2 where it moves steadily, 3 without an answer, shape (m, n)."""
+        to_slide, to_be_steady = self.missing_damping(damping)
+        return np.select([to_slide > 0, self.unknown, to_be_steady > 0], [0, 3, 1], 2)
+
     @property
     def unknown(self) -> NDArray[np.bool_]:
         """Where the integration gives no answer, shape (m, n)."""

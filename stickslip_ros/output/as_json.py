@@ -18,7 +18,7 @@ from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
 from stickslip_ros.monitoring.friction.estimate import Curvature, FrictionEstimate, ParameterEstimate
 from stickslip_ros.output import published as published
-from stickslip_ros.output.published import number
+from stickslip_ros.output.published import number, numbers
 from stickslip_ros.output.wording import dry_friction_text
 
 
@@ -73,15 +73,13 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
             "best_damping": None if best is None else number(best.damping),
             "best_reserve": number(obstruction.reserve),
         },
-        "sensitivities": {
-            one.parameter: {"elasticity": number(one.elasticity), "factor": number(one.factor)} for one in found
-        },
+        "sensitivities": {one.parameter: numbers(one, "elasticity", "factor") for one in found},
     }
 
 
 def parameter_json(found: ParameterEstimate) -> dict[str, Any]:
     """One parameter of the friction as it was learnt; null for what is not known."""
-    return {"value": number(found.value), "std": number(found.std), "identified": found.identified}
+    return {**numbers(found, "value", "std"), "identified": found.identified}
 
 
 def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
@@ -96,26 +94,14 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
         "ripple": None
         if ripple is None
         else {
-            "amplitude": number(ripple.amplitude),
-            "amplitude_std": number(ripple.amplitude_std),
-            "period": number(ripple.period),
-            "period_std": number(ripple.period_std),
-            "phase": number(ripple.phase),
-            "phase_std": number(ripple.phase_std),
-            "about": number(ripple.about),
-            "significance": number(ripple.significance),
+            **numbers(ripple, "amplitude", "amplitude_std", "period", "period_std", "phase", "phase_std"),
+            **numbers(ripple, "about", "significance"),
             "aliases": [number(period) for period in ripple.aliases],
         },
         "load_dependence": _term_json(dry.load_dependence),
         "scatter": number(dry.scatter),
         "places": [
-            {
-                "direction": place.direction,
-                "position": number(place.position),
-                "mean": number(place.mean),
-                "std": number(place.std),
-                "slips": place.slips,
-            }
+            {"direction": place.direction, **numbers(place, "position", "mean", "std"), "slips": place.slips}
             for place in dry.places
         ],
         "summary": dry_friction_text(dry),
@@ -124,9 +110,7 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
 
 def curvature_json(curvature: Curvature | None) -> dict[str, Any] | None:
     """Curvature of viscous friction over speed, and the speed at which it is told [rad/s]; None if it is none."""
-    if curvature is None:
-        return None
-    return {"value": number(curvature.value), "std": number(curvature.std), "speed": number(curvature.speed)}
+    return None if curvature is None else numbers(curvature, "value", "std", "speed")
 
 
 def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] | None:
@@ -154,9 +138,7 @@ def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] |
 
 
 def _term_json(term: Term | None) -> dict[str, Any] | None:
-    if term is None:
-        return None
-    return {"value": number(term.value), "std": number(term.std), "significance": number(term.significance)}
+    return None if term is None else numbers(term, "value", "std", "significance")
 
 
 def _variant_json(variant: Variant) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 from stickslip_ros.model.friction import Friction, Gains
@@ -97,6 +98,11 @@ def number(value: Any) -> float | None:
     return float(value) if math.isfinite(float(value)) else None
 
 
+def numbers(subject: Any, *names: str) -> dict[str, float | None]:
+    """Attributes of an object, each a number that JSON can hold, or None."""
+    return {name: number(getattr(subject, name)) for name in names}
+
+
 def _as_text(value: object) -> object:
     if isinstance(value, Enum):
         return value.value
@@ -129,181 +135,152 @@ def _on_trial(section: Section, of: Callable[[Known], Any], places: Mapping[str,
     return Section(of, tuple(map(row_of, section.rows)))
 
 
-_row = Published
+def _row(
+    name: str,
+    unit: str = "",
+    place: int | None = None,
+    *,
+    value: Callable[[Any], Any] | None = None,
+    diagnostics: str | None = None,
+    json: str | None = None,
+    fleet: str = "",
+    margins: str = "",
+) -> Published:
+    """The row of an attribute; where no other name or value is given, it has the attribute's. ``place`` : in
+    `~/margins`.
+    """
+    return Published(
+        value=value or attrgetter(name),
+        unit=unit,
+        diagnostics=name if diagnostics is None else diagnostics,
+        json=name if json is None else json,
+        fleet=fleet,
+        margins=None if place is None else _field(place, margins or name),
+    )
+
+
+def _exact(name: str, unit: str = "", place: int | None = None, **names: Any) -> Published:
+    """The row of an attribute of an ExactVerdict."""
+    return _row(name, unit, place, diagnostics=f"exact {name}", margins=f"exact_{name}", **names)
+
+
+def _itself(subject: Any) -> Any:
+    return subject
+
 
 STATUS = Section(
-    lambda known: known.assessment.finding.status,
-    (_row(value=lambda status: status, diagnostics="status", json="status", fleet="status",
-          margins=_field(0, "status")),),
-)  # fmt: skip
+    lambda known: known.assessment.finding.status, (_row("status", place=0, value=_itself, fleet="status"),)
+)
 VELOCITY = Section(
-    lambda known: known.assessment.velocity,
-    (_row(value=lambda velocity: velocity, unit="rad/s", diagnostics="velocity", json="velocity", fleet="velocity",
-          margins=_field(8, "velocity")),),
-)  # fmt: skip
+    lambda known: known.assessment.velocity, (_row("velocity", "rad/s", 8, value=_itself, fleet="velocity"),)
+)
 # What Eq. (43) says of gains, a StabilityMargin; of those on trial it is published too.
 MARGIN = Section(
     lambda known: known.assessment.margin,
     (
-        _row(value=lambda margin: bool(margin.applicable), diagnostics="margin applicable", json="applicable",
-             margins=_field(1, "applicable", unknown=0.0)),
-        _row(value=lambda margin: margin.reason, json="reason"),
-        _row(value=lambda margin: bool(margin.smooth) if margin.applicable else None, json="smooth"),
-        _row(value=lambda margin: margin.energy_margin, unit=_ENERGY,
-             diagnostics="energy_margin", json="energy_margin", fleet="energy_margin",
-             margins=_field(2, "energy_margin")),
-        _row(value=lambda margin: margin.damping_ratio, unit="1",
-             diagnostics="damping_ratio", json="damping_ratio", fleet="damping_ratio",
-             margins=_field(3, "damping_ratio")),
-        _row(value=lambda margin: margin.critical_damping_ratio, unit="1",
-             diagnostics="critical_damping_ratio", json="critical_damping_ratio", fleet="critical_damping_ratio",
-             margins=_field(4, "critical_damping_ratio")),
+        Published(value=lambda margin: bool(margin.applicable), diagnostics="margin applicable", json="applicable",
+                  margins=_field(1, "applicable", unknown=0.0)),
+        _row("reason", diagnostics=""),
+        _row("smooth", value=lambda margin: bool(margin.smooth) if margin.applicable else None, diagnostics=""),
+        _row("energy_margin", _ENERGY, 2, fleet="energy_margin"),
+        _row("damping_ratio", "1", 3, fleet="damping_ratio"),
+        _row("critical_damping_ratio", "1", 4, fleet="critical_damping_ratio"),
     ),
 )  # fmt: skip
 # What it says more of the present gains.
 MARGIN_TERMS = Section(
     MARGIN.of,
     (
-        _row(value=lambda margin: margin.reduction_factor, unit="1",
-             diagnostics="reduction_factor", json="reduction_factor", margins=_field(5, "reduction_factor")),
-        _row(value=lambda margin: margin.steady_stribeck, unit=_TORQUE,
-             diagnostics="steady_stribeck", json="steady_stribeck", margins=_field(6, "steady_stribeck")),
-        _row(value=lambda margin: margin.natural_frequency, unit="rad/s",
-             diagnostics="natural_frequency", margins=_field(7, "natural_frequency")),
+        _row("reduction_factor", "1", 5),
+        _row("steady_stribeck", _TORQUE, 6),
+        _row("natural_frequency", "rad/s", 7, json=""),
     ),
-)  # fmt: skip
+)
 LOWEST_SMOOTH_VELOCITY = Section(
     lambda known: known.assessment.lowest_smooth_velocity,
-    (_row(value=lambda velocity: velocity, unit="rad/s", diagnostics="lowest_smooth_velocity",
-          json="lowest_smooth_velocity", fleet="lowest_smooth_velocity",
-          margins=_field(9, "lowest_smooth_velocity")),),
-)  # fmt: skip
+    (_row("lowest_smooth_velocity", "rad/s", 9, value=_itself, fleet="lowest_smooth_velocity"),),
+)
 # By integration of Eqs (4)-(6), an ExactVerdict.
 EXACT = Section(
     lambda known: known.exact,
     (
-        _row(value=lambda exact: exact.smooth, diagnostics="exact smooth", json="smooth", fleet="exactly_smooth",
-             margins=_field(13, "exact_smooth")),
-        _row(value=lambda exact: exact.outcome, diagnostics="exact outcome", json="outcome", fleet="exact_outcome"),
-        _row(value=lambda exact: None if exact.outcome is None else exact.depends_on_start,
-             diagnostics="exact depends_on_start", json="depends_on_start"),
-        _row(value=lambda exact: exact.reason, json="reason"),  # diagnostics have it where all else is unknown
-        _row(value=lambda exact: exact.critical_damping_ratio, unit="1",
-             diagnostics="exact critical_damping_ratio", json="critical_damping_ratio",
-             margins=_field(14, "exact_critical_damping_ratio")),
-        _row(value=lambda exact: exact.steady_damping_ratio, unit="1",
-             diagnostics="exact steady_damping_ratio", json="steady_damping_ratio", fleet="steady_damping_ratio",
-             margins=_field(25, "exact_steady_damping_ratio")),
-        _row(value=lambda exact: exact.lowest_smooth_velocity, unit="rad/s",
-             diagnostics="exact lowest_smooth_velocity", json="lowest_smooth_velocity",
-             margins=_field(15, "exact_lowest_smooth_velocity")),
-        _row(value=lambda exact: exact.least_smooth_stiffness, unit=_STIFFNESS,
-             diagnostics="exact least_smooth_stiffness", json="least_smooth_stiffness",
-             margins=_field(16, "exact_least_smooth_stiffness")),
+        _exact("smooth", place=13, fleet="exactly_smooth"),
+        _exact("outcome", fleet="exact_outcome"),
+        _exact("depends_on_start", value=lambda exact: None if exact.outcome is None else exact.depends_on_start),
+        _row("reason", diagnostics=""),  # diagnostics have it where all else is unknown
+        _exact("critical_damping_ratio", "1", 14),
+        _exact("steady_damping_ratio", "1", 25, fleet="steady_damping_ratio"),
+        _exact("lowest_smooth_velocity", "rad/s", 15),
+        _exact("least_smooth_stiffness", _STIFFNESS, 16),
     ),
-)  # fmt: skip
+)
 # Of an ExactVerdict too; known before all else of it.
-RESERVE = Section(
-    EXACT.of,
-    (_row(value=lambda exact: exact.damping_reserve, unit="1", diagnostics="exact damping_reserve",
-          json="damping_reserve", fleet="reserve", margins=_field(28, "exact_damping_reserve")),),
-)  # fmt: skip
+RESERVE = Section(EXACT.of, (_exact("damping_reserve", "1", 28, fleet="reserve"),))
 GAINS = Section(
     lambda known: known.assessment.gains,
-    (
-        _row(value=lambda gains: gains.stiffness, unit=_STIFFNESS, diagnostics="stiffness", json="stiffness",
-             fleet="stiffness", margins=_field(10, "stiffness")),
-        _row(value=lambda gains: gains.damping, unit=_DAMPING, diagnostics="damping", json="damping",
-             fleet="damping", margins=_field(11, "damping")),
-    ),
-)  # fmt: skip
-INTEGRAL_GAIN = Section(
-    GAINS.of,
-    (_row(value=lambda gains: gains.integral, unit=_INTEGRAL, diagnostics="integral", json="integral"),),
+    (_row("stiffness", _STIFFNESS, 10, fleet="stiffness"), _row("damping", _DAMPING, 11, fleet="damping")),
 )
+INTEGRAL_GAIN = Section(GAINS.of, (_row("integral", _INTEGRAL),))
 # Of an assessment, where the friction is learnt.
 UNCERTAINTY = Section(
     lambda known: known.assessment,
     (
-        _row(value=lambda state: state.margin_std, unit=_ENERGY, diagnostics="energy_margin std",
-             json="std", margins=_field(17, "margin_std")),
-        _row(value=lambda state: state.stick_slip_probability, unit="1", diagnostics="stick_slip_probability",
-             json="stick_slip_probability", margins=_field(18, "stick_slip_probability")),
+        _row("margin_std", _ENERGY, 17, diagnostics="energy_margin std", json="std"),
+        _row("stick_slip_probability", "1", 18),
     ),
-)  # fmt: skip
+)
 # Of an ExactVerdict, where the friction is learnt.
 EXACT_UNCERTAINTY = Section(
-    lambda known: known.exact,
-    (_row(value=lambda exact: exact.stick_slip_probability, unit="1", diagnostics="exact stick_slip_probability",
-          json="exact_stick_slip_probability", fleet="exact_stick_slip_probability"),),
-)  # fmt: skip
+    EXACT.of,
+    (_exact("stick_slip_probability", "1", json="exact_stick_slip_probability", fleet="exact_stick_slip_probability"),),
+)
 BELIEF = Section(
     lambda known: known.assessment,
-    (
-        _row(value=lambda state: state.rests_on, diagnostics="margin rests on", json="rests_on"),
-        _row(value=lambda state: state.per_inertia, json="per_inertia", fleet="per_inertia"),
-    ),
+    (_row("rests_on", diagnostics="margin rests on"), _row("per_inertia", diagnostics="", fleet="per_inertia")),
 )
 # Of a Recommendation.
 ADVICE = Section(
     lambda known: known.assessment.recommendation,
     (
-        _row(value=lambda advice: advice.keep, json="keep"),
-        _row(value=lambda advice: advice.condition, diagnostics="recommendation is by", json="condition"),
-        _row(value=lambda advice: advice.velocity, unit="rad/s", diagnostics="recommended for velocity",
-             json="velocity"),
-        _row(value=lambda advice: advice.gains_known, json="gains_known"),
+        _row("keep", diagnostics=""),
+        _row("condition", diagnostics="recommendation is by"),
+        _row("velocity", "rad/s", diagnostics="recommended for velocity"),
+        _row("gains_known", diagnostics=""),
     ),
-)  # fmt: skip
+)
 ADVICE_REACHES = Section(
     ADVICE.of,
-    (_row(value=lambda advice: advice.slowest_smooth_velocity, unit="rad/s",
-          diagnostics="recommended lowest_smooth_velocity", json="lowest_smooth_velocity"),),
+    (_row("slowest_smooth_velocity", "rad/s", diagnostics="recommended lowest_smooth_velocity",
+          json="lowest_smooth_velocity"),),
 )  # fmt: skip
 # Of a Variant of it; in diagnostics with a prefix, "recommended " or the variant's own.
 ADVISED_GAINS = Section(
     lambda known: known.assessment.recommended,
     (
-        _row(value=lambda variant: variant.stiffness, unit=_STIFFNESS, diagnostics="stiffness", json="stiffness",
-             fleet="advised_stiffness"),
-        _row(value=lambda variant: variant.damping, unit=_DAMPING, diagnostics="damping", json="damping",
-             fleet="advised_damping"),
+        _row("stiffness", _STIFFNESS, fleet="advised_stiffness"),
+        _row("damping", _DAMPING, fleet="advised_damping"),
     ),
-)  # fmt: skip
+)
 ADVISED_MARGIN = Section(
     ADVISED_GAINS.of,
-    (
-        _row(value=lambda variant: variant.energy_margin, json="energy_margin"),
-        _row(value=lambda variant: variant.reserve, unit="1", diagnostics="damping reserve", json="reserve"),
-    ),
+    (_row("energy_margin", diagnostics=""), _row("reserve", "1", diagnostics="damping reserve")),
 )
 ADVISED_ANSWERS = Section(
     ADVISED_GAINS.of,
     (
-        _row(value=lambda variant: variant.exactly_smooth, diagnostics="exact smooth", json="exactly_smooth"),
-        _row(value=lambda variant: variant.slides_steadily, diagnostics="slides steadily", json="slides_steadily"),
-        _row(value=lambda variant: variant.outcome, diagnostics="outcome", json="outcome"),
+        _row("exactly_smooth", diagnostics="exact smooth"),
+        _row("slides_steadily", diagnostics="slides steadily"),
+        _row("outcome"),
     ),
 )
 ADVISED_FACTORS = Section(
     ADVISED_GAINS.of,
-    (
-        _row(value=lambda variant: variant.stiffness_factor, unit="1", diagnostics="stiffness_factor",
-             json="stiffness_factor", margins=_field(19, "stiffness_factor")),
-        _row(value=lambda variant: variant.damping_factor, unit="1", diagnostics="damping_factor",
-             json="damping_factor", margins=_field(20, "damping_factor")),
-        _row(value=lambda variant: variant.change, json="change"),
-    ),
-)  # fmt: skip
+    (_row("stiffness_factor", "1", 19), _row("damping_factor", "1", 20), _row("change", diagnostics="")),
+)
 ADVISED_COST = Section(
     ADVISED_GAINS.of,
-    (
-        _row(value=lambda variant: variant.bandwidth, unit="rad/s", diagnostics="bandwidth", json="bandwidth"),
-        _row(value=lambda variant: variant.tracking_error_factor, unit="1", diagnostics="tracking_error_factor",
-             json="tracking_error_factor"),
-        _row(value=lambda variant: variant.noise_factor, unit="1", diagnostics="noise_factor", json="noise_factor"),
-    ),
-)  # fmt: skip
+    (_row("bandwidth", "rad/s"), _row("tracking_error_factor", "1"), _row("noise_factor", "1")),
+)
 TRIAL_GAINS = _on_trial(GAINS, lambda known: known.assessment.trial, {})
 TRIAL_MARGIN = _on_trial(
     MARGIN,
@@ -313,81 +290,69 @@ TRIAL_MARGIN = _on_trial(
 TRIAL_EXACT = Section(
     lambda known: known.trial,
     (
-        _row(value=lambda exact: exact.smooth, diagnostics="trial exact smooth",
-             margins=_field(24, "trial_exact_smooth")),
-        _row(value=lambda exact: exact.outcome, diagnostics="trial exact outcome"),
+        _row("smooth", place=24, diagnostics="trial exact smooth", json="", margins="trial_exact_smooth"),
+        _row("outcome", diagnostics="trial exact outcome", json=""),
     ),
-)  # fmt: skip
-CYCLES = Section(
-    lambda known: known.assessment.cycles,
-    (_row(value=lambda count: count, unit="1", diagnostics="cycles", margins=_field(12, "cycles")),),
 )
+CYCLES = Section(lambda known: known.assessment.cycles, (_row("cycles", "1", 12, value=_itself, json=""),))
 # Of a Cycle: one alone, and the size of the last one, with a prefix in diagnostics.
-CYCLE_BEGINS = Section(
-    lambda known: known.assessment.last_cycle,
-    (
-        _row(value=lambda cycle: cycle.breakaway, unit="s", diagnostics="breakaway", json="breakaway"),
-        _row(value=lambda cycle: cycle.arrest, unit="s", diagnostics="arrest", json="arrest"),
-    ),
-)
+CYCLE_BEGINS = Section(lambda known: known.assessment.last_cycle, (_row("breakaway", "s"), _row("arrest", "s")))
 CYCLE_SIZE = Section(
     CYCLE_BEGINS.of,
     (
-        _row(value=lambda cycle: cycle.slip_distance, unit="rad", diagnostics="slip_distance", json="slip_distance"),
-        _row(value=lambda cycle: cycle.dwell, unit="s", diagnostics="dwell", json="dwell"),
-        _row(value=lambda cycle: cycle.slip_duration, unit="s", diagnostics="slip duration"),
+        _row("slip_distance", "rad"),
+        _row("dwell", "s"),
+        _row("slip_duration", "s", diagnostics="slip duration", json=""),
     ),
 )
 CYCLE_PLACE = Section(
     CYCLE_BEGINS.of,
     (
-        _row(value=lambda cycle: cycle.position, unit="rad", diagnostics="position", json="position"),
-        _row(value=lambda cycle: cycle.effort, unit=_TORQUE, diagnostics="breakaway_effort", json="breakaway_friction"),
-        _row(value=lambda cycle: cycle.hunting, json="hunting"),
+        _row("position", "rad"),
+        _row("effort", _TORQUE, diagnostics="breakaway_effort", json="breakaway_friction"),
+        _row("hunting", diagnostics=""),
     ),
 )
 # Of a ReversalRecord.
 REVERSALS = Section(
     lambda known: known.assessment.reversals,
     (
-        _row(value=lambda seen: seen.count, unit="1", diagnostics="reversals", json="count"),
-        _row(value=lambda seen: seen.standing, unit="s", diagnostics="reversal standing", json="standing",
-             fleet="reversal_standing", margins=_field(26, "reversal_standing")),
-        _row(value=lambda seen: seen.lost_motion, unit="rad", diagnostics="reversal lost_motion", json="lost_motion"),
-        _row(value=lambda seen: seen.peak_error, unit="rad", diagnostics="reversal peak_error", json="peak_error",
-             fleet="reversal_peak_error", margins=_field(27, "reversal_peak_error")),
-        _row(value=lambda seen: seen.largest_error, unit="rad", diagnostics="reversal largest peak_error",
-             json="largest_error"),
+        _row("count", "1", diagnostics="reversals"),
+        _row("standing", "s", 26, diagnostics="reversal standing", fleet="reversal_standing",
+             margins="reversal_standing"),
+        _row("lost_motion", "rad", diagnostics="reversal lost_motion"),
+        _row("peak_error", "rad", 27, diagnostics="reversal peak_error", fleet="reversal_peak_error",
+             margins="reversal_peak_error"),
+        _row("largest_error", "rad", diagnostics="reversal largest peak_error"),
     ),
 )  # fmt: skip
 # Of a PreslidingEstimate.
 PRESLIDING = Section(
     lambda known: known.assessment.presliding,
     (
-        _row(value=lambda seen: seen.stiffness.value, unit=_STIFFNESS, diagnostics="presliding_stiffness",
-             json="value", fleet="presliding_stiffness"),
-        _row(value=lambda seen: seen.stiffness.std, unit=_STIFFNESS, diagnostics="presliding_stiffness std",
-             json="std", fleet="presliding_stiffness_std"),
-        _row(value=lambda seen: seen.stiffness.identified, diagnostics="presliding_stiffness identified",
-             json="identified", fleet="presliding_stiffness_identified"),
-        _row(value=lambda seen: seen.at_least, unit=_STIFFNESS, diagnostics="presliding_stiffness at least",
-             json="at_least", fleet="presliding_stiffness_at_least"),
-        _row(value=lambda seen: seen.contact, diagnostics="presliding contact", json="contact"),
-        _row(value=lambda seen: seen.rests, unit="1", diagnostics="rests learnt from", json="rests"),
+        _row("stiffness.value", _STIFFNESS, diagnostics="presliding_stiffness", json="value",
+             fleet="presliding_stiffness"),
+        _row("stiffness.std", _STIFFNESS, diagnostics="presliding_stiffness std", json="std",
+             fleet="presliding_stiffness_std"),
+        _row("stiffness.identified", diagnostics="presliding_stiffness identified", json="identified",
+             fleet="presliding_stiffness_identified"),
+        _row("at_least", _STIFFNESS, diagnostics="presliding_stiffness at least",
+             fleet="presliding_stiffness_at_least"),
+        _row("contact", diagnostics="presliding contact"),
+        _row("rests", "1", diagnostics="rests learnt from"),
     ),
 )  # fmt: skip
 POSITION = Section(
     lambda known: known.assessment,
     (
-        _row(value=lambda state: state.resolution, unit="rad", diagnostics="position resolution", json="resolution"),
-        _row(value=lambda state: state.noise, unit="rad", diagnostics="position noise", json="noise"),
+        _row("resolution", "rad", diagnostics="position resolution"),
+        _row("noise", "rad", diagnostics="position noise"),
     ),
 )
 SAMPLING = Section(
     lambda known: known.assessment,
-    (_row(value=lambda state: state.sample_rate, unit="Hz", diagnostics="sample rate", json="sample_rate",
-          fleet="sample_rate"),),
-)  # fmt: skip
+    (_row("sample_rate", "Hz", diagnostics="sample rate", fleet="sample_rate"),),
+)
 OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS, ADVISED_COST)
 SECTIONS = (
     STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, RESERVE, GAINS, INTEGRAL_GAIN, UNCERTAINTY,

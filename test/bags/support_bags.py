@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,10 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
+from stickslip_ros.bags.joint_samples import read_joint_with_gains
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
+from stickslip_ros.bags.topics import TopicChoice
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_file import Parameters
 
@@ -43,6 +47,11 @@ def messages_of(path: Path) -> list[tuple[str, int, bytes]]:
     """Topic, time of recording and serialized message, by the mcap package."""
     with path.open("rb") as file:
         return [(channel.topic, one.log_time, one.data) for _, channel, one in make_reader(file).iter_messages()]
+
+
+def read_joint(path: Path, joint: str, choice: TopicChoice | None = None) -> Batch:
+    """Everything recorded of one joint, with its reference; its gains are not looked for."""
+    return read_joint_with_gains(path, joint, replace(choice or TopicChoice(), gains=""))[0]
 
 
 def joint_state(time: float, names: Sequence[str], **fields: Iterable[float]) -> Any:

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support_bags import simulated_bag
+from support_bags import read_joint, simulated_bag
 
 from stickslip_ros.bags.conversion import write_recording
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 
 pytestmark = pytest.mark.slow

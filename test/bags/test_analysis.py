@@ -27,6 +27,7 @@ from support_bags import (
     WITHOUT_LEARNING,
     joint_state,
     messages_of,
+    read_joint,
     simulated_bag,
     sticking,
     write_mcap,
@@ -34,7 +35,6 @@ from support_bags import (
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains

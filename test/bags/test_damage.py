@@ -23,13 +23,13 @@ from support_bags import (
     definition,
     joint_state,
     messages_of,
+    read_joint,
     simulated_bag,
     write_mcap,
 )
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.settings.parameter_file import Parameters

@@ -20,9 +20,8 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType
 from rosbags.convert import convert as convert_bag
 from rosbags.rosbag2 import StoragePlugin
-from support_bags import JOINT_STATE, STORE, joint_state, messages_of, simulated_bag, write_mcap
+from support_bags import JOINT_STATE, STORE, joint_state, messages_of, read_joint, simulated_bag, write_mcap
 
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.messages.blocks import Block

@@ -14,9 +14,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from support_bags import JOINT_STATE, joint_state, simulated_bag, write_mcap
+from support_bags import JOINT_STATE, joint_state, read_joint, simulated_bag, write_mcap
 
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.messages.whole_turns import WholeTurns
 

@@ -21,6 +21,7 @@ from support_bags import (
     WITHOUT_LEARNING,
     joint_state,
     messages_of,
+    read_joint,
     simulated_bag,
     write_mcap,
 )
@@ -29,7 +30,6 @@ from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet import BagTask, answer
 from stickslip_ros.analysis.fleet_table import rows_of
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.reading import BagReader, GainEvents, is_of_robot
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from support_bags import read_joint
 
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, load_recording, load_table
 from stickslip_ros.bags.table_columns import Named, assign, meaning

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support_bags import read_joint
 
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.bags.table_columns import FIELDS, Named, assign
 from stickslip_ros.cli.main import main

@@ -13,7 +13,7 @@ import unicodedata
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from hypothesis import example, given
 from hypothesis import strategies as st
 from support_bags import simulated_bag
@@ -151,7 +151,7 @@ def test_what_watch_shows(ros_domain: int) -> None:
             level=DiagnosticStatus.ERROR, name=f"stickslip_monitor: {NAME}", hardware_id=NAME, message=NAME,
             values=[KeyValue(key="status", value=NAME), KeyValue(key="exact outcome", value=NAME)],
         )  # fmt: skip
-        listener._on_diagnostics(DiagnosticArray(status=[status]))
+        listener.note(status)
         out = io.StringIO()
         console = Terminal(file=out, width=2000)
         console.print(view(listener.joints(), f"header{ESCAPES}", console, duration=10.0))

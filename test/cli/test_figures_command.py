@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from stickslip_ros.cli.live_joint import JointMap
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.paper_figures import FIGURES
 from stickslip_ros.model.extinction import work_integral
@@ -154,7 +153,7 @@ def test_what_has_no_answer_is_not_drawn_as_steady(puma: Joint) -> None:
     figure = map_figure(subject, found)
     assert figure.title.endswith("gives no answer (grey)")
     assert figure.panels[0].regions[-1].inside[0, 0] > 0
-    assert JointMap(found=found, damping=0.0).outcomes()[0, :2].tolist() == [3, 2]
+    assert found.outcomes(0.0)[0, :2].tolist() == [3, 2]
 
 
 def test_map_without_an_operating_point(tmp_path: Path) -> None:

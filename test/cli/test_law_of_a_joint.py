@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bags.support_bags import read_joint
 
-from stickslip_ros.bags.joint_samples import read_joint
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import JointFileError
 from stickslip_ros.model.dimensionless import dimensionless_groups

@@ -206,6 +206,19 @@ def test_a_silence_is_no_dwell() -> None:
     assert Status.STICK_SLIP not in {segment.status for segment in monitor.segments}
 
 
+@pytest.mark.parametrize("size", [1, 60])
+def test_samples_two_seconds_apart_are_one_stretch(size: int) -> None:
+    """Only what is longer is a silence: there were as many segments as samples, all without length or velocity."""
+    time = 2.0 * np.arange(60)
+    monitor = JointMonitor()
+    for begin in range(0, 60, size):
+        part = slice(begin, begin + size)
+        monitor.process(Batch(time=time[part], position=0.01 * time[part]))
+    monitor.finish()
+    (segment,) = monitor.segments
+    assert (segment.start, segment.end, segment.velocity) == (0.0, 118.0, pytest.approx(0.01))
+
+
 def test_reset_forgets(puma: Joint) -> None:
     """Issue 2: reset forgets what was learnt, not the joint."""
     monitor = JointMonitor(puma, STICKING, MonitorOptions(limits=AdviceLimits(wanted_margin=0.5)))

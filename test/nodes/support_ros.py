@@ -28,6 +28,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
+from stickslip_ros.cli.monitor_client import margins_of, values_of
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.samples import Batch
@@ -71,22 +72,18 @@ class Probe:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
             if status.message.startswith(NO_DATA) and not self.is_silent(status.hardware_id):
                 self.silences[status.hardware_id] += 1
-            self.diagnostics[status.hardware_id] = (status.level, status.message, values)
+            self.diagnostics[status.hardware_id] = (status.level, status.message, values_of(status))
 
     def _on_cycles(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self.cycles.append({"joint": status.hardware_id, **{pair.key: pair.value for pair in status.values}})
+            self.cycles.append({"joint": status.hardware_id, **values_of(status)})
 
     def _on_margins(self, message: Float64MultiArray) -> None:
-        width = message.layout.dim[1].size
         assert message.layout.dim[1].label == ",".join(MARGIN_FIELDS)
-        for index, joint in enumerate(message.layout.dim[0].label.split(",")):
-            row = message.data[index * width : (index + 1) * width]
-            self.margins[joint] = dict(zip(MARGIN_FIELDS, row, strict=True))
-            self.margin_times.append((time.monotonic(), self.margins[joint]["stiffness"]))
+        self.margins |= (found := margins_of(message))
+        self.margin_times += [(time.monotonic(), row["stiffness"]) for row in found.values()]
 
     def _on_advice(self, message: Float64MultiArray) -> None:
         self.recommended = message

@@ -332,7 +332,7 @@ def _map_plot(subject: MapSubject, gains: Gains, title: str, caption: str) -> Pl
         axis.ticker = FixedTicker(ticks=ticks)
         axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
     _draw_regions(plot, found, damping)
-    for x, y in _boundary(velocities, stiffnesses, found.steady_damping - found.total_damping(damping)):
+    for x, y in _boundary(velocities, stiffnesses, found.missing_damping(damping)[1]):
         plot.line(_small(x), _small(y), color=INK, line_width=2).glyph.tags = ["ink"]
     speed, stiffness = abs(subject.velocity), float(gains.stiffness)
     if gains is subject.gains:
@@ -346,9 +346,8 @@ def _map_plot(subject: MapSubject, gains: Gains, title: str, caption: str) -> Pl
 
 def _draw_regions(plot: Any, found: ExtinctionMap, damping: float) -> None:
     """Shade what becomes of the joint at a damping k_v, and write it into each region that has room for a word."""
-    total = found.total_damping(damping)
-    sticks = np.nan_to_num(found.exact_damping - total)
-    unsteady = np.nan_to_num(found.steady_damping - total)
+    # Where there is no answer all three fields are 0: nothing is shaded.
+    sticks, unsteady = map(np.nan_to_num, found.missing_damping(damping))
     for word, field, colour in (
         ("sticks", sticks, RED),
         ("swings", np.minimum(unsteady, -sticks), ORANGE),

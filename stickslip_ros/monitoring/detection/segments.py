@@ -54,8 +54,7 @@ class Segments:
         if len(rows) == 1:
             self._extend(rows, STATUS_OF[int(codes[0])])
             return
-        silent = rows[1:, kernel.BEGIN] - rows[:-1, kernel.END] >= kernel.LONGEST_SILENCE
-        edges = [0, *(np.flatnonzero(np.diff(codes).astype(bool) | silent) + 1).tolist(), len(rows)]
+        edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(rows)]
         for begin, end in pairwise(edges):
             self._extend(rows[begin:end], STATUS_OF[int(codes[begin])])
 
@@ -87,7 +86,7 @@ class Segments:
         if (
             last is not None
             and last.status is segment.status
-            and 0.0 <= segment.start - last.end < kernel.LONGEST_SILENCE
+            and 0.0 <= segment.start - last.end <= kernel.LONGEST_SILENCE
         ):
             velocity = (_way(last) + _way(segment)) / (segment.end - last.start)
             segment = replace(segment, start=self.all.pop().start, velocity=velocity)
@@ -96,7 +95,7 @@ class Segments:
     def _extend(self, rows: FloatArray, status: Status) -> None:
         start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
         last = self.all[-1] if self.all else None
-        if last is not None and last.status is status and 0.0 <= start - last.end < kernel.LONGEST_SILENCE:
+        if last is not None and last.status is status and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
             start = last.start
             self.all.pop()
         else:
