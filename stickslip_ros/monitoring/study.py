@@ -164,7 +164,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         information=information,
         prior=prior,
         balance_error=solution.balance_error,
-        jitter=problem.jitter,
+        jitter=problem.noise.jitter,
         tolerance=solution.tolerance,
         link_error=solution.link_error,
         last_window=problem.windows[-1],
@@ -185,8 +185,8 @@ def _explains_latest(problem: SlipProblem, fit: SlipFit) -> bool:
     """Whether all but one of the latest slips at most are neither set aside, nor off in force or in static friction."""
     latest = slice(-OUTLIERS_IN_A_ROW, None)
     force = np.abs(fit.misfits[latest]) / math.exp(fit.parameters[STRIBECK])
-    level = np.where(problem.linked, np.abs(fit.link_misfits), 0.0)[latest]
-    return bool((problem.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= OUTLIERS_IN_A_ROW - 1)
+    level = np.where(problem.noise.linked, np.abs(fit.link_misfits), 0.0)[latest]
+    return bool((problem.noise.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= OUTLIERS_IN_A_ROW - 1)
 
 
 def spread_of(covariance: FloatArray) -> FloatArray:

@@ -105,17 +105,15 @@ def fitted_laws(
     budget = Budget(most_steps)
     problem = SlipProblem(windows, budget=budget)
     known = _prior_knowledge(configured, normalised=problem.normalised)
-    again = fit_with_contact(problem, start, known) if yields and start is not None else None
-    problem, solution = again or (problem, search(problem, known, start))
-    if solution is not None and again is None:
+    solution = fit_with_contact(problem, start, known) if yields and start is not None else None
+    if solution is None and (solution := search(problem, known, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
-        kept = _of_known_directions(windows, solution.usable)
+        kept = _of_known_directions(windows, solution.problem.noise.usable)
         if len(kept) < len(windows):
-            problem = SlipProblem(kept, budget=budget)
-            solution = search(problem, known, start)
+            solution = search(SlipProblem(kept, budget=budget), known, start)
     if solution is None:
         return []
-    plain = FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution)
+    plain = FittedLaw(law=PAPERS_LAW, solution=solution)
     steady = with_contact(with_delay(plain, known), known)
     first = with_optional_terms(with_trend(steady, known), known)
     trend = first.problem.trend
@@ -126,7 +124,7 @@ def fitted_laws(
             over_position = with_position_disturbance(base, known, why)
             if over_position.misfit < first.misfit:
                 first = over_position
-            if not unexplained(first) or first.problem is problem:
+            if not unexplained(first) or first.solution is solution:
                 break
     fits = weighed_laws(first, known, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
@@ -135,7 +133,7 @@ def fitted_laws(
 def may_be_usable(windows: list[SlipWindow]) -> bool:
     """Whether an estimate from these slips may be usable: not if too many are set aside before anything is fitted."""
     problem = SlipProblem(_of_known_directions(windows, np.ones(len(windows), dtype=bool)))
-    return bool((~problem.usable).sum() <= USABLE_ASIDE * problem.count)
+    return bool((~problem.noise.usable).sum() <= USABLE_ASIDE * problem.count)
 
 
 def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -> list[SlipWindow]:
@@ -186,7 +184,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     """
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
-    aside = int((~problem.usable).sum())
+    aside = int((~problem.noise.usable).sum())
     # The subtracted force is only nearly the right one, so the fit without it is not certain either.
     disturbance = fits[0].position_disturbance
     why = disturbance.without if disturbance is not None else unexplained(fits[0])
@@ -225,7 +223,7 @@ def unexplained(fitted: FittedLaw) -> str:
     problem, solution = fitted.problem, fitted.solution
     left_over = solution.tolerance / float(np.median(problem.distances))
     scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
-    aside = int((~problem.usable).sum())
+    aside = int((~problem.noise.usable).sum())
     reasons = []
     if left_over > _LARGEST_UNEXPLAINED:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")

@@ -62,10 +62,10 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
     late : root mean square of a controller's delay that is not fitted [sample intervals], by its prior or posterior.
     """
     narrow = covariance_of(fit.information, prior)
-    mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
-    aside = 1.0 - float(problem.usable.mean())
+    mean_square = float(np.mean(fit.residuals[problem.noise.weights > 0] ** 2)) if problem.noise.usable.any() else 1.0
+    aside = 1.0 - float(problem.noise.usable.mean())
     covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + OUTLIER * aside)
-    used = fit.scores[problem.usable]
+    used = fit.scores[problem.noise.usable]
     freedom = len(used) - covariance.shape[1]
     if freedom >= _FEW:
         seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
@@ -110,8 +110,8 @@ def _residual_of_parts(problem: SlipProblem, fit: SlipFit) -> tuple[FloatArray, 
     In the direction of the slip; all of the same shape (parts,).
     """
     parts = problem.parts_of_slips
-    used = problem.weights > 0
-    shares = (fit.residuals * problem.errors * problem.directions[problem.slip_of])[used]
+    used = problem.noise.weights > 0
+    shares = (fit.residuals * problem.noise.errors * problem.directions[problem.slip_of])[used]
     shares = shares / problem.distances[problem.slip_of[used]]
     counts = np.bincount(parts[used])
     means = np.bincount(parts[used], shares) / np.maximum(counts, 1)
@@ -146,12 +146,12 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     act late is known to act in steps; of another it is not known.
     """
     size = fit.information.shape[0]
-    if not problem.delay_shows or not problem.usable.any():
+    if not problem.delay_shows or not problem.noise.usable.any():
         return np.zeros((size, size))
     surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
     ways = (quicker - balanced)[problem.observed] / (problem.directions * problem.distances)[problem.slip_of]
-    used = (problem.weights > 0) & np.isfinite(ways)
+    used = (problem.noise.weights > 0) & np.isfinite(ways)
     parts, count = problem.parts_of_slips[used], len(fit.bias_sensitivity)
     mean = np.bincount(parts, ways[used], count) / np.maximum(np.bincount(parts, minlength=count), 1)
     moved = covariance @ fit.bias_sensitivity.T @ mean
@@ -187,11 +187,11 @@ def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> F
     nothing of the other.
     """
     variances = np.zeros(len(fit.information))
-    usual = float(np.median(problem.dwells[problem.usable])) if problem.usable.any() else math.inf
+    usual = float(np.median(problem.dwells[problem.noise.usable])) if problem.noise.usable.any() else math.inf
     risen = fit.parameters[RISE_TIME] < math.log(_RISEN * usual)
-    contradicted = np.any(problem.dwells[~problem.usable] > _LONGER * usual)
+    contradicted = np.any(problem.dwells[~problem.noise.usable] > _LONGER * usual)
     # What is left by a slip that was not seen is not known, and Eq. (6) ties the next one's level but loosely.
-    contradicted |= np.any(fit.unknowns[problem.usable, LEVEL] > fit.parameters[STRIBECK] + _MORE)
+    contradicted |= np.any(fit.unknowns[problem.noise.usable, LEVEL] > fit.parameters[STRIBECK] + _MORE)
     if risen and contradicted and prior.information[RISE_TIME, RISE_TIME] < _CONFIGURED:
         variances[[STRIBECK, RISE_TIME]] = _ANY**2
     return np.diag(variances)

@@ -59,7 +59,6 @@ class FittedLaw:
     """
 
     law: str
-    problem: SlipProblem
     solution: Solution
     weight: float = 1.0
     position_disturbance: PositionDisturbance | None = None
@@ -70,13 +69,18 @@ class FittedLaw:
     late: float = LATE
 
     @property
+    def problem(self) -> SlipProblem:
+        """The problem of its slips, with the noise of the fit."""
+        return self.solution.problem
+
+    @property
     def fits(self) -> bool:
         """Whether it leaves nothing over."""
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
 
-    def refitted(self, problem: SlipProblem, solution: Solution) -> FittedLaw:
+    def refitted(self, solution: Solution) -> FittedLaw:
         """The same with another fit of the slips, of which the optional terms are not known yet."""
-        return replace(self, problem=problem, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+        return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
 
     @property
     def cut_short(self) -> bool:
@@ -86,7 +90,7 @@ class FittedLaw:
     @property
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
-        return misfit_of(self.problem, self.solution)
+        return misfit_of(self.solution)
 
 
 def fitted_with_more(
@@ -112,10 +116,10 @@ def fitted_with_more(
         found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
     except LinAlgError:
         return first
-    gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
+    gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
     if found.mean_square >= GOOD or gain < more * math.log(problem.count):
         return first
-    return first.refitted(problem, found)
+    return first.refitted(found)
 
 
 def _worth_the_parameters(
@@ -126,15 +130,14 @@ def _worth_the_parameters(
     Where no law fits, full fits take many times as long, and are in vain.
     """
     start = first.solution.fit.parameters
-    problem.set_aside(~first.solution.usable)
-    without, together = first.problem.spread(), problem.spread()
+    without, together = first.problem.spread(), problem.without(~first.problem.noise.usable).spread()
     fits = truncated_fit(without, start, known), truncated_fit(together, start, known)
     if fits[0] is None or fits[1] is None:
         return False
-    return misfit_of(without, fits[0]) - misfit_of(together, fits[1]) > more * math.log(without.count)
+    return misfit_of(fits[0]) - misfit_of(fits[1]) > more * math.log(without.count)
 
 
-def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64] | None = None) -> float:
+def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> float:
     """Twice the negative logarithm of the likelihood, but for a constant.
 
     Parameters
@@ -142,25 +145,25 @@ def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64]
     nodes : the observed ones that count, of a problem of the same slips; all if None. Likelihoods of other observations
         say nothing of each other.
     """
-    fit = solution.fit
+    problem, fit = solution.problem, solution.fit
     counted = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
-    used = (problem.weights > 0) & counted
+    used = (problem.noise.weights > 0) & counted
     share = int(counted.sum()) / max(int(used.sum()), 1)
-    total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.errors[used]).sum()))
+    total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.noise.errors[used]).sum()))
     # Of what the slips show: F_s∞ may be anything where they all dwell as long, and must not weigh.
     least = _LEAST_BALANCE * usual_level(fit)
     for values, error in (
-        (fit.misfits[problem.usable], max(solution.balance_error, least)),
-        (fit.link_misfits[problem.linked], max(solution.link_error, LEAST_LINK)),
+        (fit.misfits[problem.noise.usable], max(solution.balance_error, least)),
+        (fit.link_misfits[problem.noise.linked], max(solution.link_error, LEAST_LINK)),
     ):
         total += robust(values / error) + 2.0 * len(values) * math.log(error)
     return total
 
 
-def residuals_per_observation(problem: SlipProblem, solution: Solution) -> float:
+def residuals_per_observation(solution: Solution) -> float:
     """Residuals per independent observation, by runs of one sign; at least one."""
-    residuals: FloatArray = solution.fit.residuals
-    used = problem.weights > 0
+    problem, residuals = solution.problem, solution.fit.residuals
+    used = problem.noise.weights > 0
     ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
     runs = 1 + int(np.count_nonzero(ends[used[1:]]))
     return max(float(used.sum()) / runs / _WHITE, 1.0)

@@ -40,7 +40,7 @@ def weighed_laws(
     rejected : laws that fewer of these slips have excluded; they count as such as long as the first one fits.
     """
     fits, given_up = [first], []
-    if int(first.problem.usable.sum()) >= LEAST_SLIPS and not first.cut_short:
+    if int(first.problem.noise.usable.sum()) >= LEAST_SLIPS and not first.cut_short:
         for law in LAWS:
             if law == first.law:
                 continue
@@ -60,9 +60,7 @@ def weighed_laws(
     if may_hide_a_delay(fits[0]):
         # What is left of the delay may be what speaks for another law: as far as is known, each is as likely.
         misfits = [misfits[best]] * len(fits)
-    weights = np.exp(
-        -0.5 * (np.array(misfits) - misfits[best]) / residuals_per_observation(fits[best].problem, fits[best].solution)
-    )
+    weights = np.exp(-0.5 * (np.array(misfits) - misfits[best]) / residuals_per_observation(fits[best].solution))
     weights /= weights.sum()
     found = [
         replace(fit, weight=float(weight), rejected=() if first.cut_short else tuple(given_up))
@@ -75,7 +73,7 @@ def weighed_laws(
 def _misfits(fits: list[FittedLaw]) -> list[float]:
     """What each does not explain of the observations that all of them have."""
     nodes = reduce(np.intersect1d, [fit.problem.observed for fit in fits])
-    return [misfit_of(fit.problem, fit.solution, nodes) for fit in fits]
+    return [misfit_of(fit.solution, nodes) for fit in fits]
 
 
 def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
@@ -86,13 +84,12 @@ def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
     screening = screen_law(law, first, known)
     if screening is None or screening.rejected or not (first.fits or screening.better):
         return None
-    problem = first.problem.plain(LAWS[law])
     try:
-        solution = fit_near(problem, screening.start, first.solution.fit, known)
+        solution = fit_near(first.problem.plain(LAWS[law]), screening.start, first.solution.fit, known)
     except LinAlgError:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.
-    other = with_delay(FittedLaw(law=law, problem=problem, solution=solution), known)
+    other = with_delay(FittedLaw(law=law, solution=solution), known)
     return with_optional_terms(with_trend(with_contact(other, known), known), known, beside=first)
 
 
@@ -108,9 +105,8 @@ def _near(
     first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw, known: Mapping[int, tuple[float, float]]
 ) -> FittedLaw | None:
     """A law fitted to the slips as the first fit has them, from a start and the levels of another fit."""
-    problem = first.problem.with_law(LAWS[law])
     try:
-        solution = fit_near(problem, start, shape.solution.fit, known)
+        solution = fit_near(first.problem.with_law(LAWS[law]), start, shape.solution.fit, known)
     except LinAlgError:
         return None
-    return replace(first.refitted(problem, solution), law=law)
+    return replace(first.refitted(solution), law=law)

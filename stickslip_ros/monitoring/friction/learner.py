@@ -275,8 +275,7 @@ class FrictionLearner:
             known_factor=known_factor,
             contact=state.contact,
             curved_at=state.curved_at,
-        )
-        problem.set_noise(jitter=state.jitter, tolerance=state.tolerance)
+        ).weighed(jitter=state.jitter, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.stribeck_fraction if follows else 0.5
         share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
@@ -326,7 +325,7 @@ class FrictionLearner:
     def _is_outlier(self, problem: SlipProblem, fixed_fit: FixedParameterFit, state: Learnt) -> bool:
         """Whether a slip differs from the estimate by more than the errors of both."""
         square = float(np.mean(fixed_fit.residuals**2))
-        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.errors) ** 2))) / float(problem.distances[0])
+        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.noise.errors) ** 2))) / float(problem.distances[0])
         force = abs(float(fixed_fit.misfits[0]))
         level = math.exp(state.parameters[STRIBECK])
         # A controller that acts on samples begins each slip with some more or less of a step of its force.

@@ -173,8 +173,8 @@ def _score_test(fitted: FittedLaw, term: OptionalTerm) -> TermScore | None:
     problem, solution = fitted.problem, fitted.solution
     if solution.tolerance > 0.0:
         return None
-    fit, prior, more = solution.fit, solution.prior, term.added(problem)
-    solution.copy_noise_to(more)
+    fit, prior, noise = solution.fit, solution.prior, problem.noise
+    more = term.added(problem).weighed(fit.velocities, jitter=noise.jitter, usable=noise.usable)
     column = term.column(more)
     try:
         fixed_fit = fit_at_fixed_parameters(
@@ -186,7 +186,7 @@ def _score_test(fitted: FittedLaw, term: OptionalTerm) -> TermScore | None:
     others = np.delete(np.arange(len(fixed_fit.gradient)), column)
     moves = -covariance_of(fixed_fit.information[np.ix_(others, others)], prior) @ fixed_fit.information[others, column]
     # Correlated residuals count as one observation.
-    repeats = residuals_per_observation(problem, solution)
+    repeats = residuals_per_observation(solution)
     own = (
         max(float(fixed_fit.information[column, column] + fixed_fit.information[column, others] @ moves), 0.0) / repeats
     )

@@ -61,9 +61,9 @@ def _round(plain: FittedLaw, best: FittedLaw, known: Mapping[int, tuple[float, f
     except LinAlgError:
         return None
     count = math.log(changed.count)
-    if solution is None or plain.misfit - misfit_of(changed, solution) < _OF_DISTURBANCE * count:
+    if solution is None or plain.misfit - misfit_of(solution) < _OF_DISTURBANCE * count:
         return None
-    even = FittedLaw(law=plain.law, problem=changed, solution=solution, position_disturbance=disturbance)
+    even = FittedLaw(law=plain.law, solution=solution, position_disturbance=disturbance)
     growing = _with_friction_factor(even, known)
     found = growing if growing is not None and even.misfit - growing.misfit > _PARAMETERS * count else even
     return found if best is plain or found.misfit < best.misfit else None
@@ -83,5 +83,5 @@ def _with_friction_factor(even: FittedLaw, known: Mapping[int, tuple[float, floa
         except LinAlgError:
             return None
         if solution.fit.parameters[-1] >= 0.0:
-            return replace(even, problem=growing, solution=solution, decreasing=decreasing)
+            return replace(even, solution=solution, decreasing=decreasing)
     return None

@@ -73,7 +73,7 @@ def screen_law(law: str, first: FittedLaw, known: Mapping[int, tuple[float, floa
     found = truncated_fit(other, same_curve(law, first), known)
     if found is None:
         return None
-    worse = (misfit_of(other, found) - misfit_of(some, theirs)) / residuals_per_observation(some, theirs)
+    worse = (misfit_of(found) - misfit_of(theirs)) / residuals_per_observation(theirs)
     return Screening(start=found.fit.parameters[:PARAMETERS], worse=worse)
 
 

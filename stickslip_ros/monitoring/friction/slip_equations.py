@@ -91,7 +91,7 @@ class NormalEquations:
         projected = -np.einsum("am,mac->mc", slopes.terms[shared:-1], follow[problem.slip_of])
         projected[:, slopes.moving] += slopes.terms[:shared].T
         projected *= weights_of(point.observed)[:, None]
-        way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
+        way = (problem.directions * problem.distances)[problem.slip_of] / problem.noise.errors
         bias_sensitivity = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
         np.add.at(bias_sensitivity, problem.parts_of_slips, projected * way[:, None])
         scores = np.add.reduceat(projected * point.observed[:, None], problem.observation_edges[:-1], axis=0)

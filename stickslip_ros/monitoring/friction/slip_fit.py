@@ -104,19 +104,19 @@ class _Fit:
         # Where the slip before is unknown, the Stribeck fraction left by it is anything from 0 to 1.
         share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
         unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
-        linked = problem.linked.copy()
+        linked = problem.noise.linked.copy()
         linked[0] = problem.before is not None
         # The kernel's columns.
         self.slips = np.stack(
             [
                 problem.rests, problem.rest_errors, problem.rests_begin, problem.breakaways, problem.durations,
-                problem.dwells, problem.last_times, problem.directions, problem.usable / tolerances.balance,
+                problem.dwells, problem.last_times, problem.directions, problem.noise.usable / tolerances.balance,
                 np.where(linked, tolerances.level, unknown), linked,
             ],
             axis=1,
         )  # fmt: skip
         self._before = np.array(problem.before or (0.0, 0.0))
-        self._scale = problem.weights / problem.errors
+        self._scale = problem.noise.weights / problem.noise.errors
 
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
         problem = self.problem
@@ -125,8 +125,8 @@ class _Fit:
         ties = np.empty((problem.count, kernel.TIES))
         off = parameters - self.prior.mean
         cost = float(off @ self.prior.information @ off) + kernel.measure(
-            parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance, problem.targets,
-            self._scale, problem.observed, observed, balance, links, ties,
+            parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance,
+            problem.noise.targets, self._scale, problem.observed, observed, balance, links, ties,
         )  # fmt: skip
         return Point(
             parameters, unknowns, kinetic, observed, balance, links, ties, found, velocities,
@@ -137,7 +137,7 @@ class _Fit:
         """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
         problem = self.problem
         target = found[:, HOLDING_FORCE] - np.exp(unknowns[:, LEVEL])
-        weights = problem.usable.astype(float)
+        weights = problem.noise.usable.astype(float)
         kinetic = np.zeros(problem.balance.shape[1])
         for _ in range(10):
             weighted = problem.balance * weights[:, None]
@@ -146,7 +146,7 @@ class _Fit:
             products += _LEAST * np.trace(products) * np.eye(len(products))
             kinetic = np.linalg.solve(products, weighted.T @ target)
             misfit = np.abs(target - problem.balance @ kinetic)
-            weights = problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + TINY)
+            weights = problem.noise.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + TINY)
             weights /= weights.max()
         return kinetic
 
@@ -172,8 +172,8 @@ class _Fit:
         )
         kernel.fill_slopes(
             positions, found, steps, moving, is_active, point.unknowns, problem.stiffness(point.parameters), self.slips,
-            problem.balance, problem.targets, self._scale, problem.observed, problem.observation_edges, point.observed,
-            point.found, point.ties, slopes.terms, slopes.by_shared, slopes.by_own,
+            problem.balance, problem.noise.targets, self._scale, problem.observed, problem.observation_edges,
+            point.observed, point.found, point.ties, slopes.terms, slopes.by_shared, slopes.by_own,
         )  # fmt: skip
         return slopes
 

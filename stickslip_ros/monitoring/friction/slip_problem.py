@@ -318,14 +318,13 @@ class SlipProblem(ObservedSlips):
 
     def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
         """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
-        usable = np.flatnonzero(self.usable)
+        usable = np.flatnonzero(self.noise.usable)
         chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(slips, len(usable)))).astype(int))
         return self.only(usable[chosen].tolist()).thinned(observations)
 
     def plain(self, law: int) -> SlipProblem:
         """The problem of the same slips under a law, without what a fit has added; what was found of stamps is kept."""
         other = SlipProblem(self.windows, self.before, law=law, budget=self.budget)
-        other.set_noise(jitter=self.jitter, tolerance=0.0)
         return other
 
     def with_law(self, law: int) -> SlipProblem:
@@ -391,7 +390,6 @@ class SlipProblem(ObservedSlips):
         What was found of the stamps is kept.
         """
         other = SlipProblem(windows or self.windows, self.before, **{**self._kind, **changes})
-        other.set_noise(jitter=self.jitter, tolerance=0.0)
         return other
 
     def _of(self, windows: list[SlipWindow]) -> SlipProblem:

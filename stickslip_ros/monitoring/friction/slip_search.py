@@ -63,17 +63,12 @@ def search(
     start : logarithms that fitted slips of this joint before, of shape (6,): if they lead to a good fit, nothing is
         searched.
     """
-    if not problem.usable.any():
+    if not problem.noise.usable.any():
         return None
     known = with_usual_rise_time(known or {})
     best = fit_again(problem, start, known) if start is not None else None
-    if best is None:
-        # The slips that the fit set aside are usable again.
-        problem.reset()
-        best = _search_anew(problem, known)
-    if best is not None:
-        best.copy_noise_to(problem)
-    return best
+    best = best or _search_anew(problem, known)
+    return best.reweighed() if best is not None else None
 
 
 def _search_anew(problem: SlipProblem, known: Mapping[int, tuple[float, float]]) -> Solution | None:
@@ -125,7 +120,7 @@ def _most_similar(problem: SlipProblem) -> list[int]:
         part = slice(first, first + number)
         distances, durations = problem.distances[part], problem.durations[part]
         spread = float(np.std(distances) / np.mean(distances) + np.std(durations) / np.mean(durations))
-        spread += 5.0 * len(np.unique(problem.groups[part])) + 5.0 * float((~problem.usable[part]).sum())
+        spread += 5.0 * len(np.unique(problem.groups[part])) + 5.0 * float((~problem.noise.usable[part]).sum())
         spread += float((~problem.follows[first + 1 : first + number]).sum())
         spread += 5.0 * len({problem.windows[slip].gains for slip in range(first, first + number)})
         spread += 5.0 * float(np.ptp(problem.directions[part]))
@@ -171,11 +166,11 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
     prior = Prior.of(parameters, deviation, lower, upper)
     unknowns = problem.detected(level)
     distance = float(np.median(problem.distances))
+    speeds: FloatArray | None = None
     for tolerance in _SHAPE_TOLERANCES:
-        problem.weigh(problem.speeds_at_nodes, tolerance * distance)
+        problem = problem.weighed(speeds, tolerance=tolerance * distance)
         fit = fit_slips(problem, prior, Tolerances(), parameters=parameters, unknowns=unknowns, enough=ROUGHLY)
-        parameters, unknowns = fit.parameters, fit.unknowns
-        problem.set_speeds(fit.velocities)
+        parameters, unknowns, speeds = fit.parameters, fit.unknowns, fit.velocities
     return fit
 
 

@@ -61,7 +61,7 @@ def knowledge_without_drift(problem: SlipProblem, information: FloatArray, prior
 
 def _shows(first: FittedLaw) -> bool:
     """Whether a straight line over time explains enough of the kinetic friction for a trend to be tried."""
-    problem, used = first.problem, first.problem.usable
+    problem, used = first.problem, first.problem.noise.usable
     count = int(used.sum())
     if count < LEAST_SLIPS:
         return False

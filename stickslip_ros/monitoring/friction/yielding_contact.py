@@ -42,25 +42,24 @@ def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
         return first
     yielding = first.problem.with_contact(contact)
     found = fitted_with_more(first, yielding, _PARAMETERS, known, prior_evidence=True)
-    if found is first or comes_to_rest(found.problem, found.solution):
+    if found is first or comes_to_rest(found.solution):
         return found
     return replace(first, unsettled=True)
 
 
 def fit_with_contact(
     problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]
-) -> tuple[SlipProblem, Solution] | None:
+) -> Solution | None:
     """The fit next to one of other slips of a joint whose contact yields; None if it is not as good as it should be."""
     contact = contact_of(problem.windows)
     if contact is None or problem.normalised:
         return None
-    yielding = problem.with_contact(contact)
-    solution = fit_again(yielding, start, known)
-    return (yielding, solution) if solution is not None and comes_to_rest(yielding, solution) else None
+    solution = fit_again(problem.with_contact(contact), start, known)
+    return solution if solution is not None and comes_to_rest(solution) else None
 
 
-def comes_to_rest(problem: SlipProblem, solution: Solution) -> bool:
+def comes_to_rest(solution: Solution) -> bool:
     """Whether joints on such a contact have come to rest before they slip again: they swing on it for a while."""
-    parameters = solution.fit.parameters
+    problem, parameters = solution.problem, solution.fit.parameters
     swing = 2.0 * math.pi * math.sqrt(math.exp(float(parameters[INERTIA])) * problem.compliance(parameters))
-    return float(np.median(problem.dwells[solution.usable])) > _SETTLING_PERIODS * swing
+    return float(np.median(problem.dwells[problem.noise.usable])) > _SETTLING_PERIODS * swing
