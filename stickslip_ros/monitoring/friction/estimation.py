@@ -116,7 +116,7 @@ def fitted_laws(
     plain = FittedLaw(law=PAPERS_LAW, solution=solution)
     steady = with_contact(with_delay(plain, known), known)
     first = with_optional_terms(with_trend(steady, known), known)
-    trend = first.problem.trend
+    trend = first.problem.model.trend
     why = unexplained(first) or ("kinetic friction varies" if trend else "")
     if why and not first.problem.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.
@@ -257,13 +257,13 @@ def _friction_factor(fitted: FittedLaw, covariance: FloatArray) -> FrictionFacto
 def _curvature(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:
     """Of viscous friction over speed; None where it is taken for a straight line."""
     problem = fitted.problem
-    if problem.curved_at is None:
+    if problem.model.curved_at is None:
         return None
-    column = problem.curvature_column
+    column = problem.column["curvature"]
     return Curvature(
         value=float(fitted.solution.fit.parameters[column]),
         std=math.sqrt(max(float(covariance[column, column]), 0.0)),
-        speed=problem.curved_at,
+        speed=problem.model.curved_at,
     )
 
 
@@ -325,7 +325,7 @@ def estimate_from(
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
     covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
-    late = problem.delay_estimate(parameters, covariance) if problem.delay_shows else None
+    late = problem.delay_estimate(parameters, covariance) if problem.model.delay_shows else None
     parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
     without_drift, of_balance = problem.without_drift
     chosen = np.concatenate([without_drift, len(parameters) + of_balance])

@@ -132,7 +132,7 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
         variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
-    if problem.may_be_late and not problem.delay_shows:
+    if problem.may_be_late and not problem.model.delay_shows:
         lighter = late * problem.sample_interval * problem.latest_damping
         variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
@@ -146,7 +146,7 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     act late is known to act in steps; of another it is not known.
     """
     size = fit.information.shape[0]
-    if not problem.delay_shows or not problem.noise.usable.any():
+    if not problem.model.delay_shows or not problem.noise.usable.any():
         return np.zeros((size, size))
     surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
@@ -161,7 +161,7 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
 def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     """Covariance of what a trend of viscous friction unlike that of the Stribeck friction makes of the former."""
     variances = np.zeros(fit.information.shape[0])
-    if problem.trend:
+    if problem.model.trend:
         variances[VISCOUS] = float(fit.parameters[-1] ** 2 * np.mean(problem.since**2))
     return np.diag(variances)
 

@@ -37,4 +37,4 @@ def may_hide_a_delay(fitted: FittedLaw) -> bool:
     problem, solution = fitted.problem, fitted.solution
     viscous = float(solution.fit.parameters[VISCOUS])
     next_to_none = viscous <= solution.prior.lower[VISCOUS] + _NEXT_TO_NONE
-    return problem.may_be_late and not problem.delay_shows and next_to_none
+    return problem.may_be_late and not problem.model.delay_shows and next_to_none

@@ -30,7 +30,7 @@ from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import FixedParameterFit, Tolerances, fit_at_fixed_parameters
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -265,16 +265,13 @@ class FrictionLearner:
             if window.before is None or window.after is None:
                 return
             window = window.between_creep()
-        more = 2 * (state.contact is not None) + (state.curved_at is not None)
+        model = SlipModel(law=LAWS[state.estimate.law], contact=state.contact, curved_at=state.curved_at)
         problem = SlipProblem(
             [window],
-            (state.last_window.arrest, state.stribeck_fraction) if follows else None,
+            replace(model, delay_shows=len(state.parameters) > PARAMETERS + len(model.terms)),
+            before=(state.last_window.arrest, state.stribeck_fraction) if follows else None,
             both_directions=len(state.kinetic) > 1,
-            law=LAWS[state.estimate.law],
-            delay_shows=len(state.parameters) > PARAMETERS + more,
             known_factor=known_factor,
-            contact=state.contact,
-            curved_at=state.curved_at,
         ).weighed(jitter=state.jitter, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.stribeck_fraction if follows else 0.5

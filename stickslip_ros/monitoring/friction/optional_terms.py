@@ -114,7 +114,7 @@ def with_optional_terms(
         with a curve explains much.
     """
     fitted = first
-    straight = beside is not None and beside.problem.curved_at is None
+    straight = beside is not None and beside.problem.model.curved_at is None
     tried: set[OptionalTerm] = {CURVED_VISCOUS} if straight else set()
     moves: list[FloatArray] = []
     scores = _score_tests(fitted)
@@ -210,11 +210,11 @@ def _may_have_more(fitted: FittedLaw) -> bool:
 
 def _may_be_curved(fitted: FittedLaw) -> bool:
     """Whether viscous friction may be no straight line: where it is hardly seen that is no question."""
-    return _may_have_more(fitted) and fitted.problem.curved_at is None and not may_hide_a_delay(fitted)
+    return _may_have_more(fitted) and fitted.problem.model.curved_at is None and not may_hide_a_delay(fitted)
 
 
 def _may_be_late(fitted: FittedLaw) -> bool:
-    return _may_have_more(fitted) and fitted.problem.may_be_late and not fitted.problem.delay_shows
+    return _may_have_more(fitted) and fitted.problem.may_be_late and not fitted.problem.model.delay_shows
 
 
 def _left_by_a_delay(problem: SlipProblem, parameters: FloatArray) -> FloatArray:
@@ -229,7 +229,7 @@ def _left_by_a_delay(problem: SlipProblem, parameters: FloatArray) -> FloatArray
 CURVED_VISCOUS = OptionalTerm(
     applies=_may_be_curved,
     added=SlipProblem.with_curvature,
-    column=lambda problem: problem.curvature_column,
+    column=lambda problem: problem.column["curvature"],
     reported_change=lambda problem, parameters: np.zeros(len(parameters)),
     std=CURVATURE,
     lower=-math.inf,
@@ -240,7 +240,7 @@ CURVED_VISCOUS = OptionalTerm(
 LATE_CONTROLLER = OptionalTerm(
     applies=_may_be_late,
     added=SlipProblem.with_delay,
-    column=lambda problem: PARAMETERS,
+    column=lambda problem: problem.column["delay"],
     reported_change=_left_by_a_delay,
     std=LATE,
     lower=0.0,

@@ -146,7 +146,7 @@ def _distinct(guesses: list[ShapeGuess]) -> list[ShapeGuess]:
 def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
     """Fit similar slips, each with its own level."""
     duration = float(np.median(problem.durations))
-    parameters = np.concatenate([np.zeros(PARAMETERS), problem.more_means])
+    parameters = np.concatenate([np.zeros(PARAMETERS), problem.term_means])
     parameters[INERTIA] = math.log(guess.inertia)
     mass = 1.0 if problem.normalised else guess.inertia
     parameters[VISCOUS] = math.log(max(guess.viscous, 0.02 * mass * problem.natural_frequency(parameters)))
@@ -159,7 +159,7 @@ def _fit_shape(problem: SlipProblem, guess: ShapeGuess) -> SlipFit:
 
 def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> SlipFit:
     """Fit the shape alone: every slip has its own level and kinetic friction."""
-    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.more_errors])
+    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.term_stds])
     deviation[[STRIBECK, RISE_TIME]] = FIXED_STD
     lower, upper = bounds(problem, math.exp(parameters[INERTIA]))
     lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
@@ -180,7 +180,7 @@ def _generalised(problem: SlipProblem, shapes: list[SlipFit]) -> list[SlipFit]:
     for shape in sorted(shapes, key=lambda fit: fit.cost):
         some = problem.spread()
         level = usual_level(shape)
-        parameters = np.concatenate([shape.parameters[:PARAMETERS], some.more_means])
+        parameters = np.concatenate([shape.parameters[:PARAMETERS], some.term_means])
         parameters[STRIBECK] = math.log(level)
         try:
             fits.append(_free_fit(some, parameters, level))

@@ -26,7 +26,6 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, MOST_COMPLIANCE
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
@@ -51,9 +50,6 @@ _LAST_ITERATIONS = 100  # iterations of the last fit, 1: where all ties are tigh
 ROUGHLY, _NEARLY = 0.1, 0.003  # gain of an iteration, 1: with less a stage ends; the last ones
 FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change, 1
 _RISE_TIME_SPREAD = 2.0  # prior standard deviation of the rise time's logarithm, 1
-_LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
-_MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
-_MOST_CURVED = 0.95  # quadratic part of viscous friction, of it, or what is missing there: at most
 _LEAST_VISCOUS = 0.02  # viscous friction, of the inertia over a slip's duration: a damping ratio of 0.2 %
 _LEAST_STRIBECK_VELOCITY = 2e-3  # Stribeck velocity, of the usual speed of a slip: at least
 _LEAST_LAG = 1e-4  # lag, of a slip's duration: at least
@@ -169,7 +165,7 @@ def fit_all(
     lower, upper = bounds(problem, math.exp(shape[INERTIA]))
     problem, fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
-    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.more_errors])
+    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.term_stds])
     for index, (center, spread) in known.items():
         mean[index], deviation[index] = center, spread
     prior = Prior.of(mean, deviation, lower, upper)
@@ -222,7 +218,7 @@ def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[
     """
     tolerance = 0.005 * float(np.median(problem.distances))
     problem = problem.weighed(tolerance=tolerance, jitter=0.0, usable=problem.single)
-    parameters = np.concatenate([shape[:PARAMETERS], problem.more_means])
+    parameters = np.concatenate([shape[:PARAMETERS], problem.term_means])
     held = Prior.of(parameters, np.full(len(parameters), FIXED_STD), parameters - 1.0, parameters + 1.0)
     unknowns = problem.detected(level)
     fit = fit_slips(
@@ -261,8 +257,8 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
     duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
-    size = PARAMETERS + len(problem.more_errors)
-    lower, upper = np.full(size, -math.inf), np.full(size, math.inf)
+    lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.terms.values()])
+    upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.terms.values()])
     mass = 1.0 if problem.normalised else inertia
     # Not so little that it makes no difference any more: what makes none has no error that could be told.
     lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)
@@ -270,13 +266,6 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
     lower[LAG], upper[LAG] = math.log(_LEAST_LAG * duration), math.log(duration)
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
-    if problem.delay_shows:
-        lower[PARAMETERS], upper[PARAMETERS] = 0.0, _LONGEST_DELAY
-    if problem.contact is not None:
-        both = slice(problem.contact_column, problem.contact_column + 2)
-        lower[both], upper[both] = (LEAST_COMPLIANCE, 0.0), (MOST_COMPLIANCE, _MOST_DAMPING)
-    if problem.curved_at is not None:
-        lower[problem.curvature_column], upper[problem.curvature_column] = -_MOST_CURVED, _MOST_CURVED
     return lower, upper
 
 

@@ -61,7 +61,7 @@ def shape_guesses(problem: SlipProblem, slip: int) -> list[ShapeGuess]:
         times, way, speed, misfit = _smooth(problem, slip, float(breakaway))
         lagged = np.stack([np.interp(times - lag, times, speed, left=0.0) for lag in lags])
         units = speed.max() * _STRIBECK_VELOCITIES
-        falling = np.asarray(fallen_share(problem.law, lagged / units[:, None, None]))
+        falling = np.asarray(fallen_share(problem.model.law, lagged / units[:, None, None]))
         columns = np.empty((len(units), len(lags), 3, _POINTS))
         columns[:, :, 0] = _known_force(problem, slip, times, way)
         columns[:, :, 1] = -_integral(times, way)

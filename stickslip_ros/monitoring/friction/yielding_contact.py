@@ -36,7 +36,7 @@ def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> 
     ----------
     known : mean and standard deviation of parameters' logarithms, by index.
     """
-    fitted = first.problem.contact is not None
+    fitted = first.problem.model.contact is not None
     contact = None if fitted or first.problem.normalised else contact_of(first.problem.windows)
     if contact is None:
         return first
