@@ -41,17 +41,17 @@ from stickslip_ros.monitoring.friction.estimate import (
 from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
+from stickslip_ros.monitoring.friction.late_controller import at_the_latest_gains, delay_estimate, may_hide_a_delay
 from stickslip_ros.monitoring.friction.laws import weighed_laws
-from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
+from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.place_fit import with_position_disturbance
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
-from stickslip_ros.monitoring.friction.trend import with_trend
-from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
+from stickslip_ros.monitoring.friction.trend import TREND
+from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
 # Steps of simulation in a study, 1: 5 to 8 s of a core. Friction that varies with position takes up to 2.1e7, other
@@ -114,8 +114,8 @@ def fitted_laws(
     if solution is None:
         return []
     plain = FittedLaw(law=PAPERS_LAW, solution=solution)
-    steady = with_contact(with_delay(plain, known), known)
-    first = with_optional_terms(with_trend(steady, known), known)
+    steady = with_shown_terms(plain, known)
+    first = with_optional_terms(TREND.fitted(steady, known), known)
     trend = first.problem.model.trend
     why = unexplained(first) or ("kinetic friction varies" if trend else "")
     if why and not first.problem.normalised and not first.unsettled:
@@ -306,7 +306,7 @@ def _comparable(fit: FittedLaw) -> FloatArray:
 def _alternative(fit: FittedLaw) -> LawAlternative:
     solution = fit.solution
     covariance = _covariance(fit)
-    parameters, covariance = fit.problem.at_the_latest_gains(solution.fit.parameters, covariance)
+    parameters, covariance = at_the_latest_gains(fit.problem, solution.fit.parameters, covariance)
     return LawAlternative(
         law=fit.law,
         weight=fit.weight,
@@ -325,8 +325,8 @@ def estimate_from(
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
     covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
-    late = problem.delay_estimate(parameters, covariance) if problem.model.delay_shows else None
-    parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
+    late = delay_estimate(problem, parameters, covariance)
+    parameters, covariance = at_the_latest_gains(problem, parameters, covariance)
     without_drift, of_balance = problem.without_drift
     chosen = np.concatenate([without_drift, len(parameters) + of_balance])
     parameters, kinetic, covariance = parameters[without_drift], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]

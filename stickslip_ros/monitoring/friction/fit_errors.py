@@ -133,7 +133,7 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
         variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
     if problem.may_be_late and not problem.model.delay_shows:
-        lighter = late * problem.sample_interval * problem.latest_damping
+        lighter = late * problem.sample_interval * problem.latest_gains[1]
         variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
 
@@ -174,7 +174,7 @@ def _by_effort(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     ratio, error = stiffness_difference(problem.windows)
     moves = np.concatenate([np.zeros(len(fit.parameters)), fit.kinetic])
     moves[[INERTIA, STRIBECK]] = 1.0
-    moves[VISCOUS] = 1.0 + problem.latest_damping / math.exp(float(fit.parameters[VISCOUS]))
+    moves[VISCOUS] = 1.0 + problem.latest_gains[1] / math.exp(float(fit.parameters[VISCOUS]))
     return np.asarray(max(ratio**2 - error**2, 0.0) * np.outer(moves, moves))
 
 

@@ -10,7 +10,7 @@ counts as an observation of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -83,6 +83,11 @@ class FittedLaw:
         return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
 
     @property
+    def may_lack_terms(self) -> bool:
+        """Whether a scored term may be missing: not where only speeds are known, or a subtracted force nearly right."""
+        return not (self.problem.normalised or self.position_disturbance is not None or self.unsettled)
+
+    @property
     def cut_short(self) -> bool:
         """Whether the study had no time for all that could be tried."""
         return self.problem.budget.spent
@@ -91,6 +96,55 @@ class FittedLaw:
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
         return misfit_of(self.solution)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelTerm:
+    """Optional term of the friction model, with parameters of its own.
+
+    Attributes
+    ----------
+    added : the problem of a fit's slips with the term; None where nothing shows that the fit may lack the term.
+    parameters : how many. prior_evidence : as of :func:`fitted_with_more`.
+    settles : whether a joint whose fit has the term comes to rest; if not the fit without the term is `unsettled`.
+    """
+
+    added: Callable[[FittedLaw], SlipProblem | None]
+    parameters: int = 1
+    prior_evidence: bool = False
+    settles: Callable[[Solution], bool] = lambda solution: True
+
+    def fitted(self, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
+        """The fit with the term where that explains the slips better (BIC); else as it was.
+
+        Parameters
+        ----------
+        known : mean and standard deviation of parameters' logarithms, by index.
+        """
+        problem = self.added(first)
+        if problem is None:
+            return first
+        found = fitted_with_more(first, problem, self.parameters, known, prior_evidence=self.prior_evidence)
+        return found if found is first or self.settles(found.solution) else replace(first, unsettled=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoredTerm(ModelTerm):
+    """Optional term of one parameter with a prior mean of zero, to which :mod:`.optional_terms` applies a score test.
+
+    Attributes
+    ----------
+    name : of the parameter, as of :attr:`.SlipProblem.column`. lower : its lower bound in the score test.
+    reported_change : change of the reported parameters per unit of the term's, from a problem without it and its
+        parameters, shape (p,).
+    explains_misfit : whether the term is so flexible that it may stand for another effect. It is also tried where no
+        law fits, if a truncated fit of a few slips is better with the term.
+    """
+
+    name: str
+    reported_change: Callable[[SlipProblem, FloatArray], FloatArray]
+    lower: float
+    explains_misfit: bool
 
 
 def fitted_with_more(

@@ -17,12 +17,11 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of, residuals_per_observation
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
-from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
+from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
+from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.screening import same_curve, same_parameters, screen_law
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
-from stickslip_ros.monitoring.friction.trend import with_trend
-from stickslip_ros.monitoring.friction.yielding_contact import with_contact
+from stickslip_ros.monitoring.friction.trend import TREND
 from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law, 1: the data exclude a law of less
@@ -89,8 +88,8 @@ def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]
     except LinAlgError:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.
-    other = with_delay(FittedLaw(law=law, solution=solution), known)
-    return with_optional_terms(with_trend(with_contact(other, known), known), known, beside=first)
+    other = with_shown_terms(FittedLaw(law=law, solution=solution), known)
+    return with_optional_terms(TREND.fitted(other, known), known, beside=first)
 
 
 def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
@@ -98,7 +97,7 @@ def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float,
     again = _near(first, first.law, same_curve(first.law, better), better, known)
     if again is None or first.position_disturbance is not None:
         return again
-    return with_optional_terms(with_contact(with_delay(again, known), known), known)
+    return with_optional_terms(with_shown_terms(again, known), known)
 
 
 def _near(
@@ -106,7 +105,8 @@ def _near(
 ) -> FittedLaw | None:
     """A law fitted to the slips as the first fit has them, from a start and the levels of another fit."""
     try:
-        solution = fit_near(first.problem.with_law(LAWS[law]), start, shape.solution.fit, known)
+        problem = first.problem.with_model(replace(first.problem.model, law=LAWS[law]))
+        solution = fit_near(problem, start, shape.solution.fit, known)
     except LinAlgError:
         return None
     return replace(first.refitted(solution), law=law)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,7 +69,7 @@ def screen_law(law: str, first: FittedLaw, known: Mapping[int, tuple[float, floa
     theirs = truncated_fit(some, first.solution.fit.parameters, known)
     if theirs is None:
         return None
-    other = some.with_law(LAWS[law])
+    other = some.with_model(replace(some.model, law=LAWS[law]))
     found = truncated_fit(other, same_curve(law, first), known)
     if found is None:
         return None

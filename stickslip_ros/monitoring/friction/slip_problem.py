@@ -26,8 +26,6 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, MOST_COMPLIANCE, ContactKnowledge
-from stickslip_ros.monitoring.friction.delay_estimate import DelayEstimate
 from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -40,7 +38,6 @@ _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # steps in a slip, 1: at least, and at most
 LATE = 1.5  # prior standard deviation of a controller's delay, sample intervals
-_LATEST = 2.0  # longest delay, of `LATE`
 _LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
 _MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
 _MOST_CURVED = 0.95  # quadratic part of viscous friction, of it, or what is missing there: at most
@@ -48,11 +45,9 @@ _FACTOR_STD = 0.5  # prior standard deviation of the Stribeck friction that the 
 _TREND = 0.1  # prior standard deviation of a trend from the first slip to the last, of the Stribeck friction
 _DAMPING_RATIO = 0.5  # damping ratio of a contact that yields, 1: prior mean and standard deviation
 CURVATURE = 0.5  # prior standard deviation of the quadratic part of viscous friction, of it
-_SWIFT = 1.33  # speed, of the mean of a slip that is half a sine: friction takes as much there as on average
+# Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
+MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
 _LEAST_INERTIA = 0.1  # inertia that a delay leaves, of the inertia: at least
-LEAST_VISCOUS = (
-    0.3  # viscous friction, of its standard error: less is no friction to speak of, and its logarithm needs some
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +58,20 @@ class TermParameter:
     mean: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactKnowledge:
+    """Compliance of a contact.
+
+    Attributes
+    ----------
+    mean, std : in ``unit``. unit : compliance of the spring that the slips are pulled by [rad/(N·m)].
+    """
+
+    mean: float
+    std: float
+    unit: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -370,27 +379,18 @@ class SlipProblem(ObservedSlips):
         """The problem of the same slips under a law, without what a fit has added."""
         return SlipProblem(self.windows, SlipModel.of(self.windows, law), budget=self.budget)
 
-    def with_law(self, law: int) -> SlipProblem:
-        """The problem of the same slips under another friction law."""
-        model = replace(self.model, law=law)
-        return self._with(model=model, subtracted_force=self.subtracted_force, covariate=self.covariate)
-
-    def with_trend(self) -> SlipProblem:
-        """The problem of the same slips with friction that changes steadily."""
-        return self._with(model=replace(self.model, trend=True))
-
-    def with_delay(self) -> SlipProblem:
-        """The problem of the same slips with a controller whose delay is unknown."""
-        return self._with(model=replace(self.model, delay_shows=True))
+    def with_model(self, model: SlipModel) -> SlipProblem:
+        """The problem of the same slips with another model."""
+        return self._with(
+            model=model,
+            subtracted_force=self.subtracted_force,
+            covariate=None if self.model.trend else self.covariate,
+        )
 
     def with_contact(self, contact: ContactKnowledge) -> SlipProblem:
         """The problem of the same slips with a contact that yields; a trend has to be fitted anew."""
         windows = [window.between_creep() for window in self.windows]
         return self._with(windows, model=replace(self.model, contact=contact, trend=False))
-
-    def with_curvature(self) -> SlipProblem:
-        """The problem of the same slips with viscous friction that may be a curve."""
-        return self._with(model=replace(self.model, curved_at=_SWIFT * self.usual_speed))
 
     def compliance(self, parameters: FloatArray) -> float:
         """Of the contact [rad/(N·m)]; 0 of a rigid one."""
@@ -403,9 +403,9 @@ class SlipProblem(ObservedSlips):
         return self.windows[0].source is ForceSource.GAINS
 
     @property
-    def latest_damping(self) -> float:
-        """Gain of the last slip [N·m·s/rad]."""
-        return float(self._gains[-1, 1])
+    def latest_gains(self) -> tuple[float, float]:
+        """Stiffness [N·m/rad] and damping [N·m·s/rad] at the last slip."""
+        return float(self._gains[-1, 0]), float(self._gains[-1, 1])
 
     def without_position_force(
         self, windows: list[SlipWindow], subtracted_force: FloatArray, covariate: FloatArray | None = None
@@ -444,52 +444,3 @@ class SlipProblem(ObservedSlips):
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
         return self._with([self.windows[number] for number in which])
-
-    def delay_estimate(self, parameters: FloatArray, covariance: FloatArray) -> DelayEstimate:
-        """What the delay takes away at the latest gains, with errors, of a problem whose delay shows.
-
-        Parameters
-        ----------
-        parameters : logarithms and what comes after them, shape (p,). covariance : shape (p + k, p + k).
-        """
-        viscous, slopes = math.exp(parameters[VISCOUS]), self._slopes_of_what_is_left(parameters, len(covariance))
-        return DelayEstimate(
-            viscous=viscous,
-            spread=math.sqrt(max(float(covariance[VISCOUS, VISCOUS]), 0.0)),
-            left=self._viscous_left(parameters),
-            std=math.sqrt(max(float(slopes @ covariance @ slopes), 0.0)),
-            stiffness=float(self._gains[-1, 0]),
-            longest=_LATEST * LATE * self.sample_interval,
-        )
-
-    def _slopes_of_what_is_left(self, parameters: FloatArray, size: int) -> FloatArray:
-        """Of what is left of the viscous friction, over the parameters and what follows them, shape (size,)."""
-        slopes = np.zeros(size)
-        slopes[[VISCOUS, self.column["delay"]]] = math.exp(parameters[VISCOUS]), -self.taken_by_an_interval
-        return slopes
-
-    def _viscous_left(self, parameters: FloatArray) -> float:
-        """Viscous friction less what the delay takes off at the latest gains, k_p τ; negative where that is more."""
-        return math.exp(parameters[VISCOUS]) - self.taken_by_an_interval * float(parameters[self.column["delay"]])
-
-    @property
-    def taken_by_an_interval(self) -> float:
-        """Damping that a delay of one sample interval takes off at the latest gains [N·m·s/rad]."""
-        return float(self._gains[-1, 0]) * self.sample_interval
-
-    def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
-
-        The delay reduces the damping by k_p τ. Shapes (p,) and (p + k, p + k), as they were.
-        """
-        if not self.model.delay_shows:
-            return parameters, covariance
-        late = self.delay_estimate(parameters, covariance)
-        slopes = np.eye(len(covariance))
-        slopes[VISCOUS] = self._slopes_of_what_is_left(parameters, len(covariance))
-        # Friction is not negative; the logarithm needs some.
-        left = max(late.left, LEAST_VISCOUS * late.std, 1e-6 * late.viscous)
-        slopes[VISCOUS] /= left
-        changed = parameters.copy()
-        changed[VISCOUS] = math.log(left)
-        return changed, np.asarray(slopes @ covariance @ slopes.T)
