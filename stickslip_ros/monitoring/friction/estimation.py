@@ -46,7 +46,7 @@ from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.place_fit import with_position_disturbance
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
@@ -103,30 +103,30 @@ def fitted_laws(
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
-    problem = SlipProblem(windows, budget=budget)
-    known = _prior_knowledge(configured, normalised=problem.normalised)
-    solution = fit_with_contact(problem, start, known) if yields and start is not None else None
-    if solution is None and (solution := search(problem, known, start)) is not None:
+    known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
+    problem = SlipProblem(windows, SlipModel.of(windows, known=known), budget=budget)
+    solution = fit_with_contact(problem, start) if yields and start is not None else None
+    if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.problem.noise.usable)
         if len(kept) < len(windows):
-            solution = search(SlipProblem(kept, budget=budget), known, start)
+            solution = search(SlipProblem(kept, SlipModel.of(kept, known=known), budget=budget), start)
     if solution is None:
         return []
     plain = FittedLaw(law=PAPERS_LAW, solution=solution)
-    steady = with_shown_terms(plain, known)
-    first = with_optional_terms(TREND.fitted(steady, known), known)
+    steady = with_shown_terms(plain)
+    first = with_optional_terms(TREND.fitted(steady))
     trend = first.problem.model.trend
     why = unexplained(first) or ("kinetic friction varies" if trend else "")
     if why and not first.problem.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.
-        for base in (with_optional_terms(steady, known) if trend else first, plain):
-            over_position = with_position_disturbance(base, known, why)
+        for base in (with_optional_terms(steady) if trend else first, plain):
+            over_position = with_position_disturbance(base, why)
             if over_position.misfit < first.misfit:
                 first = over_position
             if not unexplained(first) or first.solution is solution:
                 break
-    fits = weighed_laws(first, known, rejected)
+    fits = weighed_laws(first, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 

@@ -10,7 +10,7 @@ counts as an observation of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -105,7 +105,8 @@ class ModelTerm:
     Attributes
     ----------
     added : the problem of a fit's slips with the term; None where nothing shows that the fit may lack the term.
-    parameters : how many. prior_evidence : as of :func:`fitted_with_more`.
+    parameters : how many.
+    prior_evidence : whether the slips are known to need the term; else a fit of a few slips has to show it first.
     settles : whether a joint whose fit has the term comes to rest; if not the fit without the term is `unsettled`.
     """
 
@@ -114,18 +115,21 @@ class ModelTerm:
     prior_evidence: bool = False
     settles: Callable[[Solution], bool] = lambda solution: True
 
-    def fitted(self, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
-        """The fit with the term where that explains the slips better (BIC); else as it was.
-
-        Parameters
-        ----------
-        known : mean and standard deviation of parameters' logarithms, by index.
-        """
-        problem = self.added(first)
+    def fitted(self, first: FittedLaw) -> FittedLaw:
+        """The fit with the term, where it is good and worth the parameters (BIC); else the first one."""
+        problem = None if first.cut_short else self.added(first)
         if problem is None:
             return first
-        found = fitted_with_more(first, problem, self.parameters, known, prior_evidence=self.prior_evidence)
-        return found if found is first or self.settles(found.solution) else replace(first, unsettled=True)
+        if not first.fits and not self.prior_evidence and not _worth_the_parameters(first, problem, self.parameters):
+            return first
+        try:
+            found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
+        except LinAlgError:
+            return first
+        gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
+        if found.mean_square >= GOOD or gain < self.parameters * math.log(problem.count):
+            return first
+        return first.refitted(found) if self.settles(found) else replace(first, unsettled=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,45 +151,14 @@ class ScoredTerm(ModelTerm):
     explains_misfit: bool
 
 
-def fitted_with_more(
-    first: FittedLaw,
-    problem: SlipProblem,
-    more: int,
-    known: Mapping[int, tuple[float, float]],
-    *,
-    prior_evidence: bool = False,
-) -> FittedLaw:
-    """The fit of the same slips with more parameters, where it is good and worth them (BIC); else the first one.
-
-    Parameters
-    ----------
-    problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
-    prior_evidence : whether the slips are known to need the parameters; else a fit of a few slips has to show it first.
-    """
-    if first.cut_short:
-        return first
-    if not first.fits and not prior_evidence and not _worth_the_parameters(first, problem, more, known):
-        return first
-    try:
-        found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
-    except LinAlgError:
-        return first
-    gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
-    if found.mean_square >= GOOD or gain < more * math.log(problem.count):
-        return first
-    return first.refitted(found)
-
-
-def _worth_the_parameters(
-    first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]
-) -> bool:
+def _worth_the_parameters(first: FittedLaw, problem: SlipProblem, more: int) -> bool:
     """Whether a few of the slips are worth the parameters: what explains what is left over is seen in them.
 
     Where no law fits, full fits take many times as long, and are in vain.
     """
     start = first.solution.fit.parameters
     without, together = first.problem.spread(), problem.without(~first.problem.noise.usable).spread()
-    fits = truncated_fit(without, start, known), truncated_fit(together, start, known)
+    fits = truncated_fit(without, start), truncated_fit(together, start)
     if fits[0] is None or fits[1] is None:
         return False
     return misfit_of(fits[0]) - misfit_of(fits[1]) > more * math.log(without.count)

@@ -8,7 +8,7 @@ exp(-½ Δ) of the difference of twice the negative logarithms of their likeliho
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
 from functools import reduce
 
@@ -28,14 +28,11 @@ EXCLUDED = 0.02  # weight of a law, 1: the data exclude a law of less
 LEAST_SLIPS = 8  # usable slips that distinguish laws, 1: at least
 
 
-def weighed_laws(
-    first: FittedLaw, known: Mapping[int, tuple[float, float]], rejected: Collection[str] = ()
-) -> list[FittedLaw]:
+def weighed_laws(first: FittedLaw, rejected: Collection[str] = ()) -> list[FittedLaw]:
     """The law fitted first and the others that the slips do not exclude, with their weights; the likeliest first.
 
     Parameters
     ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
     rejected : laws that fewer of these slips have excluded; they count as such as long as the first one fits.
     """
     fits, given_up = [first], []
@@ -43,14 +40,14 @@ def weighed_laws(
         for law in LAWS:
             if law == first.law:
                 continue
-            other = None if law in rejected and first.fits else _beside(law, first, known)
+            other = None if law in rejected and first.fits else _beside(law, first)
             if other is None:
                 given_up.append(law)
             else:
                 fits.append(other)
     misfits = _misfits(fits)
     best = int(np.argmin(misfits))
-    again = _again(first, fits[best], known) if best > 0 else None
+    again = _again(first, fits[best]) if best > 0 else None
     with_it = [] if again is None else _misfits([again, *fits])
     if again is not None and with_it[0] < with_it[1]:
         # The first one had been caught in a wrong valley, out of which the other law's fit shows the way.
@@ -75,38 +72,36 @@ def _misfits(fits: list[FittedLaw]) -> list[float]:
     return [misfit_of(fit.solution, nodes) for fit in fits]
 
 
-def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+def _beside(law: str, first: FittedLaw) -> FittedLaw | None:
     """Another law's fit of the same slips; None if it would be far worse, or there is none."""
     if first.position_disturbance is not None:
         # The same position-dependent forces are subtracted for both laws.
-        return _near(first, law, same_parameters(law, first), first, known)
-    screening = screen_law(law, first, known)
+        return _near(first, law, same_parameters(law, first), first)
+    screening = screen_law(law, first)
     if screening is None or screening.rejected or not (first.fits or screening.better):
         return None
     try:
-        solution = fit_near(first.problem.plain(LAWS[law]), screening.start, first.solution.fit, known)
+        solution = fit_near(first.problem.plain(LAWS[law]), screening.start, first.solution.fit)
     except LinAlgError:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.
-    other = with_shown_terms(FittedLaw(law=law, solution=solution), known)
-    return with_optional_terms(TREND.fitted(other, known), known, beside=first)
+    other = with_shown_terms(FittedLaw(law=law, solution=solution))
+    return with_optional_terms(TREND.fitted(other), beside=first)
 
 
-def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+def _again(first: FittedLaw, better: FittedLaw) -> FittedLaw | None:
     """The first law fitted from where another one has led to; None if nothing can be fitted there."""
-    again = _near(first, first.law, same_curve(first.law, better), better, known)
+    again = _near(first, first.law, same_curve(first.law, better), better)
     if again is None or first.position_disturbance is not None:
         return again
-    return with_optional_terms(with_shown_terms(again, known), known)
+    return with_optional_terms(with_shown_terms(again))
 
 
-def _near(
-    first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw, known: Mapping[int, tuple[float, float]]
-) -> FittedLaw | None:
+def _near(first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw) -> FittedLaw | None:
     """A law fitted to the slips as the first fit has them, from a start and the levels of another fit."""
     try:
         problem = first.problem.with_model(replace(first.problem.model, law=LAWS[law]))
-        solution = fit_near(problem, start, shape.solution.fit, known)
+        solution = fit_near(problem, start, shape.solution.fit)
     except LinAlgError:
         return None
     return replace(first.refitted(solution), law=law)

@@ -75,16 +75,14 @@ class TermScore:
         return np.asarray(self.mean_square * np.outer(self.moves, self.moves))
 
 
-def with_shown_terms(fitted: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
+def with_shown_terms(fitted: FittedLaw) -> FittedLaw:
     """The fit with the terms that viscous friction next to none and creep at rest show, where these are worth it."""
     for term in (HIDDEN_DELAY, YIELDING_CONTACT):
-        fitted = term.fitted(fitted, known)
+        fitted = term.fitted(fitted)
     return fitted
 
 
-def with_optional_terms(
-    first: FittedLaw, known: Mapping[int, tuple[float, float]], beside: FittedLaw | None = None
-) -> FittedLaw:
+def with_optional_terms(first: FittedLaw, beside: FittedLaw | None = None) -> FittedLaw:
     """The fit with every term that clearly explains the slips better, the most significant first; else the fit itself.
 
     The terms left out add to the covariance (`by_optional_terms`), and so do changes by those added. Where the law does
@@ -92,7 +90,6 @@ def with_optional_terms(
 
     Parameters
     ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
     beside : another law's fit of the same slips. If it has no curved viscous friction, this fit gets none: a wrong law
         with a curve explains much.
     """
@@ -103,7 +100,7 @@ def with_optional_terms(
     scores = _score_tests(fitted)
     while (best := _most_significant(fitted, {one: scores[one] for one in scores if one not in tried})) is not None:
         tried.add(best)
-        found = replace(best, prior_evidence=scores[best] is not None).fitted(fitted, known)
+        found = replace(best, prior_evidence=scores[best] is not None).fitted(fitted)
         if found is not fitted and not _at_its_bound(found, best):
             if best.explains_misfit:
                 moves.append(_shared(found) - _shared(fitted))

@@ -11,7 +11,6 @@ both laws are fitted to the same few slips, with ever smaller tolerances of the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,19 +57,14 @@ class Screening:
         return self.worse < -CLEARLY_BETTER
 
 
-def screen_law(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> Screening | None:
-    """Screen a law against the one fitted first; None if no slip can be simulated by it.
-
-    Parameters
-    ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
-    """
+def screen_law(law: str, first: FittedLaw) -> Screening | None:
+    """Screen a law against the one fitted first; None if no slip can be simulated by it."""
     some = first.problem.spread()
-    theirs = truncated_fit(some, first.solution.fit.parameters, known)
+    theirs = truncated_fit(some, first.solution.fit.parameters)
     if theirs is None:
         return None
     other = some.with_model(replace(some.model, law=LAWS[law]))
-    found = truncated_fit(other, same_curve(law, first), known)
+    found = truncated_fit(other, same_curve(law, first))
     if found is None:
         return None
     worse = (misfit_of(found) - misfit_of(theirs)) / residuals_per_observation(theirs)

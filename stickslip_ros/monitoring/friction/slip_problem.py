@@ -10,7 +10,8 @@ are Eq. (6), from one slip's end to the next one's beginning, and the balance of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +82,7 @@ class SlipModel:
     Attributes
     ----------
     law : number in ``model._friction_law``.
+    known : mean and standard deviation of the logarithms of the law's parameters of which something is known, by index.
     delay_shows : whether the controller's delay is unknown too.
     contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
         between creep, see :meth:`.SlipWindow.between_creep`.
@@ -91,16 +93,20 @@ class SlipModel:
     """
 
     law: int = HESS_SOOM
+    known: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     delay_shows: bool = False
     contact: ContactKnowledge | None = None
     curved_at: float | None = None
     trend: bool = False
 
     @staticmethod
-    def of(windows: list[SlipWindow], law: int = HESS_SOOM) -> SlipModel:
+    def of(
+        windows: list[SlipWindow], law: int = HESS_SOOM, known: Mapping[int, tuple[float, float]] | None = None
+    ) -> SlipModel:
         """The law alone, with the delay where gains change: else a delay τ is as good as less damping and inertia."""
         changing = len({window.gains for window in windows}) > 1
-        return SlipModel(law=law, delay_shows=changing and windows[0].source is ForceSource.GAINS)
+        delay_shows = changing and windows[0].source is ForceSource.GAINS
+        return SlipModel(law=law, known=known or {}, delay_shows=delay_shows)
 
     @property
     def terms(self) -> dict[str, TermParameter]:
@@ -377,7 +383,7 @@ class SlipProblem(ObservedSlips):
 
     def plain(self, law: int) -> SlipProblem:
         """The problem of the same slips under a law, without what a fit has added."""
-        return SlipProblem(self.windows, SlipModel.of(self.windows, law), budget=self.budget)
+        return SlipProblem(self.windows, SlipModel.of(self.windows, law, self.model.known), budget=self.budget)
 
     def with_model(self, model: SlipModel) -> SlipProblem:
         """The problem of the same slips with another model."""

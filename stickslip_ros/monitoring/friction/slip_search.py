@@ -8,7 +8,6 @@ First the shape of a few similar slips, then of slips from everywhere; each shap
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -35,7 +34,6 @@ from stickslip_ros.monitoring.friction.slip_solution import (
     fit_all,
     fit_loosely,
     usual_level,
-    with_usual_rise_time,
 )
 from stickslip_ros.monitoring.friction.slip_start import ShapeGuess, shape_guesses
 from stickslip_ros.monitoring.samples import FloatArray
@@ -52,26 +50,23 @@ _LOOSE_TRIED = 3  # shapes fitted loosely, 1
 
 def search(
     problem: SlipProblem,
-    known: Mapping[int, tuple[float, float]] | None = None,
     start: FloatArray | None = None,
 ) -> Solution | None:
     """Find the friction behind the slips; None if nothing fits at all, or no slip is usable.
 
     Parameters
     ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
     start : logarithms that fitted slips of this joint before, of shape (6,): if they lead to a good fit, nothing is
         searched.
     """
     if not problem.noise.usable.any():
         return None
-    known = with_usual_rise_time(known or {})
-    best = fit_again(problem, start, known) if start is not None else None
-    best = best or _search_anew(problem, known)
+    best = fit_again(problem, start) if start is not None else None
+    best = best or _search_anew(problem)
     return best.reweighed() if best is not None else None
 
 
-def _search_anew(problem: SlipProblem, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+def _search_anew(problem: SlipProblem) -> Solution | None:
     similar = _most_similar(problem)
     rough = problem.thinned(_OBSERVATIONS_OF_A_SHAPE)
     some = rough.only(similar)
@@ -85,7 +80,7 @@ def _search_anew(problem: SlipProblem, known: Mapping[int, tuple[float, float]])
     best: Solution | None = None
     for shape in shapes[:_SHAPES_TRIED]:
         try:
-            solution = fit_all(problem, shape.parameters, usual_level(shape), known)
+            solution = fit_all(problem, shape.parameters, usual_level(shape))
         except LinAlgError:
             continue
         if best is None or solution.mean_square < best.mean_square:

@@ -9,7 +9,6 @@ and the balance of forces) are drawn tight. Tight from the beginning, the least 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,14 +92,7 @@ def _mean_square(fit: SlipFit) -> float:
     return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
 
 
-def with_usual_rise_time(known: Mapping[int, tuple[float, float]]) -> dict[int, tuple[float, float]]:
-    """What is known of the parameters' logarithms, by index, and the usual rise time where its own is not."""
-    return {RISE_TIME: (math.log(USUAL_RISE_TIME), _RISE_TIME_SPREAD), **known}
-
-
-def fit_near(
-    problem: SlipProblem, start: FloatArray, shape: SlipFit, known: Mapping[int, tuple[float, float]]
-) -> Solution:
+def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solution:
     """The fit next to a start, loosened if it is not as good as a fit should be.
 
     Parameters
@@ -112,7 +104,7 @@ def fit_near(
     numpy.linalg.LinAlgError
         If nothing near the start can be simulated.
     """
-    solution = fit_from(problem, start, known)
+    solution = fit_from(problem, start)
     if solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
     return solution.reweighed()
@@ -121,26 +113,24 @@ def fit_near(
 def fit_from(
     problem: SlipProblem,
     start: FloatArray,
-    known: Mapping[int, tuple[float, float]],
     patience: int = _LAST_ITERATIONS,
 ) -> Solution:
     """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
-    level, known = math.exp(start[STRIBECK]), with_usual_rise_time(known)
-    return fit_all(problem, start, level, known, _TIGHTENING[1:], patience)
+    return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
 
 
-def truncated_fit(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+def truncated_fit(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """Fit of a few slips in few iterations; None if nothing near the start can be simulated."""
     try:
-        return fit_from(problem, start, known, patience=_ROUND).reweighed()
+        return fit_from(problem, start, patience=_ROUND).reweighed()
     except LinAlgError:
         return None
 
 
-def fit_again(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+def fit_again(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
     try:
-        solution = fit_from(problem, start, known)
+        solution = fit_from(problem, start)
     except LinAlgError:
         return None
     good = solution.mean_square < GOOD and solution.problem.noise.usable.mean() > _MOST_USABLE
@@ -151,7 +141,6 @@ def fit_all(
     problem: SlipProblem,
     shape: FloatArray,
     level: float,
-    known: Mapping[int, tuple[float, float]],
     tightening: tuple[tuple[float, float, float], ...] = _TIGHTENING,
     patience: int = _LAST_ITERATIONS,
 ) -> Solution:
@@ -166,7 +155,8 @@ def fit_all(
     problem, fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
     deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.term_stds])
-    for index, (center, spread) in known.items():
+    usual = {RISE_TIME: (math.log(USUAL_RISE_TIME), _RISE_TIME_SPREAD)}
+    for index, (center, spread) in {**usual, **problem.model.known}.items():
         mean[index], deviation[index] = center, spread
     prior = Prior.of(mean, deviation, lower, upper)
     parameters = np.clip(parameters, lower, upper)

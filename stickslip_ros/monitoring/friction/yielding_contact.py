@@ -12,7 +12,6 @@ share of how far the controller's spring does, k_p/σ₀.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -37,12 +36,10 @@ _LEAST_ERROR = 0.3  # error, of the compliance: what is seen at rest is not all 
 _SETTLING_PERIODS = 2.0
 
 
-def fit_with_contact(
-    problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]
-) -> Solution | None:
+def fit_with_contact(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """The fit next to one of other slips of a joint whose contact yields; None if it is not as good as it should be."""
     yielding = _added(problem)
-    solution = fit_again(yielding, start, known) if yielding is not None else None
+    solution = fit_again(yielding, start) if yielding is not None else None
     return solution if solution is not None and _comes_to_rest(solution) else None
 
 
