@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
-from stickslip_ros.monitoring.friction.slip_fit import FixedParameterFit, Tolerances, fit_at_fixed_parameters
+from stickslip_ros.monitoring.friction.slip_fit import SlipFit, Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
@@ -319,7 +319,7 @@ class FrictionLearner:
         )
         self.estimate = self._state.estimate
 
-    def _is_outlier(self, problem: SlipProblem, fixed_fit: FixedParameterFit, state: Learnt) -> bool:
+    def _is_outlier(self, problem: SlipProblem, fixed_fit: SlipFit, state: Learnt) -> bool:
         """Whether a slip differs from the estimate by more than the errors of both."""
         square = float(np.mean(fixed_fit.residuals**2))
         off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.noise.errors) ** 2))) / float(problem.distances[0])

@@ -105,10 +105,18 @@ class NormalEquations:
         return -scores, bias_sensitivity
 
     def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""
+        """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the unknowns' part of the matrix is not positive definite.
+        """
         band = self.band.copy()
         band[0] *= 1.0 + damping
-        solved = _solve_band(band, np.column_stack([self.mixed, self.slope]))
+        solved = np.column_stack([self.mixed, self.slope])
+        if not kernel.solve_band(band, solved):
+            raise LinAlgError("the equations of the slips are not positive definite")
         by_parameters, by_slope = solved[:, :-1], solved[:, -1]
         return (
             self.matrix - self.mixed.T @ by_parameters,
@@ -116,19 +124,6 @@ class NormalEquations:
             by_parameters,
             by_slope,
         )
-
-
-def _solve_band(band: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution, in place of both, of positive definite equations, of whose matrix the lower diagonals are given.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the matrix is not positive definite.
-    """
-    if not kernel.solve_band(band, right):
-        raise LinAlgError("the equations of the slips are not positive definite")
-    return right
 
 
 def robust(residuals: FloatArray) -> float:

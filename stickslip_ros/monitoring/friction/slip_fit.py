@@ -71,10 +71,10 @@ class SlipFit:
     ----------
     parameters : logarithms, shape (p,). unknowns : of each slip, shape (slips, 3).
     kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
-    information : of the data on parameters and kinetic together, shape (p + k, p + k).
+    information, gradient : of the data on parameters and kinetic together, shapes (p + k, p + k) and (p + k,).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
     bias_sensitivity : gradient by a systematic discrepancy of one slip distance in each part of the slips, shape
-        (parts, p + k). Information, scores and this are empty unless `scored`.
+        (parts, p + k). Information, gradient, scores and this are empty unless `scored`.
     residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
     link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
     cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
@@ -84,6 +84,7 @@ class SlipFit:
     unknowns: FloatArray
     kinetic: FloatArray
     information: FloatArray
+    gradient: FloatArray
     scores: FloatArray
     bias_sensitivity: FloatArray
     residuals: FloatArray
@@ -180,6 +181,29 @@ class _Fit:
     def equations(self, point: Point, slopes: Slopes) -> NormalEquations:
         return NormalEquations.assemble(self.problem, self.slips, point, slopes)
 
+    def result(self, point: Point, *, scored: bool) -> SlipFit:
+        information = gradient = scores = bias_sensitivity = np.empty((0, self.columns))
+        if scored:
+            slopes = self.slopes(point, self.free)
+            information, gradient, by_parameters, _ = self.equations(point, slopes).eliminate(0.0)
+            scores, bias_sensitivity = NormalEquations.shares(self.problem, point, slopes, by_parameters)
+        held = point.found[:, HOLDING_FORCE] - np.exp(point.unknowns[:, LEVEL])
+        return SlipFit(
+            parameters=point.parameters,
+            unknowns=point.unknowns,
+            kinetic=point.kinetic,
+            information=information,
+            gradient=gradient,
+            scores=scores,
+            bias_sensitivity=bias_sensitivity,
+            residuals=point.observed,
+            misfits=np.asarray(held - self.problem.balance @ point.kinetic),
+            link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
+            cost=point.cost,
+            velocities=point.velocities,
+            found=point.found,
+        )
+
 
 def fit_slips(
     problem: SlipProblem,
@@ -249,43 +273,7 @@ def fit_slips(
         gain = before.cost - point.cost
         if gain < max(enough * max(1.0, 1e-3 * point.cost), _LEAST_GAIN * (point.cost - wanted)):
             break
-    information = scores = bias_sensitivity = np.empty((0, fit.columns))
-    if scored:
-        slopes = fit.slopes(point, fit.free)
-        information, _, by_parameters, _ = fit.equations(point, slopes).eliminate(0.0)
-        scores, bias_sensitivity = NormalEquations.shares(problem, point, slopes, by_parameters)
-    return SlipFit(
-        parameters=point.parameters,
-        unknowns=point.unknowns,
-        kinetic=point.kinetic,
-        information=information,
-        scores=scores,
-        bias_sensitivity=bias_sensitivity,
-        residuals=point.observed,
-        misfits=_misfits(problem, point),
-        link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
-        cost=point.cost,
-        velocities=point.velocities,
-        found=point.found,
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class FixedParameterFit:
-    """Fit of the slips' own unknowns at fixed parameters, with the unknowns eliminated.
-
-    Attributes
-    ----------
-    information, gradient : on parameters and kinetic friction, shapes (p + k, p + k) and (p + k,).
-    unknowns, residuals, misfits, found : as of :class:`SlipFit`.
-    """
-
-    information: FloatArray
-    gradient: FloatArray
-    unknowns: FloatArray
-    residuals: FloatArray
-    misfits: FloatArray
-    found: FloatArray
+    return fit.result(point, scored=scored)
 
 
 def fit_at_fixed_parameters(
@@ -296,7 +284,7 @@ def fit_at_fixed_parameters(
     kinetic: FloatArray,
     unknowns: FloatArray,
     iterations: int = 8,
-) -> FixedParameterFit:
+) -> SlipFit:
     """Fit the slips' own unknowns at fixed parameters; the result has the gradient by the parameters.
 
     Raises
@@ -324,22 +312,7 @@ def fit_at_fixed_parameters(
         damping = max(damping / 10.0, 1e-9)
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
-    equations = fit.equations(point, fit.slopes(point, fit.free))
-    information, gradient, _, _ = equations.eliminate(0.0)
-    return FixedParameterFit(
-        information=information,
-        gradient=gradient,
-        unknowns=point.unknowns,
-        residuals=point.observed,
-        misfits=_misfits(problem, point),
-        found=point.found,
-    )
-
-
-def _misfits(problem: SlipProblem, point: Point) -> FloatArray:
-    """Kinetic friction at each breakaway beside what the fit has [N·m]."""
-    held = point.found[:, HOLDING_FORCE] - np.exp(point.unknowns[:, LEVEL])
-    return np.asarray(held - problem.balance @ point.kinetic)
+    return fit.result(point, scored=True)
 
 
 def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> FloatArray:
