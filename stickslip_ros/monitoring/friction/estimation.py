@@ -113,7 +113,7 @@ def fitted_laws(
             solution = search(SlipProblem(kept, SlipModel.of(kept, known=known), budget=budget), start)
     if solution is None:
         return []
-    plain = FittedLaw(law=PAPERS_LAW, solution=solution)
+    plain = FittedLaw(solution=solution)
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
     trend = first.problem.model.trend

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
+from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
@@ -47,7 +48,7 @@ class FittedLaw:
 
     Attributes
     ----------
-    law : its name. weight : from 0 to 1; those of all laws add up to 1.
+    weight : from 0 to 1; those of all laws add up to 1.
     position_disturbance : force subtracted from that of the problem's slips, None if none is.
     decreasing : whether friction falls where the disturbance grows.
     rejected : names of the laws that screening has rejected for good.
@@ -58,7 +59,6 @@ class FittedLaw:
         its posterior where the slips show it.
     """
 
-    law: str
     solution: Solution
     weight: float = 1.0
     position_disturbance: PositionDisturbance | None = None
@@ -67,6 +67,11 @@ class FittedLaw:
     unsettled: bool = False
     by_optional_terms: FloatArray = field(default_factory=lambda: np.zeros(()))
     late: float = LATE
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return next(name for name, number in LAWS.items() if number == self.problem.model.law)
 
     @property
     def problem(self) -> SlipProblem:

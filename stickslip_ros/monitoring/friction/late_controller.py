@@ -151,7 +151,7 @@ def may_hide_a_delay(fitted: FittedLaw) -> bool:
 
 
 def _added(problem: SlipProblem) -> SlipProblem:
-    return problem.with_model(replace(problem.model, delay_shows=True))
+    return problem.changed(model=replace(problem.model, delay_shows=True))
 
 
 def _may_be_late(fitted: FittedLaw) -> bool:

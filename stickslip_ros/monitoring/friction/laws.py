@@ -101,7 +101,7 @@ def _beside(law: str, first: FittedLaw) -> FittedLaw | None:
     except LinAlgError:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.
-    other = with_shown_terms(FittedLaw(law=law, solution=solution))
+    other = with_shown_terms(FittedLaw(solution=solution))
     return with_optional_terms(TREND.fitted(other), beside=first)
 
 
@@ -116,11 +116,11 @@ def _again(first: FittedLaw, better: FittedLaw) -> FittedLaw | None:
 def _near(first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw) -> FittedLaw | None:
     """A law fitted to the slips as the first fit has them, from a start and the levels of another fit."""
     try:
-        problem = first.problem.with_model(replace(first.problem.model, law=LAWS[law]))
+        problem = first.problem.changed(model=replace(first.problem.model, law=LAWS[law]))
         solution = fit_near(problem, start, shape.solution.fit)
     except LinAlgError:
         return None
-    return replace(first.refitted(solution), law=law)
+    return first.refitted(solution)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +153,7 @@ def _screen_law(law: str, first: FittedLaw) -> _Screening | None:
     theirs = truncated_fit(some, first.solution.fit.parameters)
     if theirs is None:
         return None
-    other = some.with_model(replace(some.model, law=LAWS[law]))
+    other = some.changed(model=replace(some.model, law=LAWS[law]))
     found = truncated_fit(other, _same_curve(law, first))
     if found is None:
         return None

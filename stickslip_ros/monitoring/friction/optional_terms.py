@@ -189,7 +189,7 @@ def _with_curve(fitted: FittedLaw) -> SlipProblem | None:
     problem = fitted.problem
     if not fitted.may_lack_terms or problem.model.curved_at is not None or may_hide_a_delay(fitted):
         return None
-    return problem.with_model(replace(problem.model, curved_at=_SWIFT * problem.usual_speed))
+    return problem.changed(model=replace(problem.model, curved_at=_SWIFT * problem.usual_speed))
 
 
 # Grease thins, and oil is churned: F_v y˙ (1 - c + c y˙/v) in place of F_v y˙. F_v is told at the speed v, at which

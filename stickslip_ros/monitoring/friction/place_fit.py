@@ -53,7 +53,7 @@ def _round(plain: FittedLaw, best: FittedLaw, why: str) -> FittedLaw | None:
     disturbance = PositionDisturbance(dry=dry, without=why)
     windows = plain.problem.windows
     off = np.array([disturbance.subtracted_force(window) for window in windows])
-    changed = plain.problem.without_position_force([disturbance.applied(window) for window in windows], off)
+    changed = plain.problem.changed([disturbance.applied(window) for window in windows], subtracted_force=off)
     try:
         solution = search(changed)
     except LinAlgError:
@@ -61,7 +61,7 @@ def _round(plain: FittedLaw, best: FittedLaw, why: str) -> FittedLaw | None:
     count = math.log(changed.count)
     if solution is None or plain.misfit - misfit_of(solution) < _OF_DISTURBANCE * count:
         return None
-    even = FittedLaw(law=plain.law, solution=solution, position_disturbance=disturbance)
+    even = FittedLaw(solution=solution, position_disturbance=disturbance)
     growing = _with_friction_factor(even)
     found = growing if growing is not None and even.misfit - growing.misfit > _PARAMETERS * count else even
     return found if best is plain or found.misfit < best.misfit else None
@@ -75,7 +75,7 @@ def _with_friction_factor(even: FittedLaw) -> FittedLaw | None:
         covariate = disturbance.covariate(problem.rests, decreasing=decreasing)
         if not covariate.any():
             return None
-        growing = problem.without_position_force(problem.windows, problem.subtracted_force, covariate)
+        growing = problem.changed(covariate=covariate)
         try:
             solution = fit_near(growing, np.append(fit.parameters, 0.0), fit)
         except LinAlgError:

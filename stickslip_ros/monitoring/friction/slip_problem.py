@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,7 +160,8 @@ class SlipProblem(ObservedSlips):
 
     ``terms`` are the parameters beyond those of the law: the reference's speeds, where only they are known, relative;
     those of the model's terms; last the share by which Stribeck friction grows with the covariate, and with a trend
-    viscous friction too. ``column`` is their index. Growth of the kinetic friction is the last column of ``balance``.
+    viscous friction too. ``column`` is their index, ``term_means`` and ``term_stds`` are their priors. Growth of the
+    kinetic friction is the last column of ``balance``.
     """
 
     def __init__(
@@ -217,6 +218,8 @@ class SlipProblem(ObservedSlips):
         self.terms |= model.terms
         if self.covariate is not None and not model.trend:
             self.terms["factor"] = TermParameter(std=_FACTOR_STD)
+        self.term_means = np.array([term.mean for term in self.terms.values()])
+        self.term_stds = np.array([term.std for term in self.terms.values()])
         self.column = {name: PARAMETERS + k for k, name in enumerate(self.terms)}
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
@@ -227,16 +230,6 @@ class SlipProblem(ObservedSlips):
             self.balance = np.ones((self.count, 1))
         if self.covariate is not None:
             self.balance = np.column_stack([self.balance, self.covariate])
-
-    @property
-    def term_means(self) -> FloatArray:
-        """Prior means of the parameters beyond those of the law."""
-        return np.array([term.mean for term in self.terms.values()])
-
-    @property
-    def term_stds(self) -> FloatArray:
-        """Prior standard deviations of the parameters beyond those of the law."""
-        return np.array([term.std for term in self.terms.values()])
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
@@ -373,7 +366,7 @@ class SlipProblem(ObservedSlips):
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        return self._with([window.thinned(most) for window in self.windows])
+        return self.changed([window.thinned(most) for window in self.windows])
 
     def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
         """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
@@ -384,19 +377,6 @@ class SlipProblem(ObservedSlips):
     def plain(self, law: int) -> SlipProblem:
         """The problem of the same slips under a law, without what a fit has added."""
         return SlipProblem(self.windows, SlipModel.of(self.windows, law, self.model.known), budget=self.budget)
-
-    def with_model(self, model: SlipModel) -> SlipProblem:
-        """The problem of the same slips with another model."""
-        return self._with(
-            model=model,
-            subtracted_force=self.subtracted_force,
-            covariate=None if self.model.trend else self.covariate,
-        )
-
-    def with_contact(self, contact: ContactKnowledge) -> SlipProblem:
-        """The problem of the same slips with a contact that yields; a trend has to be fitted anew."""
-        windows = [window.between_creep() for window in self.windows]
-        return self._with(windows, model=replace(self.model, contact=contact, trend=False))
 
     def compliance(self, parameters: FloatArray) -> float:
         """Of the contact [rad/(N·m)]; 0 of a rigid one."""
@@ -413,18 +393,7 @@ class SlipProblem(ObservedSlips):
         """Stiffness [N·m/rad] and damping [N·m·s/rad] at the last slip."""
         return float(self._gains[-1, 0]), float(self._gains[-1, 1])
 
-    def without_position_force(
-        self, windows: list[SlipWindow], subtracted_force: FloatArray, covariate: FloatArray | None = None
-    ) -> SlipProblem:
-        """The problem of the same slips without their position-dependent forces.
-
-        Parameters
-        ----------
-        windows : of these slips, with the forces subtracted. subtracted_force, covariate : as of the class.
-        """
-        return self._with(windows, subtracted_force=subtracted_force, covariate=covariate)
-
-    def _with(
+    def changed(
         self,
         windows: list[SlipWindow] | None = None,
         *,
@@ -432,9 +401,15 @@ class SlipProblem(ObservedSlips):
         subtracted_force: FloatArray | None = None,
         covariate: FloatArray | None = None,
     ) -> SlipProblem:
-        """Another problem within the budget: of other windows, or of another model."""
+        """The problem with other windows, model or covariate, within the same budget.
+
+        Subtracted force and covariate are kept as long as the windows are the same.
+        """
+        if windows is None:
+            windows, subtracted_force = self.windows, self.subtracted_force
+            covariate = self.covariate if covariate is None and not self.model.trend else covariate
         return SlipProblem(
-            windows or self.windows,
+            windows,
             model or self.model,
             subtracted_force=subtracted_force,
             covariate=covariate,
@@ -449,4 +424,4 @@ class SlipProblem(ObservedSlips):
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
-        return self._with([self.windows[number] for number in which])
+        return self.changed([self.windows[number] for number in which])

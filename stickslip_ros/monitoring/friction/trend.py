@@ -61,7 +61,7 @@ def _shows(first: FittedLaw) -> bool:
 def _added(fitted: FittedLaw) -> SlipProblem | None:
     if fitted.problem.normalised or fitted.solution.tolerance > 0 or not _shows(fitted):
         return None
-    return fitted.problem.with_model(replace(fitted.problem.model, trend=True))
+    return fitted.problem.changed(model=replace(fitted.problem.model, trend=True))
 
 
 TREND = ModelTerm(added=_added, parameters=2)

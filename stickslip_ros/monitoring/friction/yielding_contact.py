@@ -12,6 +12,7 @@ share of how far the controller's spring does, k_p/σ₀.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,7 +55,11 @@ def _added(problem: SlipProblem) -> SlipProblem | None:
     if problem.normalised or problem.model.contact is not None:
         return None
     contact = contact_of(problem.windows)
-    return problem.with_contact(contact) if contact is not None else None
+    if contact is None:
+        return None
+    # A trend has to be fitted anew.
+    model = replace(problem.model, contact=contact, trend=False)
+    return problem.changed([window.between_creep() for window in problem.windows], model=model)
 
 
 def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
