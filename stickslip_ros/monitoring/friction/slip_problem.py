@@ -409,11 +409,7 @@ class SlipProblem(ObservedSlips):
             windows, subtracted_force = self.windows, self.subtracted_force
             covariate = self.covariate if covariate is None and not self.model.trend else covariate
         return SlipProblem(
-            windows,
-            model or self.model,
-            subtracted_force=subtracted_force,
-            covariate=covariate,
-            budget=self.budget,
+            windows, model or self.model, subtracted_force=subtracted_force, covariate=covariate, budget=self.budget
         )
 
     @property

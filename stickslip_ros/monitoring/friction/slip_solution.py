@@ -165,14 +165,9 @@ def fit_all(
         problem = problem.weighed(fit.velocities, tolerance=position * distance)
         tolerances = Tolerances(balance=balance * level, level=link)
         fit = fit_slips(
-            problem,
-            prior,
-            tolerances,
-            parameters=parameters,
-            unknowns=fit.unknowns,
-            iterations=_ITERATIONS,
-            enough=ROUGHLY,
-        )
+            problem, prior, tolerances,
+            parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS, enough=ROUGHLY,
+        )  # fmt: skip
         parameters = fit.parameters
         problem = _without_outliers(problem, fit)
     for final in range(1, _FINAL + 1):

@@ -99,10 +99,7 @@ def _stiffness(window: SlipWindow) -> float:
     return float(window.gains.stiffness) if window.gains is not None else 0.0
 
 
-# Where the joint creeps. Where the joint does not come to rest on the contact, it does not without one either.
+# Creep at rest is evidence enough. A joint that does not come to rest on the contact does not without the term either.
 YIELDING_CONTACT = ModelTerm(
-    added=lambda fitted: _added(fitted.problem),
-    parameters=2,
-    prior_evidence=True,
-    settles=_comes_to_rest,
+    added=lambda fitted: _added(fitted.problem), parameters=2, prior_evidence=True, settles=_comes_to_rest
 )
