@@ -22,7 +22,6 @@ from stickslip_ros.monitoring.samples import FloatArray
 _STEP = 1e-4  # difference of a logarithm for a slope, 1
 _LONGEST_STEP = 0.7  # change of a logarithm by an iteration, 1: at most
 _ATTEMPTS = 8  # dampings tried in an iteration, 1
-_LEAST_GAIN = 0.05  # gain of an iteration, of the distance to the wanted cost: with less the fit does not get there
 _ENOUGH_OF_OWN = 0.02  # gain of an iteration on the slips' own unknowns alone, of the cost
 _LEAST = 1e-12  # addition to the diagonal of normal equations, of their trace
 _FIXED = 1e-5  # prior standard deviation of a logarithm, 1: a narrower prior holds a parameter
@@ -214,7 +213,6 @@ def fit_slips(
     unknowns: FloatArray,
     iterations: int = 25,
     enough: float = 1e-3,
-    wanted: float = math.inf,
     scored: bool = False,
 ) -> SlipFit:
     """Fit from a start; the start itself comes back if nothing near it is better.
@@ -223,7 +221,6 @@ def fit_slips(
     ----------
     parameters : logarithms, shape (p,). unknowns : of the slips, shape (slips, 3).
     iterations : at most. enough : gain of an iteration below which it stops.
-    wanted : cost without which the fit is of no use: it stops where that is far off and comes no nearer.
     scored : whether information, scores and bias sensitivity are wanted, which take as long as an iteration.
 
     Raises
@@ -271,7 +268,7 @@ def fit_slips(
             break
         damping = max(damping / 8.0, 1e-9)
         gain = before.cost - point.cost
-        if gain < max(enough * max(1.0, 1e-3 * point.cost), _LEAST_GAIN * (point.cost - wanted)):
+        if gain < enough * max(1.0, 1e-3 * point.cost):
             break
     return fit.result(point, scored=scored)
 
