@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RIS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource, stiffness_difference
+from stickslip_ros.monitoring.friction.slip_windows import stiffness_difference
 from stickslip_ros.monitoring.samples import FloatArray
 
 _FEW = 8  # slips beyond the number of parameters, 1: with fewer their scatter says nothing
@@ -62,7 +62,7 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
     late : root mean square of a controller's delay that is not fitted [sample intervals], by its prior or posterior.
     """
     narrow = covariance_of(fit.information, prior)
-    mean_square = float(np.mean(fit.residuals[problem.noise.weights > 0] ** 2)) if problem.noise.usable.any() else 1.0
+    mean_square = float(np.mean(fit.residuals[problem.noise.counted] ** 2)) if problem.noise.usable.any() else 1.0
     aside = 1.0 - float(problem.noise.usable.mean())
     covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + OUTLIER * aside)
     used = fit.scores[problem.noise.usable]
@@ -110,7 +110,7 @@ def _residual_of_parts(problem: SlipProblem, fit: SlipFit) -> tuple[FloatArray, 
     In the direction of the slip; all of the same shape (parts,).
     """
     parts = problem.parts_of_slips
-    used = problem.noise.weights > 0
+    used = problem.noise.counted
     shares = (fit.residuals * problem.noise.errors * problem.directions[problem.slip_of])[used]
     shares = shares / problem.distances[problem.slip_of[used]]
     counts = np.bincount(parts[used])
@@ -128,7 +128,7 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
     """
     size, columns = len(fit.parameters), fit.information.shape[0]
     variances = np.zeros(columns)
-    if problem.windows[0].source is not ForceSource.SPEED:
+    if not problem.normalised:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
         variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
@@ -151,7 +151,7 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
     ways = (quicker - balanced)[problem.observed] / (problem.directions * problem.distances)[problem.slip_of]
-    used = (problem.noise.weights > 0) & np.isfinite(ways)
+    used = problem.noise.counted & np.isfinite(ways)
     parts, count = problem.parts_of_slips[used], len(fit.bias_sensitivity)
     mean = np.bincount(parts, ways[used], count) / np.maximum(np.bincount(parts, minlength=count), 1)
     moved = covariance @ fit.bias_sensitivity.T @ mean

@@ -178,9 +178,9 @@ def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> flo
         say nothing of each other.
     """
     problem, fit = solution.problem, solution.fit
-    counted = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
-    used = (problem.noise.weights > 0) & counted
-    share = int(counted.sum()) / max(int(used.sum()), 1)
+    shared = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
+    used = problem.noise.counted & shared
+    share = int(shared.sum()) / max(int(used.sum()), 1)
     total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.noise.errors[used]).sum()))
     # Of what the slips show: F_s∞ may be anything where they all dwell as long, and must not weigh.
     least = _LEAST_BALANCE * usual_level(fit)
@@ -195,7 +195,7 @@ def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> flo
 def residuals_per_observation(solution: Solution) -> float:
     """Residuals per independent observation, by runs of one sign; at least one."""
     problem, residuals = solution.problem, solution.fit.residuals
-    used = problem.noise.weights > 0
+    used = problem.noise.counted
     ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
     runs = 1 + int(np.count_nonzero(ends[used[1:]]))
     return max(float(used.sum()) / runs / _WHITE, 1.0)

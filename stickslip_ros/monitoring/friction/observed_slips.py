@@ -55,7 +55,7 @@ class NoiseModel:
     Attributes
     ----------
     usable : slips that count, shape (slips,). linked : slips that go on from one that counts, of the same shape.
-    weights : of the observations, 1 where the slip counts, else 0, shape (m,).
+    counted : observations of slips that count, shape (m,).
     targets, errors : position that an observation shows, and its standard deviation [rad], shape (m,).
     jitter : standard deviation of time stamps [s].
     tolerance : part of every error that stands for what the model does not explain [rad].
@@ -63,7 +63,7 @@ class NoiseModel:
 
     usable: NDArray[np.bool_]
     linked: NDArray[np.bool_]
-    weights: FloatArray
+    counted: NDArray[np.bool_]
     targets: FloatArray
     errors: FloatArray
     jitter: float
@@ -243,14 +243,14 @@ class ObservedSlips:
         )
 
     def _counted(self, usable: NDArray[np.bool_]) -> dict[str, Any]:
-        """Slips that count, those that go on from one, and the weights of the observations."""
+        """Slips that count, those that go on from one, and the observations of slips that count."""
         linked = self.follows & np.append(False, usable[:-1]) & usable
-        return {"usable": usable, "linked": linked, "weights": usable[self.slip_of].astype(float)}
+        return {"usable": usable, "linked": linked, "counted": usable[self.slip_of]}
 
     def jitter(self, residuals: FloatArray, velocities: FloatArray) -> float:
         """Jitter of time stamps [s] by residuals of a fit [1] where the joint moves fast."""
         speed = np.abs(velocities[self.observed])
-        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & (self.noise.weights > 0)
+        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & self.noise.counted
         if not fast.any():
             return self.noise.jitter
         in_time = self.noise.errors[fast] / speed[fast]

@@ -27,7 +27,6 @@ from stickslip_ros.monitoring.friction.fitted_law import (
 from stickslip_ros.monitoring.friction.late_controller import HIDDEN_DELAY, LATE_CONTROLLER, may_hide_a_delay
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.friction.yielding_contact import YIELDING_CONTACT
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -137,7 +136,7 @@ def _most_significant(fitted: FittedLaw, left: Mapping[ScoredTerm, TermScore | N
     # A term could explain the misfit that a wrong effort makes; and where residuals are large no term is enough.
     problem = fitted.problem
     little = 0.0 < fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
-    if not little or problem.windows[0].source is not ForceSource.GAINS:
+    if not little or not problem.may_be_late:
         return None
     return next((term for term, score in left.items() if score is None and term.explains_misfit), None)
 

@@ -116,7 +116,7 @@ class _Fit:
             axis=1,
         )  # fmt: skip
         self._before = np.array(problem.before or (0.0, 0.0))
-        self._scale = problem.noise.weights / problem.noise.errors
+        self._scale = problem.noise.counted / problem.noise.errors
 
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
         problem = self.problem

@@ -229,7 +229,7 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
             )  # fmt: skip
             parameters = fit.parameters
             problem = _without_outliers(problem, fit)
-            used = problem.noise.weights > 0
+            used = problem.noise.counted
             tolerance = float(np.sqrt(np.mean((fit.residuals * problem.noise.errors)[used] ** 2)))
             balance = min(balance_error(problem, fit), level)
             link = float(np.clip(_scatter(fit.link_misfits[problem.noise.linked]), LEAST_LINK, _LARGEST_LINK))
