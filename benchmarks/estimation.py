@@ -134,7 +134,7 @@ def _bounds(recording: RandomRecording) -> dict[str, float]:
     nearest = [min(begins, key=lambda event: abs(event.time - time)) for time in detected]
     unknowns = np.array([(event.position, event.time, math.log(event.stribeck_level)) for event in nearest])
     unknowns[:, 1] -= problem.origin
-    problem.weigh(problem.simulate(parameters, unknowns)[1])
+    problem = problem.weighed(problem.simulate(parameters, unknowns)[1])
     try:
         known = fit_at_fixed_parameters(
             problem, Tolerances(balance=1e-4 * truth["stribeck"], level=1e-4), parameters=parameters,

@@ -62,7 +62,7 @@ def drive_gains(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArr
     problem : slips whose effort is known. parameters, unknowns : that fit them.
     """
     seen = gains_in_slips(problem, parameters, unknowns)
-    seen = seen[problem.usable & np.isfinite(seen).all(axis=1)][-_LATEST:]
+    seen = seen[problem.noise.usable & np.isfinite(seen).all(axis=1)][-_LATEST:]
     if len(seen) < _LEAST:
         return None
     stiffness, damping = np.median(seen, axis=0).tolist()

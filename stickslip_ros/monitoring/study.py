@@ -15,7 +15,6 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
-from stickslip_ros.monitoring.friction.contact_knowledge import ContactKnowledge
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
     MOST_STEPS,
@@ -28,7 +27,7 @@ from stickslip_ros.monitoring.friction.estimation import (
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import ContactKnowledge, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
 from stickslip_ros.monitoring.samples import FloatArray
@@ -164,17 +163,17 @@ def _study(question: StudyQuestion) -> Learnt | None:
         information=information,
         prior=prior,
         balance_error=solution.balance_error,
-        jitter=problem.jitter,
+        jitter=problem.noise.jitter,
         tolerance=solution.tolerance,
         link_error=solution.link_error,
         last_window=problem.windows[-1],
         stribeck_fraction=_stribeck_fraction(fit),
         error_inflation=spread / np.maximum(narrow, TINY),
         spread=spread,
-        drifts=problem.trend,
+        drifts=problem.model.trend,
         position_disturbance=fits[0].position_disturbance,
-        contact=problem.contact,
-        curved_at=problem.curved_at,
+        contact=problem.model.contact,
+        curved_at=problem.model.curved_at,
         explains=not unexplained(fits[0]),
         explains_latest=_explains_latest(problem, fit),
         rejected=fits[0].rejected,
@@ -185,8 +184,8 @@ def _explains_latest(problem: SlipProblem, fit: SlipFit) -> bool:
     """Whether all but one of the latest slips at most are neither set aside, nor off in force or in static friction."""
     latest = slice(-OUTLIERS_IN_A_ROW, None)
     force = np.abs(fit.misfits[latest]) / math.exp(fit.parameters[STRIBECK])
-    level = np.where(problem.linked, np.abs(fit.link_misfits), 0.0)[latest]
-    return bool((problem.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= OUTLIERS_IN_A_ROW - 1)
+    level = np.where(problem.noise.linked, np.abs(fit.link_misfits), 0.0)[latest]
+    return bool((problem.noise.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= OUTLIERS_IN_A_ROW - 1)
 
 
 def spread_of(covariance: FloatArray) -> FloatArray:

@@ -179,7 +179,7 @@ def dry_friction(
 
 def dry_friction_of(problem: SlipProblem, fit: SlipFit) -> DryFriction | None:
     """What the kinetic friction of fitted slips depends on; those set aside do not count."""
-    used = problem.usable
+    used = problem.noise.usable
     # No force is known better than the position that the spring rested at.
     errors = problem.stiffness(fit.parameters) * problem.rest_errors
     return dry_friction(

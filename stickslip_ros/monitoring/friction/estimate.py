@@ -27,10 +27,10 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.delay_estimate import SPREAD_LIMIT, DelayEstimate
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
+from stickslip_ros.monitoring.friction.late_controller import LEAST_VISCOUS, SPREAD_LIMIT, DelayEstimate
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
-from stickslip_ros.monitoring.friction.slip_problem import LEAST_VISCOUS, PARAMETERS
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 

@@ -41,17 +41,17 @@ from stickslip_ros.monitoring.friction.estimate import (
 from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
+from stickslip_ros.monitoring.friction.late_controller import at_the_latest_gains, delay_estimate, may_hide_a_delay
 from stickslip_ros.monitoring.friction.laws import weighed_laws
-from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
+from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.place_fit import with_position_disturbance
 from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
-from stickslip_ros.monitoring.friction.trend import with_trend
-from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact, with_contact
+from stickslip_ros.monitoring.friction.trend import TREND
+from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
 # Steps of simulation in a study, 1: 5 to 8 s of a core. Friction that varies with position takes up to 2.1e7, other
@@ -103,39 +103,37 @@ def fitted_laws(
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
-    problem = SlipProblem(windows, budget=budget)
-    known = _prior_knowledge(configured, normalised=problem.normalised)
-    again = fit_with_contact(problem, start, known) if yields and start is not None else None
-    problem, solution = again or (problem, search(problem, known, start))
-    if solution is not None and again is None:
+    known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
+    problem = SlipProblem(windows, SlipModel.of(windows, known=known), budget=budget)
+    solution = fit_with_contact(problem, start) if yields and start is not None else None
+    if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
-        kept = _of_known_directions(windows, solution.usable)
+        kept = _of_known_directions(windows, solution.problem.noise.usable)
         if len(kept) < len(windows):
-            problem = SlipProblem(kept, budget=budget)
-            solution = search(problem, known, start)
+            solution = search(SlipProblem(kept, SlipModel.of(kept, known=known), budget=budget), start)
     if solution is None:
         return []
-    plain = FittedLaw(law=PAPERS_LAW, problem=problem, solution=solution)
-    steady = with_contact(with_delay(plain, known), known)
-    first = with_optional_terms(with_trend(steady, known), known)
-    trend = first.problem.trend
+    plain = FittedLaw(solution=solution)
+    steady = with_shown_terms(plain)
+    first = with_optional_terms(TREND.fitted(steady))
+    trend = first.problem.model.trend
     why = unexplained(first) or ("kinetic friction varies" if trend else "")
     if why and not first.problem.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.
-        for base in (with_optional_terms(steady, known) if trend else first, plain):
-            over_position = with_position_disturbance(base, known, why)
+        for base in (with_optional_terms(steady) if trend else first, plain):
+            over_position = with_position_disturbance(base, why)
             if over_position.misfit < first.misfit:
                 first = over_position
-            if not unexplained(first) or first.problem is problem:
+            if not unexplained(first) or first.solution is solution:
                 break
-    fits = weighed_laws(first, known, rejected)
+    fits = weighed_laws(first, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 
 def may_be_usable(windows: list[SlipWindow]) -> bool:
     """Whether an estimate from these slips may be usable: not if too many are set aside before anything is fitted."""
     problem = SlipProblem(_of_known_directions(windows, np.ones(len(windows), dtype=bool)))
-    return bool((~problem.usable).sum() <= USABLE_ASIDE * problem.count)
+    return bool((~problem.noise.usable).sum() <= USABLE_ASIDE * problem.count)
 
 
 def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -> list[SlipWindow]:
@@ -186,7 +184,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     """
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
-    aside = int((~problem.usable).sum())
+    aside = int((~problem.noise.usable).sum())
     # The subtracted force is only nearly the right one, so the fit without it is not certain either.
     disturbance = fits[0].position_disturbance
     why = disturbance.without if disturbance is not None else unexplained(fits[0])
@@ -225,7 +223,7 @@ def unexplained(fitted: FittedLaw) -> str:
     problem, solution = fitted.problem, fitted.solution
     left_over = solution.tolerance / float(np.median(problem.distances))
     scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
-    aside = int((~problem.usable).sum())
+    aside = int((~problem.noise.usable).sum())
     reasons = []
     if left_over > _LARGEST_UNEXPLAINED:
         reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
@@ -259,13 +257,13 @@ def _friction_factor(fitted: FittedLaw, covariance: FloatArray) -> FrictionFacto
 def _curvature(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:
     """Of viscous friction over speed; None where it is taken for a straight line."""
     problem = fitted.problem
-    if problem.curved_at is None:
+    if problem.model.curved_at is None:
         return None
-    column = problem.curvature_column
+    column = problem.column["curvature"]
     return Curvature(
         value=float(fitted.solution.fit.parameters[column]),
         std=math.sqrt(max(float(covariance[column, column]), 0.0)),
-        speed=problem.curved_at,
+        speed=problem.model.curved_at,
     )
 
 
@@ -308,7 +306,7 @@ def _comparable(fit: FittedLaw) -> FloatArray:
 def _alternative(fit: FittedLaw) -> LawAlternative:
     solution = fit.solution
     covariance = _covariance(fit)
-    parameters, covariance = fit.problem.at_the_latest_gains(solution.fit.parameters, covariance)
+    parameters, covariance = at_the_latest_gains(fit.problem, solution.fit.parameters, covariance)
     return LawAlternative(
         law=fit.law,
         weight=fit.weight,
@@ -327,8 +325,8 @@ def estimate_from(
     """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
     covariance (p + k, p + k). Of a trend only what it leads to is told.
     """
-    late = problem.delay_estimate(parameters, covariance) if problem.delay_shows else None
-    parameters, covariance = problem.at_the_latest_gains(parameters, covariance)
+    late = delay_estimate(problem, parameters, covariance)
+    parameters, covariance = at_the_latest_gains(problem, parameters, covariance)
     without_drift, of_balance = problem.without_drift
     chosen = np.concatenate([without_drift, len(parameters) + of_balance])
     parameters, kinetic, covariance = parameters[without_drift], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]

@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RIS
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource, stiffness_difference
+from stickslip_ros.monitoring.friction.slip_windows import stiffness_difference
 from stickslip_ros.monitoring.samples import FloatArray
 
 _FEW = 8  # slips beyond the number of parameters, 1: with fewer their scatter says nothing
@@ -62,10 +62,10 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
     late : root mean square of a controller's delay that is not fitted [sample intervals], by its prior or posterior.
     """
     narrow = covariance_of(fit.information, prior)
-    mean_square = float(np.mean(fit.residuals[problem.weights > 0] ** 2)) if problem.usable.any() else 1.0
-    aside = 1.0 - float(problem.usable.mean())
+    mean_square = float(np.mean(fit.residuals[problem.noise.counted] ** 2)) if problem.noise.usable.any() else 1.0
+    aside = 1.0 - float(problem.noise.usable.mean())
     covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + OUTLIER * aside)
-    used = fit.scores[problem.usable]
+    used = fit.scores[problem.noise.usable]
     freedom = len(used) - covariance.shape[1]
     if freedom >= _FEW:
         seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
@@ -110,8 +110,8 @@ def _residual_of_parts(problem: SlipProblem, fit: SlipFit) -> tuple[FloatArray, 
     In the direction of the slip; all of the same shape (parts,).
     """
     parts = problem.parts_of_slips
-    used = problem.weights > 0
-    shares = (fit.residuals * problem.errors * problem.directions[problem.slip_of])[used]
+    used = problem.noise.counted
+    shares = (fit.residuals * problem.noise.errors * problem.directions[problem.slip_of])[used]
     shares = shares / problem.distances[problem.slip_of[used]]
     counts = np.bincount(parts[used])
     means = np.bincount(parts[used], shares) / np.maximum(counts, 1)
@@ -128,12 +128,12 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
     """
     size, columns = len(fit.parameters), fit.information.shape[0]
     variances = np.zeros(columns)
-    if problem.windows[0].source is not ForceSource.SPEED:
+    if not problem.normalised:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
         variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
-    if problem.may_be_late and not problem.delay_shows:
-        lighter = late * problem.sample_interval * problem.latest_damping
+    if problem.may_be_late and not problem.model.delay_shows:
+        lighter = late * problem.sample_interval * problem.latest_gains[1]
         variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
 
@@ -146,12 +146,12 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     act late is known to act in steps; of another it is not known.
     """
     size = fit.information.shape[0]
-    if not problem.delay_shows or not problem.usable.any():
+    if not problem.model.delay_shows or not problem.noise.usable.any():
         return np.zeros((size, size))
     surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
     ways = (quicker - balanced)[problem.observed] / (problem.directions * problem.distances)[problem.slip_of]
-    used = (problem.weights > 0) & np.isfinite(ways)
+    used = problem.noise.counted & np.isfinite(ways)
     parts, count = problem.parts_of_slips[used], len(fit.bias_sensitivity)
     mean = np.bincount(parts, ways[used], count) / np.maximum(np.bincount(parts, minlength=count), 1)
     moved = covariance @ fit.bias_sensitivity.T @ mean
@@ -161,7 +161,7 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
 def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     """Covariance of what a trend of viscous friction unlike that of the Stribeck friction makes of the former."""
     variances = np.zeros(fit.information.shape[0])
-    if problem.trend:
+    if problem.model.trend:
         variances[VISCOUS] = float(fit.parameters[-1] ** 2 * np.mean(problem.since**2))
     return np.diag(variances)
 
@@ -174,7 +174,7 @@ def _by_effort(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     ratio, error = stiffness_difference(problem.windows)
     moves = np.concatenate([np.zeros(len(fit.parameters)), fit.kinetic])
     moves[[INERTIA, STRIBECK]] = 1.0
-    moves[VISCOUS] = 1.0 + problem.latest_damping / math.exp(float(fit.parameters[VISCOUS]))
+    moves[VISCOUS] = 1.0 + problem.latest_gains[1] / math.exp(float(fit.parameters[VISCOUS]))
     return np.asarray(max(ratio**2 - error**2, 0.0) * np.outer(moves, moves))
 
 
@@ -187,11 +187,11 @@ def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> F
     nothing of the other.
     """
     variances = np.zeros(len(fit.information))
-    usual = float(np.median(problem.dwells[problem.usable])) if problem.usable.any() else math.inf
+    usual = float(np.median(problem.dwells[problem.noise.usable])) if problem.noise.usable.any() else math.inf
     risen = fit.parameters[RISE_TIME] < math.log(_RISEN * usual)
-    contradicted = np.any(problem.dwells[~problem.usable] > _LONGER * usual)
+    contradicted = np.any(problem.dwells[~problem.noise.usable] > _LONGER * usual)
     # What is left by a slip that was not seen is not known, and Eq. (6) ties the next one's level but loosely.
-    contradicted |= np.any(fit.unknowns[problem.usable, LEVEL] > fit.parameters[STRIBECK] + _MORE)
+    contradicted |= np.any(fit.unknowns[problem.noise.usable, LEVEL] > fit.parameters[STRIBECK] + _MORE)
     if risen and contradicted and prior.information[RISE_TIME, RISE_TIME] < _CONFIGURED:
         variances[[STRIBECK, RISE_TIME]] = _ANY**2
     return np.diag(variances)

@@ -10,13 +10,14 @@ counts as an observation of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
+from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
@@ -47,7 +48,7 @@ class FittedLaw:
 
     Attributes
     ----------
-    law : its name. weight : from 0 to 1; those of all laws add up to 1.
+    weight : from 0 to 1; those of all laws add up to 1.
     position_disturbance : force subtracted from that of the problem's slips, None if none is.
     decreasing : whether friction falls where the disturbance grows.
     rejected : names of the laws that screening has rejected for good.
@@ -58,8 +59,6 @@ class FittedLaw:
         its posterior where the slips show it.
     """
 
-    law: str
-    problem: SlipProblem
     solution: Solution
     weight: float = 1.0
     position_disturbance: PositionDisturbance | None = None
@@ -70,13 +69,28 @@ class FittedLaw:
     late: float = LATE
 
     @property
+    def law(self) -> str:
+        """Name of the law."""
+        return next(name for name, number in LAWS.items() if number == self.problem.model.law)
+
+    @property
+    def problem(self) -> SlipProblem:
+        """The problem of its slips, with the noise of the fit."""
+        return self.solution.problem
+
+    @property
     def fits(self) -> bool:
         """Whether it leaves nothing over."""
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
 
-    def refitted(self, problem: SlipProblem, solution: Solution) -> FittedLaw:
+    def refitted(self, solution: Solution) -> FittedLaw:
         """The same with another fit of the slips, of which the optional terms are not known yet."""
-        return replace(self, problem=problem, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+        return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+
+    @property
+    def may_lack_terms(self) -> bool:
+        """Whether a scored term may be missing: not where only speeds are known, or a subtracted force nearly right."""
+        return not (self.problem.normalised or self.position_disturbance is not None or self.unsettled)
 
     @property
     def cut_short(self) -> bool:
@@ -86,55 +100,76 @@ class FittedLaw:
     @property
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
-        return misfit_of(self.problem, self.solution)
+        return misfit_of(self.solution)
 
 
-def fitted_with_more(
-    first: FittedLaw,
-    problem: SlipProblem,
-    more: int,
-    known: Mapping[int, tuple[float, float]],
-    *,
-    prior_evidence: bool = False,
-) -> FittedLaw:
-    """The fit of the same slips with more parameters, where it is good and worth them (BIC); else the first one.
+@dataclass(frozen=True, kw_only=True)
+class ModelTerm:
+    """Optional term of the friction model, with parameters of its own.
 
-    Parameters
+    Attributes
     ----------
-    problem : with so many more parameters. known : mean and standard deviation of parameters' logarithms, by index.
-    prior_evidence : whether the slips are known to need the parameters; else a fit of a few slips has to show it first.
+    added : the problem of a fit's slips with the term; None where nothing shows that the fit may lack the term.
+    parameters : how many.
+    prior_evidence : whether the slips are known to need the term; else a fit of a few slips has to show it first.
+    settles : whether a joint whose fit has the term comes to rest; if not the fit without the term is `unsettled`.
     """
-    if first.cut_short:
-        return first
-    if not first.fits and not prior_evidence and not _worth_the_parameters(first, problem, more, known):
-        return first
-    try:
-        found = fit_near(problem, first.solution.fit.parameters, first.solution.fit, known)
-    except LinAlgError:
-        return first
-    gain = misfit_of(first.problem, first.solution, problem.observed) - misfit_of(problem, found)
-    if found.mean_square >= GOOD or gain < more * math.log(problem.count):
-        return first
-    return first.refitted(problem, found)
+
+    added: Callable[[FittedLaw], SlipProblem | None]
+    parameters: int = 1
+    prior_evidence: bool = False
+    settles: Callable[[Solution], bool] = lambda solution: True
+
+    def fitted(self, first: FittedLaw) -> FittedLaw:
+        """The fit with the term, where it is good and worth the parameters (BIC); else the first one."""
+        problem = None if first.cut_short else self.added(first)
+        if problem is None:
+            return first
+        if not first.fits and not self.prior_evidence and not _worth_the_parameters(first, problem, self.parameters):
+            return first
+        try:
+            found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
+        except LinAlgError:
+            return first
+        gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
+        if found.mean_square >= GOOD or gain < self.parameters * math.log(problem.count):
+            return first
+        return first.refitted(found) if self.settles(found) else replace(first, unsettled=True)
 
 
-def _worth_the_parameters(
-    first: FittedLaw, problem: SlipProblem, more: int, known: Mapping[int, tuple[float, float]]
-) -> bool:
+@dataclass(frozen=True, kw_only=True)
+class ScoredTerm(ModelTerm):
+    """Optional term of one parameter with a prior mean of zero, to which :mod:`.optional_terms` applies a score test.
+
+    Attributes
+    ----------
+    name : of the parameter, as of :attr:`.SlipProblem.column`. lower : its lower bound in the score test.
+    reported_change : change of the reported parameters per unit of the term's, from a problem without it and its
+        parameters, shape (p,).
+    explains_misfit : whether the term is so flexible that it may stand for another effect. It is also tried where no
+        law fits, if a truncated fit of a few slips is better with the term.
+    """
+
+    name: str
+    reported_change: Callable[[SlipProblem, FloatArray], FloatArray]
+    lower: float
+    explains_misfit: bool
+
+
+def _worth_the_parameters(first: FittedLaw, problem: SlipProblem, more: int) -> bool:
     """Whether a few of the slips are worth the parameters: what explains what is left over is seen in them.
 
     Where no law fits, full fits take many times as long, and are in vain.
     """
     start = first.solution.fit.parameters
-    problem.set_aside(~first.solution.usable)
-    without, together = first.problem.spread(), problem.spread()
-    fits = truncated_fit(without, start, known), truncated_fit(together, start, known)
+    without, together = first.problem.spread(), problem.without(~first.problem.noise.usable).spread()
+    fits = truncated_fit(without, start), truncated_fit(together, start)
     if fits[0] is None or fits[1] is None:
         return False
-    return misfit_of(without, fits[0]) - misfit_of(together, fits[1]) > more * math.log(without.count)
+    return misfit_of(fits[0]) - misfit_of(fits[1]) > more * math.log(without.count)
 
 
-def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64] | None = None) -> float:
+def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> float:
     """Twice the negative logarithm of the likelihood, but for a constant.
 
     Parameters
@@ -142,25 +177,25 @@ def misfit_of(problem: SlipProblem, solution: Solution, nodes: NDArray[np.int64]
     nodes : the observed ones that count, of a problem of the same slips; all if None. Likelihoods of other observations
         say nothing of each other.
     """
-    fit = solution.fit
-    counted = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
-    used = (problem.weights > 0) & counted
-    share = int(counted.sum()) / max(int(used.sum()), 1)
-    total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.errors[used]).sum()))
+    problem, fit = solution.problem, solution.fit
+    shared = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
+    used = problem.noise.counted & shared
+    share = int(shared.sum()) / max(int(used.sum()), 1)
+    total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.noise.errors[used]).sum()))
     # Of what the slips show: F_s∞ may be anything where they all dwell as long, and must not weigh.
     least = _LEAST_BALANCE * usual_level(fit)
     for values, error in (
-        (fit.misfits[problem.usable], max(solution.balance_error, least)),
-        (fit.link_misfits[problem.linked], max(solution.link_error, LEAST_LINK)),
+        (fit.misfits[problem.noise.usable], max(solution.balance_error, least)),
+        (fit.link_misfits[problem.noise.linked], max(solution.link_error, LEAST_LINK)),
     ):
         total += robust(values / error) + 2.0 * len(values) * math.log(error)
     return total
 
 
-def residuals_per_observation(problem: SlipProblem, solution: Solution) -> float:
+def residuals_per_observation(solution: Solution) -> float:
     """Residuals per independent observation, by runs of one sign; at least one."""
-    residuals: FloatArray = solution.fit.residuals
-    used = problem.weights > 0
+    problem, residuals = solution.problem, solution.fit.residuals
+    used = problem.noise.counted
     ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
     runs = 1 + int(np.count_nonzero(ends[used[1:]]))
     return max(float(used.sum()) / runs / _WHITE, 1.0)

@@ -12,24 +12,134 @@ damping than friction gives, no friction can take it up: there it is fitted. Whe
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
-from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, ModelTerm, ScoredTerm
+from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
+from stickslip_ros.monitoring.samples import FloatArray
 
+SPREAD_LIMIT = 4.0  # standard error of a logarithm, 1: a wider one means nothing
+# Viscous friction, of its standard error: less is no friction to speak of, and its logarithm needs some.
+LEAST_VISCOUS = 0.3
+_LEAST = 1e-9  # viscous friction that is left, of all of it: at least
+_LATEST = 2.0  # longest delay, of `LATE`
 _NEXT_TO_NONE = math.log(3.0)  # above the least viscous friction that can be fitted: there may be less than none
 
 
-def with_delay(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
-    """The same law with a controller that acts late, where that explains the slips better (BIC); else as it was.
+@dataclass(frozen=True, kw_only=True)
+class DelayEstimate:
+    """Estimate of a delay τ of the controller's force, which reduces the damping by k_p τ.
 
-    Tried only where viscous friction next to none is found.
+    With constant gains only the remaining damping is identifiable; then viscous friction is a guess, and the delay is
+    the one that goes with the guess.
+
+    Attributes
+    ----------
+    viscous : F_v, without the effect of the delay [N·m·s/rad]. spread : standard error of its logarithm.
+    left : F_v − k_p τ [N·m·s/rad], negative where the delay takes more than there is. std : its standard error.
+    stiffness : k_p at which that is left [N·m/rad]. longest : the longest delay that is thought possible [s].
+    """
+
+    viscous: float
+    spread: float
+    left: float
+    std: float
+    stiffness: float
+    longest: float
+
+    @property
+    def missing_damping(self) -> float:
+        """Damping that the delay takes beyond all viscous friction [N·m·s/rad]; 0 where some is left."""
+        return max(-self.left, 0.0)
+
+    @property
+    def delay(self) -> float:
+        """τ [s]."""
+        return (self.viscous - self.left) / self.stiffness
+
+    @property
+    def delay_std(self) -> float:
+        """Standard error of τ [s]."""
+        return math.hypot(self.viscous * self.spread, self.std) / self.stiffness
+
+    def applied_to(self, joint: Joint) -> Joint:
+        """The joint with viscous friction and delay apart."""
+        viscous, delay = self._apart(np.float64(self.viscous), np.float64(self.left))
+        friction = replace(joint.friction, viscous=float(viscous))
+        return replace(joint, friction=friction, actuation_delay=float(delay))
+
+    def drawn(self, joint: Joint, normal: FloatArray) -> Joint:
+        """Joints as one of arrays with viscous friction and delay apart, as the errors allow.
+
+        Parameters
+        ----------
+        normal : two standard normal draws for each joint, shape (2, draws).
+        """
+        left = self.left + self.std * normal[1]
+        viscous = self.viscous * np.exp(min(self.spread, SPREAD_LIMIT) * normal[0])
+        viscous, delay = self._apart(np.minimum(viscous, left + self.stiffness * self.longest), left)
+        return replace(joint, friction=replace(joint.friction, viscous=viscous), actuation_delay=delay)
+
+    def _apart(self, viscous: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Viscous friction and delay that leave what is left; no force acts early."""
+        viscous = np.maximum(viscous, np.maximum(left, _LEAST * self.viscous))
+        return viscous, (viscous - left) / self.stiffness
+
+
+def delay_estimate(problem: SlipProblem, parameters: FloatArray, covariance: FloatArray) -> DelayEstimate | None:
+    """What the delay takes away at the latest gains, with errors; None of a problem whose delay does not show.
 
     Parameters
     ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
+    parameters : logarithms and what comes after them, shape (p,). covariance : shape (p + k, p + k).
     """
-    return fitted_with_more(first, first.problem.with_delay(), 1, known) if may_hide_a_delay(first) else first
+    if not problem.model.delay_shows:
+        return None
+    viscous, slopes = math.exp(parameters[VISCOUS]), _slopes_of_what_is_left(problem, parameters, len(covariance))
+    return DelayEstimate(
+        viscous=viscous,
+        spread=math.sqrt(max(float(covariance[VISCOUS, VISCOUS]), 0.0)),
+        left=viscous - _taken_by_an_interval(problem) * float(parameters[problem.column["delay"]]),
+        std=math.sqrt(max(float(slopes @ covariance @ slopes), 0.0)),
+        stiffness=problem.latest_gains[0],
+        longest=_LATEST * LATE * problem.sample_interval,
+    )
+
+
+def at_the_latest_gains(
+    problem: SlipProblem, parameters: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
+
+    The delay reduces the damping by k_p τ. Shapes (p,) and (p + k, p + k), as they were.
+    """
+    late = delay_estimate(problem, parameters, covariance)
+    if late is None:
+        return parameters, covariance
+    slopes = np.eye(len(covariance))
+    slopes[VISCOUS] = _slopes_of_what_is_left(problem, parameters, len(covariance))
+    # Friction is not negative; the logarithm needs some.
+    left = max(late.left, LEAST_VISCOUS * late.std, 1e-6 * late.viscous)
+    slopes[VISCOUS] /= left
+    changed = parameters.copy()
+    changed[VISCOUS] = math.log(left)
+    return changed, np.asarray(slopes @ covariance @ slopes.T)
+
+
+def _slopes_of_what_is_left(problem: SlipProblem, parameters: FloatArray, size: int) -> FloatArray:
+    """Of what is left of the viscous friction, over the parameters and what follows them, shape (size,)."""
+    slopes = np.zeros(size)
+    slopes[[VISCOUS, problem.column["delay"]]] = math.exp(parameters[VISCOUS]), -_taken_by_an_interval(problem)
+    return slopes
+
+
+def _taken_by_an_interval(problem: SlipProblem) -> float:
+    """Damping that a delay of one sample interval takes off at the latest gains [N·m·s/rad]."""
+    return problem.latest_gains[0] * problem.sample_interval
 
 
 def may_hide_a_delay(fitted: FittedLaw) -> bool:
@@ -37,4 +147,31 @@ def may_hide_a_delay(fitted: FittedLaw) -> bool:
     problem, solution = fitted.problem, fitted.solution
     viscous = float(solution.fit.parameters[VISCOUS])
     next_to_none = viscous <= solution.prior.lower[VISCOUS] + _NEXT_TO_NONE
-    return problem.may_be_late and not problem.delay_shows and next_to_none
+    return problem.may_be_late and not problem.model.delay_shows and next_to_none
+
+
+def _added(problem: SlipProblem) -> SlipProblem:
+    return problem.changed(model=replace(problem.model, delay_shows=True))
+
+
+def _may_be_late(fitted: FittedLaw) -> bool:
+    return fitted.may_lack_terms and fitted.problem.may_be_late and not fitted.problem.model.delay_shows
+
+
+def _less_viscous(problem: SlipProblem, parameters: FloatArray) -> FloatArray:
+    """For each unit of a delay viscous friction is told by so much less: what the delay leaves of it counts."""
+    reported_change = np.zeros(len(parameters))
+    reported_change[VISCOUS] = -_taken_by_an_interval(problem) / math.exp(parameters[VISCOUS])
+    return reported_change
+
+
+HIDDEN_DELAY = ModelTerm(added=lambda fitted: _added(fitted.problem) if may_hide_a_delay(fitted) else None)
+# In a slip a controller's delay is as good as damping, but at breakaway the force is that of a time ago: at another
+# speed by another amount less.
+LATE_CONTROLLER = ScoredTerm(
+    name="delay",
+    added=lambda fitted: _added(fitted.problem) if _may_be_late(fitted) else None,
+    reported_change=_less_viscous,
+    lower=0.0,
+    explains_misfit=False,
+)

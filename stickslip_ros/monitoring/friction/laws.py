@@ -4,54 +4,66 @@
 
 The weight of a law is its posterior probability, all being equally likely before and having as many parameters:
 exp(-½ Δ) of the difference of twice the negative logarithms of their likelihoods.
+
+The fit of a law ends in the valley in which it begins, and the parameters that one law needs can be far from those of
+another: where the Stribeck friction falls to nothing at once, a law with a long tail takes more of it, less Coulomb
+friction and more viscous friction for the same curve. So another law is screened from the curve, not from the
+parameters; and both laws are fitted to the same few slips, with ever smaller tolerances of the ties between slips.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import replace
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of, residuals_per_observation
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, with_delay
-from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms
-from stickslip_ros.monitoring.friction.screening import same_curve, same_parameters, screen_law
-from stickslip_ros.monitoring.friction.slip_solution import fit_near
-from stickslip_ros.monitoring.friction.trend import with_trend
-from stickslip_ros.monitoring.friction.yielding_contact import with_contact
+from stickslip_ros.model._friction_law import LAWS, stribeck_friction
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
+from stickslip_ros.monitoring.friction.fitted_law import (
+    CLEARLY_BETTER,
+    HALF_SPEED,
+    FittedLaw,
+    misfit_of,
+    residuals_per_observation,
+)
+from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
+from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
+from stickslip_ros.monitoring.friction.slip_solution import fit_near, truncated_fit, usual_level
+from stickslip_ros.monitoring.friction.trend import TREND
 from stickslip_ros.monitoring.samples import FloatArray
 
 EXCLUDED = 0.02  # weight of a law, 1: the data exclude a law of less
 LEAST_SLIPS = 8  # usable slips that distinguish laws, 1: at least
+_WORSE = 60.0  # twice the logarithm of a likelihood ratio, 1: with more, more slips do not change the order of laws
+_SPEEDS = 64  # speeds at which curves are compared, 1
+_SCALES = np.geomspace(0.4, 2.5, 15)  # Stribeck velocities that are tried, of the one fitted
 
 
-def weighed_laws(
-    first: FittedLaw, known: Mapping[int, tuple[float, float]], rejected: Collection[str] = ()
-) -> list[FittedLaw]:
+def weighed_laws(first: FittedLaw, rejected: Collection[str] = ()) -> list[FittedLaw]:
     """The law fitted first and the others that the slips do not exclude, with their weights; the likeliest first.
 
     Parameters
     ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
     rejected : laws that fewer of these slips have excluded; they count as such as long as the first one fits.
     """
     fits, given_up = [first], []
-    if int(first.problem.usable.sum()) >= LEAST_SLIPS and not first.cut_short:
+    if int(first.problem.noise.usable.sum()) >= LEAST_SLIPS and not first.cut_short:
         for law in LAWS:
             if law == first.law:
                 continue
-            other = None if law in rejected and first.fits else _beside(law, first, known)
+            other = None if law in rejected and first.fits else _beside(law, first)
             if other is None:
                 given_up.append(law)
             else:
                 fits.append(other)
     misfits = _misfits(fits)
     best = int(np.argmin(misfits))
-    again = _again(first, fits[best], known) if best > 0 else None
+    again = _again(first, fits[best]) if best > 0 else None
     with_it = [] if again is None else _misfits([again, *fits])
     if again is not None and with_it[0] < with_it[1]:
         # The first one had been caught in a wrong valley, out of which the other law's fit shows the way.
@@ -60,9 +72,7 @@ def weighed_laws(
     if may_hide_a_delay(fits[0]):
         # What is left of the delay may be what speaks for another law: as far as is known, each is as likely.
         misfits = [misfits[best]] * len(fits)
-    weights = np.exp(
-        -0.5 * (np.array(misfits) - misfits[best]) / residuals_per_observation(fits[best].problem, fits[best].solution)
-    )
+    weights = np.exp(-0.5 * (np.array(misfits) - misfits[best]) / residuals_per_observation(fits[best].solution))
     weights /= weights.sum()
     found = [
         replace(fit, weight=float(weight), rejected=() if first.cut_short else tuple(given_up))
@@ -75,42 +85,109 @@ def weighed_laws(
 def _misfits(fits: list[FittedLaw]) -> list[float]:
     """What each does not explain of the observations that all of them have."""
     nodes = reduce(np.intersect1d, [fit.problem.observed for fit in fits])
-    return [misfit_of(fit.problem, fit.solution, nodes) for fit in fits]
+    return [misfit_of(fit.solution, nodes) for fit in fits]
 
 
-def _beside(law: str, first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+def _beside(law: str, first: FittedLaw) -> FittedLaw | None:
     """Another law's fit of the same slips; None if it would be far worse, or there is none."""
     if first.position_disturbance is not None:
         # The same position-dependent forces are subtracted for both laws.
-        return _near(first, law, same_parameters(law, first), first, known)
-    screening = screen_law(law, first, known)
+        return _near(first, law, _same_parameters(law, first), first)
+    screening = _screen_law(law, first)
     if screening is None or screening.rejected or not (first.fits or screening.better):
         return None
-    problem = first.problem.plain(LAWS[law])
     try:
-        solution = fit_near(problem, screening.start, first.solution.fit, known)
+        solution = fit_near(first.problem.plain(LAWS[law]), screening.start, first.solution.fit)
     except LinAlgError:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.
-    other = with_delay(FittedLaw(law=law, problem=problem, solution=solution), known)
-    return with_optional_terms(with_trend(with_contact(other, known), known), known, beside=first)
+    other = with_shown_terms(FittedLaw(solution=solution))
+    return with_optional_terms(TREND.fitted(other), beside=first)
 
 
-def _again(first: FittedLaw, better: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+def _again(first: FittedLaw, better: FittedLaw) -> FittedLaw | None:
     """The first law fitted from where another one has led to; None if nothing can be fitted there."""
-    again = _near(first, first.law, same_curve(first.law, better), better, known)
+    again = _near(first, first.law, _same_curve(first.law, better), better)
     if again is None or first.position_disturbance is not None:
         return again
-    return with_optional_terms(with_contact(with_delay(again, known), known), known)
+    return with_optional_terms(with_shown_terms(again))
 
 
-def _near(
-    first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw, known: Mapping[int, tuple[float, float]]
-) -> FittedLaw | None:
+def _near(first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw) -> FittedLaw | None:
     """A law fitted to the slips as the first fit has them, from a start and the levels of another fit."""
-    problem = first.problem.with_law(LAWS[law])
     try:
-        solution = fit_near(problem, start, shape.solution.fit, known)
+        problem = first.problem.changed(model=replace(first.problem.model, law=LAWS[law]))
+        solution = fit_near(problem, start, shape.solution.fit)
     except LinAlgError:
         return None
-    return replace(first.refitted(problem, solution), law=law)
+    return first.refitted(solution)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Screening:
+    """Result of the screening of a law.
+
+    Attributes
+    ----------
+    start : logarithms from which to fit it to all slips, shape (6,).
+    worse : twice the logarithm of the likelihood ratio of the fitted law and the screened one, on the same few slips.
+    """
+
+    start: FloatArray
+    worse: float
+
+    @property
+    def rejected(self) -> bool:
+        """Whether the law stays worse however many slips are fitted."""
+        return self.worse > _WORSE
+
+    @property
+    def better(self) -> bool:
+        """Whether the law is clearly better: where no law fits, only such a one is worth a full fit."""
+        return self.worse < -CLEARLY_BETTER
+
+
+def _screen_law(law: str, first: FittedLaw) -> _Screening | None:
+    """Screen a law against the one fitted first; None if no slip can be simulated by it."""
+    some = first.problem.spread()
+    theirs = truncated_fit(some, first.solution.fit.parameters)
+    if theirs is None:
+        return None
+    other = some.changed(model=replace(some.model, law=LAWS[law]))
+    found = truncated_fit(other, _same_curve(law, first))
+    if found is None:
+        return None
+    worse = (misfit_of(found) - misfit_of(theirs)) / residuals_per_observation(theirs)
+    return _Screening(start=found.fit.parameters[:PARAMETERS], worse=worse)
+
+
+def _same_curve(law: str, first: FittedLaw) -> FloatArray:
+    """Logarithms of the parameters of a law with which friction over speed is most nearly what the first fit has."""
+    fit, problem = first.solution.fit, first.problem
+    start = _same_parameters(law, first)
+    level, unit = usual_level(fit), math.exp(fit.parameters[STRIBECK_VELOCITY])
+    speeds = np.abs(fit.velocities)
+    speeds = np.quantile(speeds[speeds > 0.0], np.linspace(0.0, 1.0, _SPEEDS))
+    curve = np.asarray(stribeck_friction(LAWS[first.law], level, speeds / unit))
+    curve += math.exp(fit.parameters[VISCOUS]) * speeds
+    usual = problem.usual_speed
+    best = math.inf
+    for scale in _SCALES * math.exp(start[STRIBECK_VELOCITY]):
+        falling = np.asarray(stribeck_friction(LAWS[law], 1.0, speeds / scale))
+        # The Coulomb friction may have either sign here: it is what is left.
+        columns = np.stack([np.ones_like(speeds), speeds / usual, falling], axis=1)
+        weights = np.linalg.lstsq(columns, curve, rcond=None)[0]
+        _, viscous, stribeck = weights
+        missed = float(np.linalg.norm(columns @ weights - curve))
+        if missed < best and viscous > 0.0 and stribeck > 0.0:
+            best = missed
+            start[[VISCOUS, STRIBECK_VELOCITY]] = math.log(viscous / usual), math.log(scale)
+            start[STRIBECK] = fit.parameters[STRIBECK] + math.log(stribeck / level)
+    return start
+
+
+def _same_parameters(law: str, first: FittedLaw) -> FloatArray:
+    """Logarithms of the first fit's parameters, with the Stribeck velocity at which the law has fallen to half too."""
+    start = first.solution.fit.parameters[:PARAMETERS].copy()
+    start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[first.law] / HALF_SPEED[law])
+    return np.asarray(start)

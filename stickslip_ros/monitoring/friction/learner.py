@@ -29,8 +29,8 @@ from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
-from stickslip_ros.monitoring.friction.slip_fit import FixedParameterFit, Tolerances, fit_at_fixed_parameters
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_fit import SlipFit, Tolerances, fit_at_fixed_parameters
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -265,18 +265,14 @@ class FrictionLearner:
             if window.before is None or window.after is None:
                 return
             window = window.between_creep()
-        more = 2 * (state.contact is not None) + (state.curved_at is not None)
+        model = SlipModel(law=LAWS[state.estimate.law], contact=state.contact, curved_at=state.curved_at)
         problem = SlipProblem(
             [window],
-            (state.last_window.arrest, state.stribeck_fraction) if follows else None,
+            replace(model, delay_shows=len(state.parameters) > PARAMETERS + len(model.terms)),
+            before=(state.last_window.arrest, state.stribeck_fraction) if follows else None,
             both_directions=len(state.kinetic) > 1,
-            law=LAWS[state.estimate.law],
-            delay_shows=len(state.parameters) > PARAMETERS + more,
             known_factor=known_factor,
-            contact=state.contact,
-            curved_at=state.curved_at,
-        )
-        problem.set_noise(jitter=state.jitter, tolerance=state.tolerance)
+        ).weighed(jitter=state.jitter, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.stribeck_fraction if follows else 0.5
         share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
@@ -323,10 +319,10 @@ class FrictionLearner:
         )
         self.estimate = self._state.estimate
 
-    def _is_outlier(self, problem: SlipProblem, fixed_fit: FixedParameterFit, state: Learnt) -> bool:
+    def _is_outlier(self, problem: SlipProblem, fixed_fit: SlipFit, state: Learnt) -> bool:
         """Whether a slip differs from the estimate by more than the errors of both."""
         square = float(np.mean(fixed_fit.residuals**2))
-        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.errors) ** 2))) / float(problem.distances[0])
+        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.noise.errors) ** 2))) / float(problem.distances[0])
         force = abs(float(fixed_fit.misfits[0]))
         level = math.exp(state.parameters[STRIBECK])
         # A controller that acts on samples begins each slip with some more or less of a step of its force.

@@ -3,13 +3,17 @@
 """Observed slips of one joint side by side: where it was seen when, and what the detection has of each slip.
 
 What an observation says depends on the speed, and on how far the stamps are trusted; slips that nothing explains are
-set aside. Where only the motion is known the slips say at which speeds the reference moved.
+set aside. That is the noise model; a fit ends with another one than it begins with, and slips with another noise model
+are other slips. Where only the motion is known the slips say at which speeds the reference moved.
 """
 
 from __future__ import annotations
 
 import math
+from copy import copy
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +33,8 @@ _FINEST = 2e-5  # error of a position, of a slip: neither stamps nor integration
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03
 _LARGEST_JITTER = 0.5  # standard deviation of time stamps, sample intervals: more would exchange samples
 
+_Slips = TypeVar("_Slips", bound="ObservedSlips")
+
 
 def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
     """Whether a slip goes on from the rest that the one before ended in.
@@ -40,6 +46,28 @@ def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
         before.direction == window.direction
         and abs(before.arrest - window.rest_begin) < _SAME_REST * (window.breakaway - window.rest_begin) + 1e-9
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseModel:
+    """What each observation says of the position, and which slips count.
+
+    Attributes
+    ----------
+    usable : slips that count, shape (slips,). linked : slips that go on from one that counts, of the same shape.
+    counted : observations of slips that count, shape (m,).
+    targets, errors : position that an observation shows, and its standard deviation [rad], shape (m,).
+    jitter : standard deviation of time stamps [s].
+    tolerance : part of every error that stands for what the model does not explain [rad].
+    """
+
+    usable: NDArray[np.bool_]
+    linked: NDArray[np.bool_]
+    counted: NDArray[np.bool_]
+    targets: FloatArray
+    errors: FloatArray
+    jitter: float
+    tolerance: float
 
 
 class ObservedSlips:
@@ -74,10 +102,9 @@ class ObservedSlips:
         self._collect_observations()
         self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
         self.groups, self.speeds, self.speed_errors = self._reference_speeds()
-        self.usable = np.ones(self.count, dtype=bool)
-        self.reset()
-        self.speeds_at_nodes = self._measured_speeds()
-        self.weigh(self.speeds_at_nodes)
+        self.single = ~self._not_alone()  # slips that hold one slip
+        self._measured_speeds = self._speeds_of_observations()
+        self.noise = self._noise_model(self._measured_speeds, tolerance=0.0, jitter=0.0, usable=self.single)
 
     def _collect_observations(self) -> None:
         windows = self.windows
@@ -147,7 +174,7 @@ class ObservedSlips:
                 errors.append(_FEW_CYCLES)
         return groups, np.array(speeds), np.array(errors)
 
-    def _measured_speeds(self) -> FloatArray:
+    def _speeds_of_observations(self) -> FloatArray:
         """Speed at the observed nodes from the observations around them [rad/s]."""
         speeds = np.zeros(len(self.times))
         for number in range(self.count):
@@ -161,73 +188,77 @@ class ObservedSlips:
             )
         return speeds
 
-    def set_aside(self, which: NDArray[np.bool_]) -> None:
-        """Leave slips out of the fit; what follows them begins anew."""
-        self.usable = self.usable & ~which
-        self.linked = self.follows & np.append(False, self.usable[:-1]) & self.usable
-        self.weights = self.usable[self.slip_of].astype(float)
-
-    def set_noise(
-        self,
-        *,
-        jitter: float,
-        tolerance: float,
-        usable: NDArray[np.bool_] | None = None,
+    def weighed(
+        self: _Slips,
         speeds: FloatArray | None = None,
-    ) -> None:
-        """Set the noise model to that of an earlier fit, of these slips or of others of the joint.
+        *,
+        tolerance: float = 0.0,
+        jitter: float | None = None,
+        usable: NDArray[np.bool_] | None = None,
+    ) -> _Slips:
+        """The same slips with what their observations say at other speeds.
 
         Parameters
         ----------
-        jitter : standard deviation of time stamps [s]. tolerance : as of :meth:`weigh`.
-        usable : slips that the fit explained, and speeds : at the nodes; both None if the fit was of other slips.
+        speeds : at the nodes; as measured if None. tolerance, jitter, usable : as of :class:`NoiseModel`; the latter
+            two are kept if None. A tolerance makes the cost smoother while the parameters are far off.
         """
-        self.jitter = jitter
-        if usable is not None:
-            self.usable = np.ones(self.count, dtype=bool)
-            self.set_aside(~usable)
-        self.weigh(self.speeds_at_nodes if speeds is None else speeds, tolerance)
+        return self._with_noise(
+            self._noise_model(
+                self._measured_speeds if speeds is None else speeds,
+                tolerance=tolerance,
+                jitter=self.noise.jitter if jitter is None else jitter,
+                usable=self.noise.usable if usable is None else usable,
+            )
+        )
 
-    def reset(self) -> None:
-        """Undo earlier fits: all slips that hold one slip are usable, time stamps are exact."""
-        self.usable = np.ones(self.count, dtype=bool)
-        self.jitter = 0.0
-        self.set_aside(self._not_alone())
+    def without(self: _Slips, outliers: NDArray[np.bool_]) -> _Slips:
+        """The same with fewer slips that count; what follows the others begins anew."""
+        return self._with_noise(replace(self.noise, **self._counted(self.noise.usable & ~outliers)))
 
-    def weigh(self, speeds: FloatArray, tolerance: float = 0.0) -> None:
-        """Set what each observation says of the position, and its standard deviation, for speeds at the nodes.
+    def _with_noise(self: _Slips, noise: NoiseModel) -> _Slips:
+        other = copy(self)
+        other.noise = noise
+        return other
 
-        Where a count changed the joint was at the edge between two counts some time in the sample's gap.
-        ``tolerance`` [rad] is added to every error: it makes the cost smoother while the parameters are far off.
-        """
+    def _noise_model(
+        self, speeds: FloatArray, *, tolerance: float, jitter: float, usable: NDArray[np.bool_]
+    ) -> NoiseModel:
+        """Where a count changed the joint was at the edge between two counts some time in the sample's gap."""
         gaps = np.where(self._at_edge, self.gaps, 0.0)
         # In the middle of the gap: while the joint gets faster its way is shorter than its speed at the end has it.
         speed = np.interp(self.times[self.observed] - 0.5 * gaps, self.times, np.abs(speeds))
         way = np.minimum(np.maximum(speed, _SLOWEST * self.usual_speed) * gaps, self._resolutions)
         edge = self.values - 0.5 * self.directions[self.slip_of] * (self._resolutions - way)
-        self.targets = np.where(self._at_edge, edge, self.values)
         count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
         finest = _FINEST * self.distances[self.slip_of]
-        self.errors = np.sqrt(
-            (ROUNDING_STD * count) ** 2 + self._noises**2 + (speed * self.jitter) ** 2 + tolerance**2 + finest**2
+        return NoiseModel(
+            **self._counted(usable),
+            targets=np.where(self._at_edge, edge, self.values),
+            errors=np.sqrt(
+                (ROUNDING_STD * count) ** 2 + self._noises**2 + (speed * jitter) ** 2 + tolerance**2 + finest**2
+            ),
+            jitter=jitter,
+            tolerance=tolerance,
         )
 
-    def set_speeds(self, velocities: FloatArray) -> None:
-        """Replace the measured speeds at the nodes by the velocities of a fit."""
-        self.speeds_at_nodes = velocities
+    def _counted(self, usable: NDArray[np.bool_]) -> dict[str, Any]:
+        """Slips that count, those that go on from one, and the observations of slips that count."""
+        linked = self.follows & np.append(False, usable[:-1]) & usable
+        return {"usable": usable, "linked": linked, "counted": usable[self.slip_of]}
 
-    def estimate_jitter(self, residuals: FloatArray, velocities: FloatArray) -> None:
-        """Estimate the jitter of time stamps from residuals of a fit [1], where the joint moves fast."""
+    def jitter(self, residuals: FloatArray, velocities: FloatArray) -> float:
+        """Jitter of time stamps [s] by residuals of a fit [1] where the joint moves fast."""
         speed = np.abs(velocities[self.observed])
-        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & (self.weights > 0)
+        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & self.noise.counted
         if not fast.any():
-            return
-        in_time = self.errors[fast] / speed[fast]
-        expected = in_time**2 - self.jitter**2
+            return self.noise.jitter
+        in_time = self.noise.errors[fast] / speed[fast]
+        expected = in_time**2 - self.noise.jitter**2
         excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
         gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
         largest = _LARGEST_JITTER * float(np.median(gaps))
-        self.jitter = min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
+        return min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
 
     def detected(self, level: float) -> FloatArray:
         """The slips' unknowns as the detection sees them, with one level [N·m] for all."""

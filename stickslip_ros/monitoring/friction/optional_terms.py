@@ -11,58 +11,33 @@ is added may stand for another effect: the change that it makes of the other par
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import (
     CLEARLY_BETTER,
     FittedLaw,
-    fitted_with_more,
+    ScoredTerm,
     residuals_per_observation,
 )
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
+from stickslip_ros.monitoring.friction.late_controller import HIDDEN_DELAY, LATE_CONTROLLER, may_hide_a_delay
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
-from stickslip_ros.monitoring.friction.slip_problem import CURVATURE, LATE, PARAMETERS, SlipProblem
-from stickslip_ros.monitoring.friction.slip_windows import ForceSource
+from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.yielding_contact import YIELDING_CONTACT
 from stickslip_ros.monitoring.samples import FloatArray
 
 _MUCH = 0.98  # parameter, of its upper bound: one that is larger is at its bound, as the fit stops short of it
-_LITTLE = (
-    0.005  # tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes
-)
+# Tolerance, in slip distances, up to which a term may explain the misfit: larger ones have other causes.
+_LITTLE = 0.005
 # Probability that a flexible term stands for another effect that is as smooth, 1: as likely as not. The load of a
 # flexible joint and bristles had curves of friction, with three to fifteen times the viscous friction.
 _ANOTHER = 0.5
 _FARTHEST = 2.0  # parameter, prior standard deviations: the linear step of the score test holds no further
-
-
-@dataclass(frozen=True, kw_only=True)
-class OptionalTerm:
-    """Optional model term: one more parameter of the fit.
-
-    Attributes
-    ----------
-    applies : whether a fit may lack the term. added : the problem with the term.
-    column : index of the term's parameter.
-    reported_change : change of the reported parameters per unit of the term's, from a problem without it and its
-        parameters, shape (p,).
-    std : prior standard deviation of the term's parameter, whose prior mean is zero. lower : its lower bound.
-    explains_misfit : whether the term is so flexible that it may stand for another effect. It is also tried where no
-        law fits, if a truncated fit of a few slips is better with the term.
-    """
-
-    applies: Callable[[FittedLaw], bool]
-    added: Callable[[SlipProblem], SlipProblem]
-    column: Callable[[SlipProblem], int]
-    reported_change: Callable[[SlipProblem, FloatArray], FloatArray]
-    std: float
-    lower: float
-    explains_misfit: bool
+_SWIFT = 1.33  # speed, of the mean of a slip that is half a sine: friction takes as much there as on average
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,9 +74,14 @@ class TermScore:
         return np.asarray(self.mean_square * np.outer(self.moves, self.moves))
 
 
-def with_optional_terms(
-    first: FittedLaw, known: Mapping[int, tuple[float, float]], beside: FittedLaw | None = None
-) -> FittedLaw:
+def with_shown_terms(fitted: FittedLaw) -> FittedLaw:
+    """The fit with the terms that viscous friction next to none and creep at rest show, where these are worth it."""
+    for term in (HIDDEN_DELAY, YIELDING_CONTACT):
+        fitted = term.fitted(fitted)
+    return fitted
+
+
+def with_optional_terms(first: FittedLaw, beside: FittedLaw | None = None) -> FittedLaw:
     """The fit with every term that clearly explains the slips better, the most significant first; else the fit itself.
 
     The terms left out add to the covariance (`by_optional_terms`), and so do changes by those added. Where the law does
@@ -109,18 +89,17 @@ def with_optional_terms(
 
     Parameters
     ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
     beside : another law's fit of the same slips. If it has no curved viscous friction, this fit gets none: a wrong law
         with a curve explains much.
     """
     fitted = first
-    straight = beside is not None and beside.problem.curved_at is None
-    tried: set[OptionalTerm] = {CURVED_VISCOUS} if straight else set()
+    straight = beside is not None and beside.problem.model.curved_at is None
+    tried: set[ScoredTerm] = {CURVED_VISCOUS} if straight else set()
     moves: list[FloatArray] = []
     scores = _score_tests(fitted)
     while (best := _most_significant(fitted, {one: scores[one] for one in scores if one not in tried})) is not None:
         tried.add(best)
-        found = fitted_with_more(fitted, best.added(fitted.problem), 1, known, prior_evidence=scores[best] is not None)
+        found = replace(best, prior_evidence=scores[best] is not None).fitted(fitted)
         if found is not fitted and not _at_its_bound(found, best):
             if best.explains_misfit:
                 moves.append(_shared(found) - _shared(fitted))
@@ -143,12 +122,13 @@ def _shared(fitted: FittedLaw) -> FloatArray:
     return np.concatenate([fit.parameters[:PARAMETERS], fit.kinetic])
 
 
-def _score_tests(fitted: FittedLaw) -> dict[OptionalTerm, TermScore | None]:
+def _score_tests(fitted: FittedLaw) -> dict[ScoredTerm, TermScore | None]:
     """Score tests of the terms that a fit may lack; None where a test is not possible."""
-    return {term: _score_test(fitted, term) for term in OPTIONAL_TERMS if term.applies(fitted)}
+    problems = {term: term.added(fitted) for term in SCORED_TERMS}
+    return {term: _score_test(fitted, term, more) for term, more in problems.items() if more is not None}
 
 
-def _most_significant(fitted: FittedLaw, left: Mapping[OptionalTerm, TermScore | None]) -> OptionalTerm | None:
+def _most_significant(fitted: FittedLaw, left: Mapping[ScoredTerm, TermScore | None]) -> ScoredTerm | None:
     """The term to be fitted next; None if none is worth a fit."""
     gains = {term: score.gain for term, score in left.items() if score is not None and score.gain > CLEARLY_BETTER}
     if gains:
@@ -156,26 +136,26 @@ def _most_significant(fitted: FittedLaw, left: Mapping[OptionalTerm, TermScore |
     # A term could explain the misfit that a wrong effort makes; and where residuals are large no term is enough.
     problem = fitted.problem
     little = 0.0 < fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
-    if not little or problem.windows[0].source is not ForceSource.GAINS:
+    if not little or not problem.may_be_late:
         return None
     return next((term for term, score in left.items() if score is None and term.explains_misfit), None)
 
 
-def _at_its_bound(fitted: FittedLaw, term: OptionalTerm) -> bool:
+def _at_its_bound(fitted: FittedLaw, term: ScoredTerm) -> bool:
     """Whether the term's parameter is at its bound: then something else is the cause."""
-    column, prior = term.column(fitted.problem), fitted.solution.prior
+    column, prior = fitted.problem.column[term.name], fitted.solution.prior
     value = fitted.solution.fit.parameters[column]
     return bool(abs(value) > _MUCH * prior.upper[column])
 
 
-def _score_test(fitted: FittedLaw, term: OptionalTerm) -> TermScore | None:
-    """Score test of a term that a fit has not; None where the law does not fit or the term cannot be simulated."""
+def _score_test(fitted: FittedLaw, term: ScoredTerm, more: SlipProblem) -> TermScore | None:
+    """Score test of a term, from the problem that has it; None where the law does not fit or no slip is simulated."""
     problem, solution = fitted.problem, fitted.solution
     if solution.tolerance > 0.0:
         return None
-    fit, prior, more = solution.fit, solution.prior, term.added(problem)
-    solution.copy_noise_to(more)
-    column = term.column(more)
+    fit, prior, noise = solution.fit, solution.prior, problem.noise
+    more = more.weighed(fit.velocities, jitter=noise.jitter, usable=noise.usable)
+    column, prior_std = more.column[term.name], more.terms[term.name].std
     try:
         fixed_fit = fit_at_fixed_parameters(
             more, Tolerances(balance=solution.balance_error, level=solution.link_error),
@@ -186,7 +166,7 @@ def _score_test(fitted: FittedLaw, term: OptionalTerm) -> TermScore | None:
     others = np.delete(np.arange(len(fixed_fit.gradient)), column)
     moves = -covariance_of(fixed_fit.information[np.ix_(others, others)], prior) @ fixed_fit.information[others, column]
     # Correlated residuals count as one observation.
-    repeats = residuals_per_observation(problem, solution)
+    repeats = residuals_per_observation(solution)
     own = (
         max(float(fixed_fit.information[column, column] + fixed_fit.information[column, others] @ moves), 0.0) / repeats
     )
@@ -194,56 +174,30 @@ def _score_test(fitted: FittedLaw, term: OptionalTerm) -> TermScore | None:
     pull = fixed_fit.gradient[others]
     pull[: len(fit.parameters)] += prior.information @ (prior.mean - fit.parameters)
     slope = float(fixed_fit.gradient[column] + moves @ pull) / repeats
-    std = 1.0 / math.sqrt(own + term.std**-2)
+    std = 1.0 / math.sqrt(own + prior_std**-2)
     value = max(slope * std**2, term.lower)
     gain = (value / std) ** 2
     # Slopes reach no further.
-    value = min(max(value, -_FARTHEST * term.std), _FARTHEST * term.std)
+    value = min(max(value, -_FARTHEST * prior_std), _FARTHEST * prior_std)
     moves[: len(fit.parameters)] += term.reported_change(problem, fit.parameters)
-    return TermScore(value=value, std=std, prior=term.std, moves=moves, gain=gain)
+    return TermScore(value=value, std=std, prior=prior_std, moves=moves, gain=gain)
 
 
-def _may_have_more(fitted: FittedLaw) -> bool:
-    """Whether a term may be missing: not where only speeds are known, or the subtracted force is only nearly right."""
-    return not (fitted.problem.normalised or fitted.position_disturbance is not None or fitted.unsettled)
-
-
-def _may_be_curved(fitted: FittedLaw) -> bool:
-    """Whether viscous friction may be no straight line: where it is hardly seen that is no question."""
-    return _may_have_more(fitted) and fitted.problem.curved_at is None and not may_hide_a_delay(fitted)
-
-
-def _may_be_late(fitted: FittedLaw) -> bool:
-    return _may_have_more(fitted) and fitted.problem.may_be_late and not fitted.problem.delay_shows
-
-
-def _left_by_a_delay(problem: SlipProblem, parameters: FloatArray) -> FloatArray:
-    """For each unit of a delay viscous friction is told by so much less: what the delay leaves of it counts."""
-    reported_change = np.zeros(len(parameters))
-    reported_change[VISCOUS] = -problem.taken_by_an_interval / math.exp(parameters[VISCOUS])
-    return reported_change
+def _with_curve(fitted: FittedLaw) -> SlipProblem | None:
+    """The problem with viscous friction that may be a curve: where it is hardly seen that is no question."""
+    problem = fitted.problem
+    if not fitted.may_lack_terms or problem.model.curved_at is not None or may_hide_a_delay(fitted):
+        return None
+    return problem.changed(model=replace(problem.model, curved_at=_SWIFT * problem.usual_speed))
 
 
 # Grease thins, and oil is churned: F_v y˙ (1 - c + c y˙/v) in place of F_v y˙. F_v is told at the speed v, at which
 # friction takes as much as it does on average in a slip.
-CURVED_VISCOUS = OptionalTerm(
-    applies=_may_be_curved,
-    added=SlipProblem.with_curvature,
-    column=lambda problem: problem.curvature_column,
+CURVED_VISCOUS = ScoredTerm(
+    name="curvature",
+    added=_with_curve,
     reported_change=lambda problem, parameters: np.zeros(len(parameters)),
-    std=CURVATURE,
     lower=-math.inf,
     explains_misfit=True,
 )
-# In a slip a controller's delay is as good as damping, but at breakaway the force is that of a time ago: at another
-# speed by another amount less.
-LATE_CONTROLLER = OptionalTerm(
-    applies=_may_be_late,
-    added=SlipProblem.with_delay,
-    column=lambda problem: PARAMETERS,
-    reported_change=_left_by_a_delay,
-    std=LATE,
-    lower=0.0,
-    explains_misfit=False,
-)
-OPTIONAL_TERMS = (CURVED_VISCOUS, LATE_CONTROLLER)
+SCORED_TERMS = (CURVED_VISCOUS, LATE_CONTROLLER)

@@ -10,7 +10,6 @@ the worst; the parameters stay where BIC prefers them. All parameters are then r
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -27,24 +26,23 @@ _PARAMETERS = 2  # parameters of a friction factor, 1
 _OF_DISTURBANCE = 5  # parameters that a load over position and a ripple have at most
 
 
-def with_position_disturbance(plain: FittedLaw, known: Mapping[int, tuple[float, float]], why: str) -> FittedLaw:
+def with_position_disturbance(plain: FittedLaw, why: str) -> FittedLaw:
     """Fit of the same law without the position-dependent forces, where that explains the slips better.
 
     Parameters
     ----------
     plain : fit with the forces as they are. why : what that fit does not explain.
-    known : mean and standard deviation of parameters' logarithms, by index.
     """
     best = plain
     for _ in range(_ROUNDS):
-        found = _round(plain, best, known, why)
+        found = _round(plain, best, why)
         if found is None:
             break
         best = found
     return best
 
 
-def _round(plain: FittedLaw, best: FittedLaw, known: Mapping[int, tuple[float, float]], why: str) -> FittedLaw | None:
+def _round(plain: FittedLaw, best: FittedLaw, why: str) -> FittedLaw | None:
     """Fit without the disturbance that the best fit so far shows; None if there is none, or BIC rejects it."""
     dry = None if best.cut_short else dry_friction_of(best.problem, best.solution.fit)
     if dry is None or not (dry.load_curve or dry.ripple is not None):
@@ -55,21 +53,21 @@ def _round(plain: FittedLaw, best: FittedLaw, known: Mapping[int, tuple[float, f
     disturbance = PositionDisturbance(dry=dry, without=why)
     windows = plain.problem.windows
     off = np.array([disturbance.subtracted_force(window) for window in windows])
-    changed = plain.problem.without_position_force([disturbance.applied(window) for window in windows], off)
+    changed = plain.problem.changed([disturbance.applied(window) for window in windows], subtracted_force=off)
     try:
-        solution = search(changed, known)
+        solution = search(changed)
     except LinAlgError:
         return None
     count = math.log(changed.count)
-    if solution is None or plain.misfit - misfit_of(changed, solution) < _OF_DISTURBANCE * count:
+    if solution is None or plain.misfit - misfit_of(solution) < _OF_DISTURBANCE * count:
         return None
-    even = FittedLaw(law=plain.law, problem=changed, solution=solution, position_disturbance=disturbance)
-    growing = _with_friction_factor(even, known)
+    even = FittedLaw(solution=solution, position_disturbance=disturbance)
+    growing = _with_friction_factor(even)
     found = growing if growing is not None and even.misfit - growing.misfit > _PARAMETERS * count else even
     return found if best is plain or found.misfit < best.misfit else None
 
 
-def _with_friction_factor(even: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw | None:
+def _with_friction_factor(even: FittedLaw) -> FittedLaw | None:
     """Fit with a friction factor, reported where friction is largest; None where no fit is possible."""
     disturbance, problem, fit = even.position_disturbance, even.problem, even.solution.fit
     assert disturbance is not None
@@ -77,11 +75,11 @@ def _with_friction_factor(even: FittedLaw, known: Mapping[int, tuple[float, floa
         covariate = disturbance.covariate(problem.rests, decreasing=decreasing)
         if not covariate.any():
             return None
-        growing = problem.without_position_force(problem.windows, problem.subtracted_force, covariate)
+        growing = problem.changed(covariate=covariate)
         try:
-            solution = fit_near(growing, np.append(fit.parameters, 0.0), fit, known)
+            solution = fit_near(growing, np.append(fit.parameters, 0.0), fit)
         except LinAlgError:
             return None
         if solution.fit.parameters[-1] >= 0.0:
-            return replace(even, problem=growing, solution=solution, decreasing=decreasing)
+            return replace(even, solution=solution, decreasing=decreasing)
     return None

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import ELASTO_PLASTIC, LUGRE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.rests import Rest
-from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_RESTS
 from stickslip_ros.monitoring.friction.estimate import IDENTIFIED, ParameterEstimate
+from stickslip_ros.monitoring.friction.yielding_contact import LEAST_RESTS
 from stickslip_ros.monitoring.sample_buffer import SampleBuffer
 from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
 

@@ -91,7 +91,7 @@ class NormalEquations:
         projected = -np.einsum("am,mac->mc", slopes.terms[shared:-1], follow[problem.slip_of])
         projected[:, slopes.moving] += slopes.terms[:shared].T
         projected *= weights_of(point.observed)[:, None]
-        way = (problem.directions * problem.distances)[problem.slip_of] / problem.errors
+        way = (problem.directions * problem.distances)[problem.slip_of] / problem.noise.errors
         bias_sensitivity = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
         np.add.at(bias_sensitivity, problem.parts_of_slips, projected * way[:, None])
         scores = np.add.reduceat(projected * point.observed[:, None], problem.observation_edges[:-1], axis=0)
@@ -105,10 +105,18 @@ class NormalEquations:
         return -scores, bias_sensitivity
 
     def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope."""
+        """Schur complement and gradient of the parameters; solutions for the unknowns of mixed and slope.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the unknowns' part of the matrix is not positive definite.
+        """
         band = self.band.copy()
         band[0] *= 1.0 + damping
-        solved = _solve_band(band, np.column_stack([self.mixed, self.slope]))
+        solved = np.column_stack([self.mixed, self.slope])
+        if not kernel.solve_band(band, solved):
+            raise LinAlgError("the equations of the slips are not positive definite")
         by_parameters, by_slope = solved[:, :-1], solved[:, -1]
         return (
             self.matrix - self.mixed.T @ by_parameters,
@@ -116,19 +124,6 @@ class NormalEquations:
             by_parameters,
             by_slope,
         )
-
-
-def _solve_band(band: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution, in place of both, of positive definite equations, of whose matrix the lower diagonals are given.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the matrix is not positive definite.
-    """
-    if not kernel.solve_band(band, right):
-        raise LinAlgError("the equations of the slips are not positive definite")
-    return right
 
 
 def robust(residuals: FloatArray) -> float:

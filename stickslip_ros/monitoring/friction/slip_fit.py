@@ -22,7 +22,6 @@ from stickslip_ros.monitoring.samples import FloatArray
 _STEP = 1e-4  # difference of a logarithm for a slope, 1
 _LONGEST_STEP = 0.7  # change of a logarithm by an iteration, 1: at most
 _ATTEMPTS = 8  # dampings tried in an iteration, 1
-_LEAST_GAIN = 0.05  # gain of an iteration, of the distance to the wanted cost: with less the fit does not get there
 _ENOUGH_OF_OWN = 0.02  # gain of an iteration on the slips' own unknowns alone, of the cost
 _LEAST = 1e-12  # addition to the diagonal of normal equations, of their trace
 _FIXED = 1e-5  # prior standard deviation of a logarithm, 1: a narrower prior holds a parameter
@@ -71,10 +70,10 @@ class SlipFit:
     ----------
     parameters : logarithms, shape (p,). unknowns : of each slip, shape (slips, 3).
     kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
-    information : of the data on parameters and kinetic together, shape (p + k, p + k).
+    information, gradient : of the data on parameters and kinetic together, shapes (p + k, p + k) and (p + k,).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
     bias_sensitivity : gradient by a systematic discrepancy of one slip distance in each part of the slips, shape
-        (parts, p + k). Information, scores and this are empty unless `scored`.
+        (parts, p + k). Information, gradient, scores and this are empty unless `scored`.
     residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
     link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
     cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
@@ -84,6 +83,7 @@ class SlipFit:
     unknowns: FloatArray
     kinetic: FloatArray
     information: FloatArray
+    gradient: FloatArray
     scores: FloatArray
     bias_sensitivity: FloatArray
     residuals: FloatArray
@@ -104,19 +104,19 @@ class _Fit:
         # Where the slip before is unknown, the Stribeck fraction left by it is anything from 0 to 1.
         share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
         unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
-        linked = problem.linked.copy()
+        linked = problem.noise.linked.copy()
         linked[0] = problem.before is not None
         # The kernel's columns.
         self.slips = np.stack(
             [
                 problem.rests, problem.rest_errors, problem.rests_begin, problem.breakaways, problem.durations,
-                problem.dwells, problem.last_times, problem.directions, problem.usable / tolerances.balance,
+                problem.dwells, problem.last_times, problem.directions, problem.noise.usable / tolerances.balance,
                 np.where(linked, tolerances.level, unknown), linked,
             ],
             axis=1,
         )  # fmt: skip
         self._before = np.array(problem.before or (0.0, 0.0))
-        self._scale = problem.weights / problem.errors
+        self._scale = problem.noise.counted / problem.noise.errors
 
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
         problem = self.problem
@@ -125,8 +125,8 @@ class _Fit:
         ties = np.empty((problem.count, kernel.TIES))
         off = parameters - self.prior.mean
         cost = float(off @ self.prior.information @ off) + kernel.measure(
-            parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance, problem.targets,
-            self._scale, problem.observed, observed, balance, links, ties,
+            parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance,
+            problem.noise.targets, self._scale, problem.observed, observed, balance, links, ties,
         )  # fmt: skip
         return Point(
             parameters, unknowns, kinetic, observed, balance, links, ties, found, velocities,
@@ -137,7 +137,7 @@ class _Fit:
         """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
         problem = self.problem
         target = found[:, HOLDING_FORCE] - np.exp(unknowns[:, LEVEL])
-        weights = problem.usable.astype(float)
+        weights = problem.noise.usable.astype(float)
         kinetic = np.zeros(problem.balance.shape[1])
         for _ in range(10):
             weighted = problem.balance * weights[:, None]
@@ -146,7 +146,7 @@ class _Fit:
             products += _LEAST * np.trace(products) * np.eye(len(products))
             kinetic = np.linalg.solve(products, weighted.T @ target)
             misfit = np.abs(target - problem.balance @ kinetic)
-            weights = problem.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + TINY)
+            weights = problem.noise.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + TINY)
             weights /= weights.max()
         return kinetic
 
@@ -172,13 +172,36 @@ class _Fit:
         )
         kernel.fill_slopes(
             positions, found, steps, moving, is_active, point.unknowns, problem.stiffness(point.parameters), self.slips,
-            problem.balance, problem.targets, self._scale, problem.observed, problem.observation_edges, point.observed,
-            point.found, point.ties, slopes.terms, slopes.by_shared, slopes.by_own,
+            problem.balance, problem.noise.targets, self._scale, problem.observed, problem.observation_edges,
+            point.observed, point.found, point.ties, slopes.terms, slopes.by_shared, slopes.by_own,
         )  # fmt: skip
         return slopes
 
     def equations(self, point: Point, slopes: Slopes) -> NormalEquations:
         return NormalEquations.assemble(self.problem, self.slips, point, slopes)
+
+    def result(self, point: Point, *, scored: bool) -> SlipFit:
+        information = gradient = scores = bias_sensitivity = np.empty((0, self.columns))
+        if scored:
+            slopes = self.slopes(point, self.free)
+            information, gradient, by_parameters, _ = self.equations(point, slopes).eliminate(0.0)
+            scores, bias_sensitivity = NormalEquations.shares(self.problem, point, slopes, by_parameters)
+        held = point.found[:, HOLDING_FORCE] - np.exp(point.unknowns[:, LEVEL])
+        return SlipFit(
+            parameters=point.parameters,
+            unknowns=point.unknowns,
+            kinetic=point.kinetic,
+            information=information,
+            gradient=gradient,
+            scores=scores,
+            bias_sensitivity=bias_sensitivity,
+            residuals=point.observed,
+            misfits=np.asarray(held - self.problem.balance @ point.kinetic),
+            link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
+            cost=point.cost,
+            velocities=point.velocities,
+            found=point.found,
+        )
 
 
 def fit_slips(
@@ -190,7 +213,6 @@ def fit_slips(
     unknowns: FloatArray,
     iterations: int = 25,
     enough: float = 1e-3,
-    wanted: float = math.inf,
     scored: bool = False,
 ) -> SlipFit:
     """Fit from a start; the start itself comes back if nothing near it is better.
@@ -199,7 +221,6 @@ def fit_slips(
     ----------
     parameters : logarithms, shape (p,). unknowns : of the slips, shape (slips, 3).
     iterations : at most. enough : gain of an iteration below which it stops.
-    wanted : cost without which the fit is of no use: it stops where that is far off and comes no nearer.
     scored : whether information, scores and bias sensitivity are wanted, which take as long as an iteration.
 
     Raises
@@ -247,45 +268,9 @@ def fit_slips(
             break
         damping = max(damping / 8.0, 1e-9)
         gain = before.cost - point.cost
-        if gain < max(enough * max(1.0, 1e-3 * point.cost), _LEAST_GAIN * (point.cost - wanted)):
+        if gain < enough * max(1.0, 1e-3 * point.cost):
             break
-    information = scores = bias_sensitivity = np.empty((0, fit.columns))
-    if scored:
-        slopes = fit.slopes(point, fit.free)
-        information, _, by_parameters, _ = fit.equations(point, slopes).eliminate(0.0)
-        scores, bias_sensitivity = NormalEquations.shares(problem, point, slopes, by_parameters)
-    return SlipFit(
-        parameters=point.parameters,
-        unknowns=point.unknowns,
-        kinetic=point.kinetic,
-        information=information,
-        scores=scores,
-        bias_sensitivity=bias_sensitivity,
-        residuals=point.observed,
-        misfits=_misfits(problem, point),
-        link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
-        cost=point.cost,
-        velocities=point.velocities,
-        found=point.found,
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class FixedParameterFit:
-    """Fit of the slips' own unknowns at fixed parameters, with the unknowns eliminated.
-
-    Attributes
-    ----------
-    information, gradient : on parameters and kinetic friction, shapes (p + k, p + k) and (p + k,).
-    unknowns, residuals, misfits, found : as of :class:`SlipFit`.
-    """
-
-    information: FloatArray
-    gradient: FloatArray
-    unknowns: FloatArray
-    residuals: FloatArray
-    misfits: FloatArray
-    found: FloatArray
+    return fit.result(point, scored=scored)
 
 
 def fit_at_fixed_parameters(
@@ -296,7 +281,7 @@ def fit_at_fixed_parameters(
     kinetic: FloatArray,
     unknowns: FloatArray,
     iterations: int = 8,
-) -> FixedParameterFit:
+) -> SlipFit:
     """Fit the slips' own unknowns at fixed parameters; the result has the gradient by the parameters.
 
     Raises
@@ -324,22 +309,7 @@ def fit_at_fixed_parameters(
         damping = max(damping / 10.0, 1e-9)
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
-    equations = fit.equations(point, fit.slopes(point, fit.free))
-    information, gradient, _, _ = equations.eliminate(0.0)
-    return FixedParameterFit(
-        information=information,
-        gradient=gradient,
-        unknowns=point.unknowns,
-        residuals=point.observed,
-        misfits=_misfits(problem, point),
-        found=point.found,
-    )
-
-
-def _misfits(problem: SlipProblem, point: Point) -> FloatArray:
-    """Kinetic friction at each breakaway beside what the fit has [N·m]."""
-    held = point.found[:, HOLDING_FORCE] - np.exp(point.unknowns[:, LEVEL])
-    return np.asarray(held - problem.balance @ point.kinetic)
+    return fit.result(point, scored=True)
 
 
 def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> FloatArray:

@@ -10,8 +10,8 @@ are Eq. (6), from one slip's end to the next one's beginning, and the balance of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +27,11 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, ContactKnowledge
-from stickslip_ros.monitoring.friction.delay_estimate import DelayEstimate
 from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: see `SlipProblem.more_errors`
+PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: see `SlipProblem.terms`
 
 # Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
@@ -41,16 +39,92 @@ _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # steps in a slip, 1: at least, and at most
 LATE = 1.5  # prior standard deviation of a controller's delay, sample intervals
-_LATEST = 2.0  # longest delay, of `LATE`
+_LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
+_MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
+_MOST_CURVED = 0.95  # quadratic part of viscous friction, of it, or what is missing there: at most
 _FACTOR_STD = 0.5  # prior standard deviation of the Stribeck friction that the covariate scales, of it
 _TREND = 0.1  # prior standard deviation of a trend from the first slip to the last, of the Stribeck friction
 _DAMPING_RATIO = 0.5  # damping ratio of a contact that yields, 1: prior mean and standard deviation
 CURVATURE = 0.5  # prior standard deviation of the quadratic part of viscous friction, of it
-_SWIFT = 1.33  # speed, of the mean of a slip that is half a sine: friction takes as much there as on average
+# Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
+MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
 _LEAST_INERTIA = 0.1  # inertia that a delay leaves, of the inertia: at least
-LEAST_VISCOUS = (
-    0.3  # viscous friction, of its standard error: less is no friction to speak of, and its logarithm needs some
-)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermParameter:
+    """Normal prior and bounds of a parameter beyond those of the law."""
+
+    std: float
+    mean: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactKnowledge:
+    """Compliance of a contact.
+
+    Attributes
+    ----------
+    mean, std : in ``unit``. unit : compliance of the spring that the slips are pulled by [rad/(N·m)].
+    """
+
+    mean: float
+    std: float
+    unit: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipModel:
+    """What is fitted to slips: the law of the Stribeck friction, and optional terms.
+
+    Attributes
+    ----------
+    law : number in ``model._friction_law``.
+    known : mean and standard deviation of the logarithms of the law's parameters of which something is known, by index.
+    delay_shows : whether the controller's delay is unknown too.
+    contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
+        between creep, see :meth:`.SlipWindow.between_creep`.
+    curved_at : speed at which the viscous friction is reported [rad/s] if it may be a curve over speed, of which a
+        share goes with the square of the speed; None if it is a straight line, as where only speeds are known.
+    trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
+        those at the last one. Where only speeds are known there is none.
+    """
+
+    law: int = HESS_SOOM
+    known: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    delay_shows: bool = False
+    contact: ContactKnowledge | None = None
+    curved_at: float | None = None
+    trend: bool = False
+
+    @staticmethod
+    def of(
+        windows: list[SlipWindow], law: int = HESS_SOOM, known: Mapping[int, tuple[float, float]] | None = None
+    ) -> SlipModel:
+        """The law alone, with the delay where gains change: else a delay τ is as good as less damping and inertia."""
+        changing = len({window.gains for window in windows}) > 1
+        delay_shows = changing and windows[0].source is ForceSource.GAINS
+        return SlipModel(law=law, known=known or {}, delay_shows=delay_shows)
+
+    @property
+    def terms(self) -> dict[str, TermParameter]:
+        """Parameters of the terms by name, in their order: delay in sample intervals, compliance in `contact.unit`."""
+        terms = {}
+        if self.delay_shows:
+            terms["delay"] = TermParameter(std=LATE, lower=0.0, upper=_LONGEST_DELAY)
+        if self.contact is not None:
+            mean, std = self.contact.mean, self.contact.std
+            terms["compliance"] = TermParameter(mean=mean, std=std, lower=LEAST_COMPLIANCE, upper=MOST_COMPLIANCE)
+            terms["damping_ratio"] = TermParameter(
+                mean=_DAMPING_RATIO, std=_DAMPING_RATIO, lower=0.0, upper=_MOST_DAMPING
+            )
+        if self.curved_at is not None:
+            terms["curvature"] = TermParameter(std=CURVATURE, lower=-_MOST_CURVED, upper=_MOST_CURVED)
+        if self.trend:
+            terms["trend"] = TermParameter(std=_TREND)
+        return terms
 
 
 @dataclass
@@ -74,54 +148,40 @@ class SlipProblem(ObservedSlips):
     Parameters
     ----------
     windows : in order of time, all with the force from one source; at least one.
+    model : law and terms; by default as :meth:`SlipModel.of` has it.
     before : arrest before the first slip [s] and the share of F_s∞ that was left then, if known.
     both_directions : whether the load is told from the Coulomb friction even if these slips are all of one direction,
         because slips of both are known; where the reference's speeds are all that is known it means nothing.
-    law : of the Stribeck friction, by its number in ``model._friction_law``.
-    delay_shows : whether the controller's delay is unknown too; by default where the gains are not the same throughout,
-        for a delay τ is as good as damping of -k_p τ and inertia of -k_v τ.
     subtracted_force : known disturbance that was subtracted from each slip's force, shape (slips,) [N·m].
     covariate : regressor in [-1, 0] that scales friction (position or load), shape (slips,). Parameters and kinetic
-        friction are reported at covariate = 0. known_factor : factor of the Stribeck friction of each slip, where that
-        is known, shape (slips,).
-    trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
-        those at the last one. Where only speeds are known there is none.
-    contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
-        between creep, see :meth:`.SlipWindow.between_creep`.
-    curved_at : speed at which the viscous friction is told [rad/s] if it may be a curve over speed, of which a share
-        goes with the square of the speed; None if it is a straight line. Where only speeds are known it is one.
+        friction are reported at covariate = 0. With a trend it is the time.
+    known_factor : factor of the Stribeck friction of each slip, where that is known, shape (slips,).
     budget : of the simulations of this problem and of all that are made of it; None for no bound.
 
-    ``more_errors`` are prior standard deviations of what stands beyond the parameters: the reference's speeds, where
-    only they are known, relative; the controller's delay, in sample intervals, where it shows; the compliance of a
-    contact that yields, in ``contact.unit``, and its damping ratio; the share of viscous friction that goes with the
-    square of the speed, where it is a curve; last the share by which Stribeck and viscous
-    friction grow in the time of the slips, if there is a trend. That of the kinetic friction is the last column of
-    ``balance``. ``more_means`` are the means of that prior.
+    ``terms`` are the parameters beyond those of the law: the reference's speeds, where only they are known, relative;
+    those of the model's terms; last the share by which Stribeck friction grows with the covariate, and with a trend
+    viscous friction too. ``column`` is their index, ``term_means`` and ``term_stds`` are their priors. Growth of the
+    kinetic friction is the last column of ``balance``.
     """
 
     def __init__(
         self,
         windows: list[SlipWindow],
-        before: tuple[float, float] | None = None,
+        model: SlipModel | None = None,
         *,
+        before: tuple[float, float] | None = None,
         both_directions: bool = False,
-        law: int = HESS_SOOM,
-        delay_shows: bool | None = None,
-        trend: bool = False,
         subtracted_force: FloatArray | None = None,
         covariate: FloatArray | None = None,
         known_factor: FloatArray | None = None,
-        contact: ContactKnowledge | None = None,
-        curved_at: float | None = None,
         budget: Budget | None = None,
     ) -> None:
         super().__init__(windows)
+        self.model = model = model or SlipModel.of(windows)
         self.budget = budget or Budget()
         # Factor on the levels of Eq. (6).
         self._known_factor = known_factor
         self.subtracted_force = np.zeros(self.count) if subtracted_force is None else subtracted_force
-        self.law = law
         self.before = (before[0] - self.origin, before[1]) if before else None
         self._usual_duration = float(np.median(self.durations))
         self._least_rate = _LEAST_STEPS / self._usual_duration
@@ -136,22 +196,14 @@ class SlipProblem(ObservedSlips):
             ]
         )
         self._largest_gains = self._gains.max(axis=0)[None]
-        if delay_shows is None:
-            delay_shows = windows[0].source is ForceSource.GAINS and len({window.gains for window in windows}) > 1
-        self.delay_shows = delay_shows
         self._rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
         stiffness, damping = self._gains[self._slip_of_node].T
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
         self._drives = stiffness * self.references + damping * self._rates + self.forces
-        self.more_errors = np.array([LATE]) if self.delay_shows else self.speed_errors
-        self.more_means = np.zeros(len(self.more_errors))
-        self.contact = contact
         self._none = np.zeros((1, self.count))
         self._rigid = np.zeros((1, self.count, 2))
         self._standing = self._none
-        if contact is not None:
-            self.more_errors = np.append(self.more_errors, [contact.std, _DAMPING_RATIO])
-            self.more_means = np.append(self.more_means, [contact.mean, _DAMPING_RATIO])
+        if model.contact is not None:
             self._last_observed = self.observed[self.observation_edges[1:] - 1]
             # Where it was not seen to stand there is nothing to correct.
             rested = [window.before.drive if window.before else math.nan for window in windows]
@@ -159,17 +211,16 @@ class SlipProblem(ObservedSlips):
             begins, ends = self._drives[self.edges[:-1]], self._drives[self._last_observed]
             self._standing = np.where(np.isfinite(rested), rested, begins)[None]
             self._stopped = np.where(np.isfinite(stopped), stopped, ends)
-        self.curved_at = None if self.normalised else curved_at
-        if self.curved_at is not None:
-            self.more_errors = np.append(self.more_errors, CURVATURE)
-            self.more_means = np.append(self.more_means, 0.0)
         # Of the time of the slips, from -1 to 0.
         self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), TINY)
-        self.trend = trend and not self.normalised
-        self.covariate = None if self.normalised else self.since if self.trend else covariate
-        if self.covariate is not None:
-            self.more_errors = np.append(self.more_errors, _TREND if self.trend else _FACTOR_STD)
-            self.more_means = np.append(self.more_means, 0.0)
+        self.covariate = self.since if model.trend else covariate
+        self.terms = {f"speed {k}": TermParameter(std=float(error)) for k, error in enumerate(self.speed_errors)}
+        self.terms |= model.terms
+        if self.covariate is not None and not model.trend:
+            self.terms["factor"] = TermParameter(std=_FACTOR_STD)
+        self.term_means = np.array([term.mean for term in self.terms.values()])
+        self.term_stds = np.array([term.std for term in self.terms.values()])
+        self.column = {name: PARAMETERS + k for k, name in enumerate(self.terms)}
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
@@ -223,10 +274,10 @@ class SlipProblem(ObservedSlips):
         surpluses = self._none[0] if surpluses is None else surpluses
         plants = np.exp(parameters[:, :PARAMETERS])
         gains, drives, drags = self._gains[None], self._drives[None], self._none
-        if self.curved_at is not None:
+        if self.model.curved_at is not None:
             # What goes with the square of the speed is no part of the damping.
-            squared = parameters[:, self.curvature_column] * plants[:, VISCOUS]
-            drags = np.repeat(squared[:, None] / self.curved_at, self.count, axis=1)
+            squared = parameters[:, self.column["curvature"]] * plants[:, VISCOUS]
+            drags = np.repeat(squared[:, None] / self.model.curved_at, self.count, axis=1)
             plants[:, VISCOUS] -= squared
         if self.normalised:
             stiffness = plants[:, INERTIA].copy()
@@ -246,14 +297,14 @@ class SlipProblem(ObservedSlips):
             more = (self._known_factor - 1.0)[None]
         if more is not None:
             starts[:, :, LEVEL] *= 1.0 + more
-            if self.trend:
+            if self.model.trend:
                 gains = np.repeat(gains, len(plants), axis=0)
                 gains[:, :, 1] += more * plants[:, VISCOUS, None]
                 drags = drags * (1.0 + more)
-        if self.delay_shows:
+        if self.model.delay_shows:
             # The force of a time ago is that of now less its rate: k_p τ less damping, k_v τ less inertia. By the
             # inertia left, all that is per inertia grows.
-            delay = parameters[:, PARAMETERS, None] * self.sample_interval
+            delay = parameters[:, self.column["delay"], None] * self.sample_interval
             stiffness, damping = self._gains.T
             lighter = np.maximum(1.0 - delay * damping / plants[:, INERTIA, None], _LEAST_INERTIA)
             viscous = plants[:, VISCOUS, None]
@@ -267,10 +318,11 @@ class SlipProblem(ObservedSlips):
             starts[:, :, LEVEL] /= lighter
             drags = drags / lighter
         contacts, standing = self._rigid, self._standing
-        if self.contact is not None:
-            column, inertia = self.contact_column, plants[:, INERTIA]
-            compliances = np.maximum(parameters[:, column], LEAST_COMPLIANCE) * self.contact.unit
-            dampings = 2.0 * parameters[:, column + 1] * np.sqrt(inertia / compliances)
+        if self.model.contact is not None:
+            inertia = plants[:, INERTIA]
+            compliances = np.maximum(parameters[:, self.column["compliance"]], LEAST_COMPLIANCE)
+            compliances *= self.model.contact.unit
+            dampings = 2.0 * parameters[:, self.column["damping_ratio"]] * np.sqrt(inertia / compliances)
             contacts = np.repeat(np.stack([compliances, dampings], axis=1)[:, None], self.count, axis=1)
             stopped = self._stopped - self._drives[self._last_observed]
             if lighter is not None:
@@ -282,10 +334,10 @@ class SlipProblem(ObservedSlips):
         drives, standing = np.ascontiguousarray(drives), np.ascontiguousarray(standing)
         drags = np.ascontiguousarray(drags)
         self.budget.steps -= kernel.simulate_windows(
-            plants, self.law, self.directions, starts, surpluses, gains, drags, contacts, standing, self.edges,
+            plants, self.model.law, self.directions, starts, surpluses, gains, drags, contacts, standing, self.edges,
             self.times, drives, self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
-        if self.contact is not None:
+        if self.model.contact is not None:
             # Where the joint stands after a slip is a mean over a time in which it creeps on.
             softness = contacts[:, :, kernel.COMPLIANCE]
             softness = softness / (1.0 + softness * gains[:, :, 0])
@@ -314,55 +366,22 @@ class SlipProblem(ObservedSlips):
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        return self._of([window.thinned(most) for window in self.windows])
+        return self.changed([window.thinned(most) for window in self.windows])
 
     def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
         """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
-        usable = np.flatnonzero(self.usable)
+        usable = np.flatnonzero(self.noise.usable)
         chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(slips, len(usable)))).astype(int))
         return self.only(usable[chosen].tolist()).thinned(observations)
 
     def plain(self, law: int) -> SlipProblem:
-        """The problem of the same slips under a law, without what a fit has added; what was found of stamps is kept."""
-        other = SlipProblem(self.windows, self.before, law=law, budget=self.budget)
-        other.set_noise(jitter=self.jitter, tolerance=0.0)
-        return other
-
-    def with_law(self, law: int) -> SlipProblem:
-        """The problem of the same slips under another friction law; what was found of the stamps is kept."""
-        other = self._with(law=law, trend=self.trend, subtracted_force=self.subtracted_force, covariate=self.covariate)
-        other.balance = self.balance
-        return other
-
-    def with_trend(self) -> SlipProblem:
-        """The problem of the same slips with friction that changes steadily; what was found of the stamps is kept."""
-        return self._with(trend=True)
-
-    def with_delay(self) -> SlipProblem:
-        """The problem of the same slips with a controller whose delay is unknown; what was found of stamps is kept."""
-        return self._with(delay_shows=True, trend=self.trend)
-
-    def with_contact(self, contact: ContactKnowledge) -> SlipProblem:
-        """The problem of the same slips with a contact that yields; what was found of the stamps is kept."""
-        return self._with([window.between_creep() for window in self.windows], contact=contact)
-
-    def with_curvature(self) -> SlipProblem:
-        """The problem of the same slips with viscous friction that may be a curve; what was found of stamps is kept."""
-        return self._with(curved_at=_SWIFT * self.usual_speed, trend=self.trend)
-
-    @property
-    def curvature_column(self) -> int:
-        """Index of the curvature among the parameters of a problem that has one."""
-        return PARAMETERS + self.delay_shows + 2 * (self.contact is not None)
-
-    @property
-    def contact_column(self) -> int:
-        """Index of the contact's compliance among the parameters of a problem that has one; its damping follows."""
-        return PARAMETERS + self.delay_shows
+        """The problem of the same slips under a law, without what a fit has added."""
+        return SlipProblem(self.windows, SlipModel.of(self.windows, law, self.model.known), budget=self.budget)
 
     def compliance(self, parameters: FloatArray) -> float:
         """Of the contact [rad/(N·m)]; 0 of a rigid one."""
-        return 0.0 if self.contact is None else float(parameters[self.contact_column]) * self.contact.unit
+        contact = self.model.contact
+        return 0.0 if contact is None else float(parameters[self.column["compliance"]]) * contact.unit
 
     @property
     def may_be_late(self) -> bool:
@@ -370,100 +389,35 @@ class SlipProblem(ObservedSlips):
         return self.windows[0].source is ForceSource.GAINS
 
     @property
-    def latest_damping(self) -> float:
-        """Gain of the last slip [N·m·s/rad]."""
-        return float(self._gains[-1, 1])
+    def latest_gains(self) -> tuple[float, float]:
+        """Stiffness [N·m/rad] and damping [N·m·s/rad] at the last slip."""
+        return float(self._gains[-1, 0]), float(self._gains[-1, 1])
 
-    def without_position_force(
-        self, windows: list[SlipWindow], subtracted_force: FloatArray, covariate: FloatArray | None = None
+    def changed(
+        self,
+        windows: list[SlipWindow] | None = None,
+        *,
+        model: SlipModel | None = None,
+        subtracted_force: FloatArray | None = None,
+        covariate: FloatArray | None = None,
     ) -> SlipProblem:
-        """The problem of the same slips without their position-dependent forces.
+        """The problem with other windows, model or covariate, within the same budget.
 
-        Parameters
-        ----------
-        windows : of these slips, with the forces subtracted. subtracted_force, covariate : as of the class.
+        Subtracted force and covariate are kept as long as the windows are the same.
         """
-        return self._with(windows, subtracted_force=subtracted_force, covariate=covariate)
-
-    def _with(self, windows: list[SlipWindow] | None = None, **changes: Any) -> SlipProblem:
-        """The problem of the same slips, in other windows if given, without a trend or covariate, with these changes.
-
-        What was found of the stamps is kept.
-        """
-        other = SlipProblem(windows or self.windows, self.before, **{**self._kind, **changes})
-        other.set_noise(jitter=self.jitter, tolerance=0.0)
-        return other
-
-    def _of(self, windows: list[SlipWindow]) -> SlipProblem:
-        """The problem of other windows, or of some of these."""
-        return SlipProblem(windows, trend=self.trend, **self._kind)
-
-    @property
-    def _kind(self) -> dict[str, Any]:
-        """What all problems made of this one have in common with it."""
-        return {
-            "law": self.law,
-            "delay_shows": self.delay_shows,
-            "contact": self.contact,
-            "curved_at": self.curved_at,
-            "budget": self.budget,
-        }
+        if windows is None:
+            windows, subtracted_force = self.windows, self.subtracted_force
+            covariate = self.covariate if covariate is None and not self.model.trend else covariate
+        return SlipProblem(
+            windows, model or self.model, subtracted_force=subtracted_force, covariate=covariate, budget=self.budget
+        )
 
     @property
     def without_drift(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Indices of the parameters, and of the kinetic friction, without those of drift or covariate."""
-        parameters, kinetic = PARAMETERS + len(self.more_errors), self.balance.shape[1]
+        parameters, kinetic = PARAMETERS + len(self.terms), self.balance.shape[1]
         return np.arange(parameters - (self.covariate is not None)), np.arange(kinetic - (self.covariate is not None))
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
-        return self._of([self.windows[number] for number in which])
-
-    def delay_estimate(self, parameters: FloatArray, covariance: FloatArray) -> DelayEstimate:
-        """What the delay takes away at the latest gains, with errors, of a problem whose delay shows.
-
-        Parameters
-        ----------
-        parameters : logarithms and what comes after them, shape (p,). covariance : shape (p + k, p + k).
-        """
-        viscous, slopes = math.exp(parameters[VISCOUS]), self._slopes_of_what_is_left(parameters, len(covariance))
-        return DelayEstimate(
-            viscous=viscous,
-            spread=math.sqrt(max(float(covariance[VISCOUS, VISCOUS]), 0.0)),
-            left=self._viscous_left(parameters),
-            std=math.sqrt(max(float(slopes @ covariance @ slopes), 0.0)),
-            stiffness=float(self._gains[-1, 0]),
-            longest=_LATEST * LATE * self.sample_interval,
-        )
-
-    def _slopes_of_what_is_left(self, parameters: FloatArray, size: int) -> FloatArray:
-        """Of what is left of the viscous friction, over the parameters and what follows them, shape (size,)."""
-        slopes = np.zeros(size)
-        slopes[[VISCOUS, PARAMETERS]] = math.exp(parameters[VISCOUS]), -self.taken_by_an_interval
-        return slopes
-
-    def _viscous_left(self, parameters: FloatArray) -> float:
-        """Viscous friction less what the delay takes off at the latest gains, k_p τ; negative where that is more."""
-        return math.exp(parameters[VISCOUS]) - self.taken_by_an_interval * float(parameters[PARAMETERS])
-
-    @property
-    def taken_by_an_interval(self) -> float:
-        """Damping that a delay of one sample interval takes off at the latest gains [N·m·s/rad]."""
-        return float(self._gains[-1, 0]) * self.sample_interval
-
-    def at_the_latest_gains(self, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Parameters and covariance with what a delay leaves of the viscous friction at the latest gains for viscous.
-
-        The delay reduces the damping by k_p τ. Shapes (p,) and (p + k, p + k), as they were.
-        """
-        if not self.delay_shows:
-            return parameters, covariance
-        late = self.delay_estimate(parameters, covariance)
-        slopes = np.eye(len(covariance))
-        slopes[VISCOUS] = self._slopes_of_what_is_left(parameters, len(covariance))
-        # Friction is not negative; the logarithm needs some.
-        left = max(late.left, LEAST_VISCOUS * late.std, 1e-6 * late.viscous)
-        slopes[VISCOUS] /= left
-        changed = parameters.copy()
-        changed[VISCOUS] = math.log(left)
-        return changed, np.asarray(slopes @ covariance @ slopes.T)
+        return self.changed([self.windows[number] for number in which])

@@ -9,12 +9,10 @@ and the balance of forces) are drawn tight. Tight from the beginning, the least 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
@@ -27,7 +25,6 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.contact_knowledge import LEAST_COMPLIANCE, MOST_COMPLIANCE
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
@@ -52,9 +49,6 @@ _LAST_ITERATIONS = 100  # iterations of the last fit, 1: where all ties are tigh
 ROUGHLY, _NEARLY = 0.1, 0.003  # gain of an iteration, 1: with less a stage ends; the last ones
 FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change, 1
 _RISE_TIME_SPREAD = 2.0  # prior standard deviation of the rise time's logarithm, 1
-_LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
-_MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
-_MOST_CURVED = 0.95  # quadratic part of viscous friction, of it, or what is missing there: at most
 _LEAST_VISCOUS = 0.02  # viscous friction, of the inertia over a slip's duration: a damping ratio of 0.2 %
 _LEAST_STRIBECK_VELOCITY = 2e-3  # Stribeck velocity, of the usual speed of a slip: at least
 _LEAST_LAG = 1e-4  # lag, of a slip's duration: at least
@@ -68,43 +62,37 @@ class Solution:
 
     Attributes
     ----------
-    fit, prior : with its prior. usable : which slips it explains, shape (slips,).
+    problem : of the slips, with the noise of the fit. fit, prior : with its prior.
     balance_error : scatter of the kinetic friction from slip to slip that was found [N·m].
     link_error : of the logarithm of the level at breakaway about Eq. (6).
-    tolerance : standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all.
-    jitter : standard deviation of time stamps [s].
     """
 
+    problem: SlipProblem
     fit: SlipFit
     prior: Prior
-    usable: NDArray[np.bool_]
     balance_error: float
     link_error: float
-    tolerance: float = 0.0
-    jitter: float = 0.0
 
     @property
     def mean_square(self) -> float:
         """Of the residuals; about 1 if the errors are what they are taken for."""
         return _mean_square(self.fit)
 
-    def copy_noise_to(self, problem: SlipProblem) -> None:
-        """Set the noise model of a problem of the same slips: jitter, tolerance, usable slips, and speeds."""
-        problem.set_noise(jitter=self.jitter, tolerance=self.tolerance, usable=self.usable, speeds=self.fit.velocities)
+    @property
+    def tolerance(self) -> float:
+        """Standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all."""
+        return self.problem.noise.tolerance
+
+    def reweighed(self) -> Solution:
+        """The same with what the observations say at the speeds of the fit."""
+        return replace(self, problem=self.problem.weighed(self.fit.velocities, tolerance=self.tolerance))
 
 
 def _mean_square(fit: SlipFit) -> float:
     return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
 
 
-def with_usual_rise_time(known: Mapping[int, tuple[float, float]]) -> dict[int, tuple[float, float]]:
-    """What is known of the parameters' logarithms, by index, and the usual rise time where its own is not."""
-    return {RISE_TIME: (math.log(USUAL_RISE_TIME), _RISE_TIME_SPREAD), **known}
-
-
-def fit_near(
-    problem: SlipProblem, start: FloatArray, shape: SlipFit, known: Mapping[int, tuple[float, float]]
-) -> Solution:
+def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solution:
     """The fit next to a start, loosened if it is not as good as a fit should be.
 
     Parameters
@@ -116,41 +104,36 @@ def fit_near(
     numpy.linalg.LinAlgError
         If nothing near the start can be simulated.
     """
-    solution = fit_from(problem, start, known)
+    solution = fit_from(problem, start)
     if solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
-    solution.copy_noise_to(problem)
-    return solution
+    return solution.reweighed()
 
 
 def fit_from(
     problem: SlipProblem,
     start: FloatArray,
-    known: Mapping[int, tuple[float, float]],
     patience: int = _LAST_ITERATIONS,
 ) -> Solution:
     """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
-    level, known = math.exp(start[STRIBECK]), with_usual_rise_time(known)
-    return fit_all(problem, start, level, known, _TIGHTENING[1:], patience)
+    return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
 
 
-def truncated_fit(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+def truncated_fit(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """Fit of a few slips in few iterations; None if nothing near the start can be simulated."""
     try:
-        solution = fit_from(problem, start, known, patience=_ROUND)
+        return fit_from(problem, start, patience=_ROUND).reweighed()
     except LinAlgError:
         return None
-    solution.copy_noise_to(problem)
-    return solution
 
 
-def fit_again(problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]) -> Solution | None:
+def fit_again(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
     try:
-        solution = fit_from(problem, start, known)
+        solution = fit_from(problem, start)
     except LinAlgError:
         return None
-    good = solution.mean_square < GOOD and solution.usable.mean() > _MOST_USABLE
+    good = solution.mean_square < GOOD and solution.problem.noise.usable.mean() > _MOST_USABLE
     return solution if good else None
 
 
@@ -158,7 +141,6 @@ def fit_all(
     problem: SlipProblem,
     shape: FloatArray,
     level: float,
-    known: Mapping[int, tuple[float, float]],
     tightening: tuple[tuple[float, float, float], ...] = _TIGHTENING,
     patience: int = _LAST_ITERATIONS,
 ) -> Solution:
@@ -170,31 +152,26 @@ def fit_all(
     """
     distance = float(np.median(problem.distances))
     lower, upper = bounds(problem, math.exp(shape[INERTIA]))
-    fit, parameters = _breakaways(problem, shape, level)
+    problem, fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
-    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.more_errors])
-    for index, (center, spread) in known.items():
+    deviation = np.concatenate([np.full(PARAMETERS, WIDE), problem.term_stds])
+    usual = {RISE_TIME: (math.log(USUAL_RISE_TIME), _RISE_TIME_SPREAD)}
+    for index, (center, spread) in {**usual, **problem.model.known}.items():
         mean[index], deviation[index] = center, spread
     prior = Prior.of(mean, deviation, lower, upper)
     parameters = np.clip(parameters, lower, upper)
     level = math.exp(parameters[STRIBECK])
     for position, balance, link in tightening:
-        problem.weigh(fit.velocities, position * distance)
+        problem = problem.weighed(fit.velocities, tolerance=position * distance)
         tolerances = Tolerances(balance=balance * level, level=link)
         fit = fit_slips(
-            problem,
-            prior,
-            tolerances,
-            parameters=parameters,
-            unknowns=fit.unknowns,
-            iterations=_ITERATIONS,
-            enough=ROUGHLY,
-        )
+            problem, prior, tolerances,
+            parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS, enough=ROUGHLY,
+        )  # fmt: skip
         parameters = fit.parameters
-        _set_outliers_aside(problem, fit)
+        problem = _without_outliers(problem, fit)
     for final in range(1, _FINAL + 1):
-        problem.estimate_jitter(fit.residuals, fit.velocities)
-        problem.weigh(fit.velocities)
+        problem = problem.weighed(fit.velocities, jitter=problem.jitter(fit.residuals, fit.velocities))
         balance = balance_error(problem, fit)
         link = link_error(problem, fit, balance)
         tolerances = Tolerances(balance=balance, level=link)
@@ -208,10 +185,8 @@ def fit_all(
             enough=_NEARLY if _mean_square(fit) < FITS else ROUGHLY,
             scored=final == _FINAL,
         )
-        _set_outliers_aside(problem, fit)
-    return Solution(
-        fit=fit, prior=prior, usable=problem.usable, balance_error=balance, link_error=link, jitter=problem.jitter
-    )
+        problem = _without_outliers(problem, fit)
+    return Solution(problem=problem, fit=fit, prior=prior, balance_error=balance, link_error=link)
 
 
 def _patience(fit: SlipFit) -> int:
@@ -221,57 +196,54 @@ def _patience(fit: SlipFit) -> int:
     return _ROUND if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS
 
 
-def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipFit, FloatArray]:
-    """Every slip's own breakaway and level for the shape as it is, and parameters that go with them."""
-    problem.reset()
-    parameters = np.concatenate([shape[:PARAMETERS], problem.more_means])
-    problem.weigh(problem.speeds_at_nodes, 0.005 * float(np.median(problem.distances)))
+def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[SlipProblem, SlipFit, FloatArray]:
+    """Every slip's own breakaway and level for the shape as it is, and parameters that go with them.
+
+    Earlier fits are undone: all slips that hold one slip count, and time stamps are exact.
+    """
+    tolerance = 0.005 * float(np.median(problem.distances))
+    problem = problem.weighed(tolerance=tolerance, jitter=0.0, usable=problem.single)
+    parameters = np.concatenate([shape[:PARAMETERS], problem.term_means])
     held = Prior.of(parameters, np.full(len(parameters), FIXED_STD), parameters - 1.0, parameters + 1.0)
     unknowns = problem.detected(level)
     fit = fit_slips(
         problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12, enough=ROUGHLY
     )
     parameters[STRIBECK], parameters[RISE_TIME] = np.log(_scan_rise_time(problem, fit))
-    return fit, parameters
+    return problem, fit, parameters
 
 
 def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution | None:
     """Fit slips that the model explains only in part: what is left over is measured and taken as error."""
     distance = float(np.median(problem.distances))
     try:
-        fit, parameters = _breakaways(problem, shape.parameters, usual_level(shape))
+        problem, fit, parameters = _breakaways(problem, shape.parameters, usual_level(shape))
         parameters = np.clip(parameters, prior.lower, prior.upper)
         level = math.exp(parameters[STRIBECK])
         tolerance, balance, link = 0.01 * distance, 0.2 * level, 0.2
         for number in range(1, _LOOSE_ROUNDS + 1):
-            problem.weigh(fit.velocities, tolerance)
+            problem = problem.weighed(fit.velocities, tolerance=tolerance)
             fit = fit_slips(
                 problem, prior, Tolerances(balance=balance, level=link),
                 parameters=parameters, unknowns=fit.unknowns, iterations=_ITERATIONS, scored=number == _LOOSE_ROUNDS,
             )  # fmt: skip
             parameters = fit.parameters
-            _set_outliers_aside(problem, fit)
-            used = problem.weights > 0
-            tolerance = float(np.sqrt(np.mean((fit.residuals * problem.errors)[used] ** 2)))
+            problem = _without_outliers(problem, fit)
+            used = problem.noise.counted
+            tolerance = float(np.sqrt(np.mean((fit.residuals * problem.noise.errors)[used] ** 2)))
             balance = min(balance_error(problem, fit), level)
-            link = float(np.clip(_scatter(fit.link_misfits[problem.linked]), LEAST_LINK, _LARGEST_LINK))
+            link = float(np.clip(_scatter(fit.link_misfits[problem.noise.linked]), LEAST_LINK, _LARGEST_LINK))
     except LinAlgError:
         return None
-    return Solution(
-        fit=fit,
-        prior=prior,
-        usable=problem.usable,
-        balance_error=balance,
-        link_error=link,
-        tolerance=tolerance,
-    )
+    problem = problem.weighed(fit.velocities, tolerance=tolerance)
+    return Solution(problem=problem, fit=fit, prior=prior, balance_error=balance, link_error=link)
 
 
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
     duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
-    size = PARAMETERS + len(problem.more_errors)
-    lower, upper = np.full(size, -math.inf), np.full(size, math.inf)
+    lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.terms.values()])
+    upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.terms.values()])
     mass = 1.0 if problem.normalised else inertia
     # Not so little that it makes no difference any more: what makes none has no error that could be told.
     lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)
@@ -279,13 +251,6 @@ def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray
     upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
     lower[LAG], upper[LAG] = math.log(_LEAST_LAG * duration), math.log(duration)
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
-    if problem.delay_shows:
-        lower[PARAMETERS], upper[PARAMETERS] = 0.0, _LONGEST_DELAY
-    if problem.contact is not None:
-        both = slice(problem.contact_column, problem.contact_column + 2)
-        lower[both], upper[both] = (LEAST_COMPLIANCE, 0.0), (MOST_COMPLIANCE, _MOST_DAMPING)
-    if problem.curved_at is not None:
-        lower[problem.curvature_column], upper[problem.curvature_column] = -_MOST_CURVED, _MOST_CURVED
     return lower, upper
 
 
@@ -301,10 +266,10 @@ def _scatter(values: FloatArray) -> float:
 
 def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
     """Scatter of the kinetic friction from slip to slip [N·m], at least what rounding makes."""
-    used = fit.misfits[problem.usable]
+    used = fit.misfits[problem.noise.usable]
     freedom = len(used) - problem.balance.shape[1] - 1
     least = math.hypot(
-        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.jitter * problem.loading_rate(fit.parameters)
+        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.noise.jitter * problem.loading_rate(fit.parameters)
     )
     if freedom < 1:
         return 100.0 * least
@@ -317,31 +282,32 @@ def link_error(problem: SlipProblem, fit: SlipFit, balance: float) -> float:
     Friction that varies from slip to slip does so at rest as well; static friction may vary alone.
     """
     least = max(balance / math.exp(fit.parameters[STRIBECK]), TIGHT_LEVEL)
-    return min(max(_scatter(fit.link_misfits[problem.linked & problem.usable]), least), _LARGEST_LINK)
+    return min(max(_scatter(fit.link_misfits[problem.noise.linked & problem.noise.usable]), least), _LARGEST_LINK)
 
 
-def _set_outliers_aside(problem: SlipProblem, fit: SlipFit) -> None:
-    """Slips that nothing explains, such as those with an unseen rest, must not bend the others."""
+def _without_outliers(problem: SlipProblem, fit: SlipFit) -> SlipProblem:
+    """The problem without slips that nothing explains, as those with an unseen rest: they would bend the others."""
     squares = np.bincount(problem.slip_of, fit.residuals**2, problem.count) / np.bincount(problem.slip_of)
-    usual = float(np.median(squares[problem.usable]))
+    usual = float(np.median(squares[problem.noise.usable]))
     outliers = squares > max(OUTLIER, _OUTLIER_SHARE * usual)
-    if outliers.any() and problem.usable.sum() - outliers.sum() >= 2:
-        problem.set_aside(outliers)
+    if outliers.any() and problem.noise.usable.sum() - outliers.sum() >= 2:
+        return problem.without(outliers)
+    return problem
 
 
 def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
     """Stribeck friction and rise time that best explain the levels of the slips and the forces at breakaway."""
     levels = np.exp(fit.unknowns[:, LEVEL])
     dwell = float(np.median(problem.dwells))
-    usable = problem.usable
+    usable = problem.noise.usable
     scale = float(np.median(levels))
     best, least = (scale, dwell), math.inf
     for rise_time in dwell * np.geomspace(0.02, 50.0, 24):
         shares = np.empty(problem.count)
         stribeck_fraction = 1.0
         for slip in range(problem.count):
-            began = fit.found[slip - 1, kernel.ARREST] if problem.linked[slip] else problem.rests_begin[slip]
-            stribeck_fraction = stribeck_fraction if problem.linked[slip] else 1.0
+            began = fit.found[slip - 1, kernel.ARREST] if problem.noise.linked[slip] else problem.rests_begin[slip]
+            stribeck_fraction = stribeck_fraction if problem.noise.linked[slip] else 1.0
             rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
             shares[slip] = max(risen_level(stribeck_fraction, 1.0, rest, rise_time), _LEAST_SHARE)
             stribeck_fraction = shares[slip] * float(fit.found[slip, kernel.STRIBECK_FRACTION])

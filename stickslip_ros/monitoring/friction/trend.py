@@ -8,30 +8,15 @@ the kinetic friction grows by so much from the first slip to the last, Stribeck 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_SLIPS
-from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, ModelTerm
 from stickslip_ros.monitoring.friction.slip_fit import Prior
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
-
-_PARAMETERS = 2  # parameters of a trend, 1
-
-
-def with_trend(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
-    """The same law with friction that changes steadily, where that explains the slips better; else as it was.
-
-    Parameters
-    ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
-    """
-    problem, solution = first.problem, first.solution
-    if problem.normalised or solution.tolerance > 0 or not _shows(first):
-        return first
-    return fitted_with_more(first, problem.with_trend(), _PARAMETERS, known)
 
 
 def knowledge_without_drift(problem: SlipProblem, information: FloatArray, prior: Prior) -> tuple[FloatArray, Prior]:
@@ -61,7 +46,7 @@ def knowledge_without_drift(problem: SlipProblem, information: FloatArray, prior
 
 def _shows(first: FittedLaw) -> bool:
     """Whether a straight line over time explains enough of the kinetic friction for a trend to be tried."""
-    problem, used = first.problem, first.problem.usable
+    problem, used = first.problem, first.problem.noise.usable
     count = int(used.sum())
     if count < LEAST_SLIPS:
         return False
@@ -71,3 +56,12 @@ def _shows(first: FittedLaw) -> bool:
         for one in (columns, np.column_stack([columns, problem.since[used]]))
     )
     return bool(float(steady @ steady) > count ** (1.0 / count) * float(changing @ changing))
+
+
+def _added(fitted: FittedLaw) -> SlipProblem | None:
+    if fitted.problem.normalised or fitted.solution.tolerance > 0 or not _shows(fitted):
+        return None
+    return fitted.problem.changed(model=replace(fitted.problem.model, trend=True))
+
+
+TREND = ModelTerm(added=_added, parameters=2)

@@ -4,63 +4,102 @@
 
 While such a joint stands it moves by the force on it over the contact's stiffness σ₀. It breaks away at the speed of
 that creep, which in a slip's first moments is as much as what begins it, and springs back where it stops. In between
-it slides as on a rigid contact. σ₀ is fitted with the rest, beginning with what the rests say of it.
+it slides as on a rigid contact. σ₀ is fitted with the rest, beginning with what the rests say of it: from
+where a joint stands early in a rest it moves to where it stands towards the end. How far a contact yields is told as a
+share of how far the controller's spring does, k_p/σ₀.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import INERTIA
-from stickslip_ros.monitoring.friction.contact_knowledge import contact_of
-from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, fitted_with_more
-from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.fitted_law import ModelTerm
+from stickslip_ros.monitoring.friction.slip_problem import (
+    LEAST_COMPLIANCE,
+    MOST_COMPLIANCE,
+    ContactKnowledge,
+    SlipProblem,
+)
 from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_again
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
-_PARAMETERS = 2  # parameters of a contact, 1: compliance and damping
+LEAST_RESTS = 6  # rests that a compliance is estimated from, 1: at least
+_SHOWN = 2.0  # compliance, standard errors: with less the rests do not show it
+_UNSEEN = 2.0  # creep of all rests together that may pass unseen, counts
+_LEAST_ERROR = 0.3  # error, of the compliance: what is seen at rest is not all that yields when the joint breaks away
 # Dwell, periods of the swing on the contact: after a shorter one the joint has not come to rest.
 _SETTLING_PERIODS = 2.0
 
 
-def with_contact(first: FittedLaw, known: Mapping[int, tuple[float, float]]) -> FittedLaw:
-    """The same law with a contact that yields, where the joint creeps and that explains the slips better (BIC).
-
-    Where it does, but the joint does not come to rest on it, neither does.
-
-    Parameters
-    ----------
-    known : mean and standard deviation of parameters' logarithms, by index.
-    """
-    fitted = first.problem.contact is not None
-    contact = None if fitted or first.problem.normalised else contact_of(first.problem.windows)
-    if contact is None:
-        return first
-    yielding = first.problem.with_contact(contact)
-    found = fitted_with_more(first, yielding, _PARAMETERS, known, prior_evidence=True)
-    if found is first or comes_to_rest(found.problem, found.solution):
-        return found
-    return replace(first, unsettled=True)
-
-
-def fit_with_contact(
-    problem: SlipProblem, start: FloatArray, known: Mapping[int, tuple[float, float]]
-) -> tuple[SlipProblem, Solution] | None:
+def fit_with_contact(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """The fit next to one of other slips of a joint whose contact yields; None if it is not as good as it should be."""
-    contact = contact_of(problem.windows)
-    if contact is None or problem.normalised:
-        return None
-    yielding = problem.with_contact(contact)
-    solution = fit_again(yielding, start, known)
-    return (yielding, solution) if solution is not None and comes_to_rest(yielding, solution) else None
+    yielding = _added(problem)
+    solution = fit_again(yielding, start) if yielding is not None else None
+    return solution if solution is not None and _comes_to_rest(solution) else None
 
 
-def comes_to_rest(problem: SlipProblem, solution: Solution) -> bool:
+def _comes_to_rest(solution: Solution) -> bool:
     """Whether joints on such a contact have come to rest before they slip again: they swing on it for a while."""
-    parameters = solution.fit.parameters
+    problem, parameters = solution.problem, solution.fit.parameters
     swing = 2.0 * math.pi * math.sqrt(math.exp(float(parameters[INERTIA])) * problem.compliance(parameters))
-    return float(np.median(problem.dwells[solution.usable])) > _SETTLING_PERIODS * swing
+    return float(np.median(problem.dwells[problem.noise.usable])) > _SETTLING_PERIODS * swing
+
+
+def _added(problem: SlipProblem) -> SlipProblem | None:
+    if problem.normalised or problem.model.contact is not None:
+        return None
+    contact = contact_of(problem.windows)
+    if contact is None:
+        return None
+    # A trend has to be fitted anew.
+    model = replace(problem.model, contact=contact, trend=False)
+    return problem.changed([window.between_creep() for window in problem.windows], model=model)
+
+
+def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
+    """The contact by the rests before the slips; None where they do not show that it yields."""
+    ways, forces = [], []
+    for window in windows:
+        early, late = window.arrived, window.before
+        if early is not None and late is not None:
+            ways.append(late.position - early.position)
+            forces.append(late.drive - early.drive - _stiffness(window) * ways[-1])
+    way, force = np.array(ways), np.array(forces)
+    count, size = len(way), float(force @ force)
+    if count < LEAST_RESTS or size <= 0.0:
+        return None
+    compliance = float(way @ force) / size
+    off = way - compliance * force
+    # A creep of so little that no rest shows a count of it.
+    unseen = _UNSEEN * max(window.resolution for window in windows) / math.sqrt(count * size)
+    std = max(math.sqrt(float(off @ off) / (count - 1) / size), unseen)
+    unit = spring_compliance(windows)
+    mean, std = max(compliance, 0.0) / unit, math.hypot(std, _LEAST_ERROR * compliance) / unit
+    if mean <= _SHOWN * std or not LEAST_COMPLIANCE < mean < MOST_COMPLIANCE:
+        return None
+    return ContactKnowledge(mean=mean, std=std, unit=unit)
+
+
+def spring_compliance(windows: list[SlipWindow]) -> float:
+    """Compliance of the spring that slips are pulled by [rad/(N·m)]: of the gains, or as the effort falls in a slip."""
+    stiffness = max(_stiffness(window) for window in windows)
+    if stiffness > 0.0:
+        return 1.0 / stiffness
+    falls = [max(float(np.ptp(window.forces)), TINY) for window in windows]
+    return float(np.median([abs(window.slip_distance) / fall for window, fall in zip(windows, falls, strict=True)]))
+
+
+def _stiffness(window: SlipWindow) -> float:
+    return float(window.gains.stiffness) if window.gains is not None else 0.0
+
+
+# Creep at rest is evidence enough. A joint that does not come to rest on the contact does not without the term either.
+YIELDING_CONTACT = ModelTerm(
+    added=lambda fitted: _added(fitted.problem), parameters=2, prior_evidence=True, settles=_comes_to_rest
+)
