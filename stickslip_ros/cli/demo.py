@@ -174,7 +174,7 @@ def _cure(console: Console, out: Path) -> int:
             "Asked to apply it ([bold]~/apply_recommendation[/]), the monitor ramps the gains in small steps while the "
             "joint moves, and watches it."
         )
-        answer = listener.apply_recommendation("/stickslip_monitor")
+        answer = listener.trigger("/stickslip_monitor", "apply_recommendation", "apply its advice")
         wait(listener, nodes, answer.done, _APPLY_LIMIT, "the gains to be applied", show)
         if not answer.result().success:
             raise StickSlipError(f"not applied: {answer.result().message}")

@@ -57,7 +57,7 @@ class _Scene:
         named = {".".join([kind, joint, *rest]): value for name, value in values.items()
                  for kind, *rest in [name.split(".")]}  # fmt: skip
         self._done(self.listener.set_parameters(_CONTROLLER, named), "the joint's parameters to be set")
-        self._done(self.listener.reset(_MONITOR), "the monitor to answer")
+        self._done(self.listener.trigger(_MONITOR, "reset", "reset it"), "the monitor to answer")
         # What was told before the monitor forgot is not to be taken for news.
         forgotten = "the monitor to forget what was before"
         wait(self.listener, self._nodes, lambda: not self._reversals(), _LIMIT, forgotten, self._ticker)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -51,12 +50,11 @@ class DemoListener(MonitorClient):
         """Stamp of the latest joint state [s], NaN before the first."""
         return self.data.states[-1][0] if self.data.states else math.nan
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Take the motion that has come."""
-        now = time.monotonic()
-        if self.joint in (states := self._states.samples_until(now)):
+        if self.joint in (states := self._states.samples_until(math.inf)):
             self.data.states += states[self.joint][:, :3].tolist()
-        if self.joint in (references := self._references.samples_until(now)):
+        if self.joint in (references := self._references.samples_until(math.inf)):
             self.data.references += references[self.joint][:, :2].tolist()
 
     def value(self, key: str) -> str:
@@ -82,18 +80,11 @@ class DemoListener(MonitorClient):
         if self.joint in (found := margins_of(message)):
             self.data.margins.append({"time": self.now, **found[self.joint]})
 
-    def apply_recommendation(self, monitor: str) -> Future:
-        """Ask the monitor to apply its advice; the answer comes once it is done."""
-        client = self.node.create_client(Trigger, f"{monitor}/apply_recommendation")
+    def trigger(self, monitor: str, service: str, purpose: str) -> Future:
+        """Call a service of the monitor; the answer comes once it is done."""
+        client = self.node.create_client(Trigger, f"{monitor}/{service}")
         if not client.wait_for_service(5.0):
-            raise DemoError(f"{monitor} offers no service to apply its advice")
-        return client.call_async(Trigger.Request())
-
-    def reset(self, monitor: str) -> Future:
-        """Let the monitor forget the motion it has seen."""
-        client = self.node.create_client(Trigger, f"{monitor}/reset")
-        if not client.wait_for_service(5.0):
-            raise DemoError(f"{monitor} offers no service to reset it")
+            raise DemoError(f"{monitor} offers no service to {purpose}")
         return client.call_async(Trigger.Request())
 
     def set_parameters(self, node: str, values: Mapping[str, object]) -> Future:

@@ -40,12 +40,12 @@ class MonitorClient:
         until = time.monotonic() + duration
         while (left := until - time.monotonic()) > 0:
             turn(self.node, min(left, _LONGEST_TURN))
-            self.look()
+            self.poll()
 
     def note(self, status: DiagnosticStatus) -> None:
         """Called with every diagnostic status, of whatever node."""
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Called many times a second."""
 
     def motion(
@@ -53,11 +53,9 @@ class MonitorClient:
     ) -> tuple[JointStateTopic, JointStateTopic]:
         """Joint states and references of a robot from now on, "" for the one without a name."""
         qos, refuse = QoSProfile(depth=_QUEUE, reliability=reliability), Refusals(lambda _: None)
-        before = f"/{robot}/" if robot else "/"
-        return (
-            JointStateTopic(self.node, f"{before}joint_states", qos, refuse),
-            JointStateTopic(self.node, f"{before}joint_references", qos, refuse),
-        )
+        names = (f"/{robot}/{name}" if robot else f"/{name}" for name in ("joint_states", "joint_references"))
+        states, references = (JointStateTopic(self.node, name, qos, refuse) for name in names)
+        return states, references
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -72,6 +70,5 @@ def values_of(status: DiagnosticStatus) -> dict[str, str]:
 def margins_of(message: Float64MultiArray) -> dict[str, dict[str, float]]:
     """Rows of `~/margins` by joint, each by the names of its fields."""
     joints, fields = (one.label.split(",") for one in message.layout.dim)
-    starts = range(0, len(message.data), len(fields))
-    rows = (message.data[start : start + len(fields)] for start in starts)
-    return {joint: dict(zip(fields, row, strict=True)) for joint, row in zip(joints, rows, strict=True)}
+    values = iter(message.data)
+    return {joint: {field: next(values) for field in fields} for joint in joints}

@@ -51,7 +51,7 @@ class WatchListener(MonitorClient):
         self._topics: set[str] = set()
         self._look_at = -math.inf
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Listen to the positions that monitors publish with the friction, once a second to those that have come."""
         if time.monotonic() < self._look_at:
             return
