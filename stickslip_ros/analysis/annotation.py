@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -42,10 +41,8 @@ class Annotation:
         self._writer.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._writer.__exit__(kind, error, trace)
+    def __exit__(self, *raised: Any) -> None:
+        self._writer.__exit__(*raised)
 
     def __call__(self, joints: dict[str, JointAnalyzer], found: dict[str, list[Cycle]], clock: float) -> None:
         """Write the cycles found and the state of every joint after a piece."""

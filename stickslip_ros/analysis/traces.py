@@ -27,8 +27,8 @@ _POINTS_FROM = 20.0  # [s] of samples that are looked at at once for them
 class Outline:
     """A curve over time by its lowest and highest values in equal steps of time, which grow with its length."""
 
-    def __init__(self, step: float = 0.01) -> None:
-        self._step = step
+    def __init__(self) -> None:
+        self._step = 0.01  # [s]
         self._begin = math.nan
         self._low = np.zeros(0)
         self._high = np.zeros(0)
