@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import best, once
-from stickslip_ros.cli.paper_figures import figure_13_axes
+from stickslip_ros.cli.figures import figure_13_axes
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map

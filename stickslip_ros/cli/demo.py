@@ -27,7 +27,7 @@ from rich.console import Console
 from stickslip_ros.analysis.comparison import compare_joints
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.table import find_recording, load_recording
-from stickslip_ros.cli.comparison_tables import print_joints
+from stickslip_ros.cli.compare import print_joints
 from stickslip_ros.cli.outputs import DRAWING
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import Terminal

@@ -27,8 +27,7 @@ from stickslip_ros.cli.compensation_table import (
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.cli.trajectory_effort import write_trajectory
-from stickslip_ros.cli.trajectory_table import read_trajectory
+from stickslip_ros.cli.trajectory import read_trajectory, write_trajectory
 from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive

@@ -23,7 +23,7 @@ from rich.table import Table
 from stickslip_ros.cli.margin import add_conditions, add_joint_arguments, conditions_from, joint_from, judged
 from stickslip_ros.cli.outputs import PICTURE
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.cli.trajectory_table import read_trajectory
+from stickslip_ros.cli.trajectory import read_trajectory
 from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model.controlled import OperatingConditions

@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError, reason
-from stickslip_ros.messages.gain_layouts import some
+from stickslip_ros.messages.gain_layouts import LAYOUT, elsewhere_text, gains_elsewhere, some, why_not_taken
 from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.regular_files import read_yaml
-from stickslip_ros.settings.gain_sections import NOTHING_READ, conflicts, is_read, notes_on, taken, without_sections
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_names import (
     EVERY_JOINT,
     MONITOR,
+    SECTION,
+    FileSection,
+    flat,
     joint_of,
     misnamed_sections,
     nearest_joint,
@@ -26,6 +28,8 @@ from stickslip_ros.settings.parameter_names import (
 )
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings, settings_of
+
+_NOTHING_READ = f"holds nothing that is read, neither {LAYOUT} of a controller nor parameters of {MONITOR}"
 
 
 class ParameterFileError(StickSlipError, ValueError):
@@ -125,18 +129,73 @@ def _read(path: Path) -> tuple[dict[str, Any], list[str]]:
         raise ParameterFileError(f"parameter file {path}: {reason(error)}") from error
     sections = sections_of(content)
     if not sections:
-        raise ParameterFileError(f"parameter file {path}: {without_sections(content)}")
-    wrong = misnamed_sections(sections, f"/{MONITOR}") + conflicts(sections)
+        raise ParameterFileError(f"parameter file {path}: {_without_sections(content)}")
+    wrong = misnamed_sections(sections, f"/{MONITOR}") + _conflicts(sections)
     found: dict[str, Any] = {}
     notes: list[str] = []
     for section in sections:
         if section.base == MONITOR or (section.of_any_node and section.about_monitors):
             names = [unknown_name(name, None) for name in section.parameters]
             wrong += [one.text for one in names if one is not None]
-        found |= taken(section)
-        notes += notes_on(section)
-    if not wrong and not any(map(is_read, sections)):
-        wrong = ["; ".join([NOTHING_READ, *notes])]
+        found |= _taken(section)
+        notes += _notes_on(section)
+    if not wrong and not any(map(_is_read, sections)):
+        wrong = ["; ".join([_NOTHING_READ, *notes])]
     if wrong:
         raise ParameterFileError(f"parameter file {path}: {'; '.join(wrong)}")
     return found, [f"parameter file {path}: {note}" for note in notes]
+
+
+def _taken(section: FileSection) -> dict[str, Any]:
+    """The parameters of a section without gains that are none of efforts."""
+    if not why_not_taken(section.parameters):
+        return dict(section.parameters)
+    return {name: value for name, value in section.parameters.items() if joint_and_kind(name) is None}
+
+
+def _is_read(section: FileSection) -> bool:
+    """Whether anything in a section counts for a joint."""
+    own = section.base == MONITOR or section.about_monitors
+    return own or any(joint_and_kind(name) is not None for name in _taken(section))
+
+
+def _notes_on(section: FileSection) -> list[str]:
+    """Sentences on gains in a section that are not taken."""
+    notes = []
+    refused = sorted(set(section.parameters) - set(_taken(section)))
+    if refused:
+        notes.append(f"{section.node}: {some(refused)} not taken: {why_not_taken(section.parameters)}")
+    other_places = gains_elsewhere(name for name in section.parameters if unknown_name(name, None) is not None)
+    if other_places:
+        notes.append(f"{section.node}: {elsewhere_text(other_places, section.parameters)}")
+    return notes
+
+
+def _conflicts(sections: Iterable[FileSection]) -> list[str]:
+    """Sentences on joints to which sections of different nodes give different gains."""
+    first: dict[str, tuple[str, Any]] = {}
+    texts = []
+    for section in sections:
+        # A section of any node holds where its own says nothing else.
+        if section.of_any_node:
+            continue
+        for name, value in _taken(section).items():
+            # NaN is not set, and equals nothing.
+            if joint_and_kind(name) is None or value != value:
+                continue
+            node, known = first.setdefault(name, (section.node, value))
+            if known != value:
+                texts.append(
+                    f"{name} is {known} in {node} and {value} in {section.node}: leave one of them out of the file"
+                )
+    return texts
+
+
+def _without_sections(content: Any) -> str:
+    """Why a file without ``ros__parameters`` is not read."""
+    names = [name for name, _ in flat("", content)] if isinstance(content, Mapping) else []
+    found = gains_elsewhere(names) or [name for name in names if joint_and_kind(name) is not None]
+    text = f"holds no {SECTION}"
+    if not found:
+        return text
+    return f"{text}, which ROS 2 has between the name of a node and its parameters, as {found[0]} (ROS 1 had not)"

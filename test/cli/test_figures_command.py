@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from stickslip_ros.cli.figures import FIGURES
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.paper_figures import FIGURES
 from stickslip_ros.model.extinction import work_integral
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.recommend import recommend
