@@ -28,8 +28,8 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
+from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
 from stickslip_ros.monitoring.friction.late_controller import LEAST_VISCOUS, SPREAD_LIMIT, DelayEstimate
-from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
