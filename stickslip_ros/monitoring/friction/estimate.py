@@ -81,7 +81,7 @@ class LawAlternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Curvature:
-    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.optional_terms` has it.
+    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.curved_viscous` fits.
 
     Attributes
     ----------

@@ -26,6 +26,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.curved_viscous import curvature_of
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
     CUT_SHORT,
@@ -33,7 +34,6 @@ from stickslip_ros.monitoring.friction.estimate import (
     IDENTIFIED,
     NOT_ESTIMATED,
     USABLE_ASIDE,
-    Curvature,
     FrictionEstimate,
     LawAlternative,
     ParameterEstimate,
@@ -212,7 +212,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         dry=None if problem.normalised else dry_friction_of(problem, fit),
         friction_factor=friction_factor_of(fits[0], covariance),
         may_be_late=may_hide_a_delay(fits[0]),
-        curvature=_curvature(fits[0], covariance),
+        curvature=curvature_of(fits[0], covariance),
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
@@ -235,19 +235,6 @@ def unexplained(fitted: FittedLaw) -> str:
     if aside > _ASIDE * problem.count:
         reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
     return "; ".join(reasons)
-
-
-def _curvature(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:
-    """Of viscous friction over speed; None where it is taken for a straight line."""
-    problem = fitted.problem
-    if problem.model.curved_at is None:
-        return None
-    column = problem.column["curvature"]
-    return Curvature(
-        value=float(fitted.solution.fit.parameters[column]),
-        std=math.sqrt(max(float(covariance[column, column]), 0.0)),
-        speed=problem.model.curved_at,
-    )
 
 
 def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
