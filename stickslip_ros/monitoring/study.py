@@ -15,6 +15,7 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
+from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
     MOST_STEPS,
@@ -25,7 +26,6 @@ from stickslip_ros.monitoring.friction.estimation import (
     unexplained,
 )
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
-from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import ContactKnowledge, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow

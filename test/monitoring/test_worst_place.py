@@ -20,10 +20,10 @@ from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
-from stickslip_ros.monitoring.friction.dry_friction import dry_friction
+from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance, dry_friction
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
+from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
-from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor, PositionDisturbance
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 from stickslip_ros.output.as_json import growth_json

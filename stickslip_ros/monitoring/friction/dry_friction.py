@@ -13,7 +13,7 @@ would hardly show as much; of both the surer enters first, and each has to hold 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS, Reg
 from stickslip_ros.monitoring.friction.ripple import Ripple, find_ripple
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
 SIGNIFICANT = 0.005  # probability of chance, 1: with less a term is claimed
@@ -175,6 +176,66 @@ def dry_friction(
         kinetic=kinetic,
         load_curve=tuple(fit.coefficients[base.shape[1] : base.shape[1] + bends].tolist()),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionDisturbance:
+    """Position-dependent disturbance of a joint: load and friction act on a slip like springs beside the controller's.
+
+    Both are subtracted along the observed path, whatever the slip's length.
+
+    Attributes
+    ----------
+    dry : load over position, slope of the Coulomb friction over the load, and ripple. without : what does not fit where
+        the disturbance is not subtracted, for a person.
+    """
+
+    dry: DryFriction
+    without: str
+
+    def coulomb(self, position: FloatArray) -> FloatArray:
+        """Position-dependent part of the Coulomb friction at positions [rad], shape (n,) [N·m]."""
+        dry = self.dry
+        slope = dry.load_dependence.value if dry.load_dependence is not None else 0.0
+        varying = slope * np.abs(dry.load_at(position))
+        return np.asarray(varying + dry.ripple.at(position) if dry.ripple is not None else varying)
+
+    def kinetic(self, position: FloatArray, direction: int) -> FloatArray:
+        """Position-dependent part of load and friction against motion in a direction, at positions [rad] [N·m]."""
+        mean = self.dry.load.value if self.dry.load is not None else 0.0
+        return np.asarray(direction * (self.dry.load_at(position) - mean) + self.coulomb(position))
+
+    def subtracted_force(self, window: SlipWindow) -> float:
+        """Force subtracted from the one that held the joint before a slip [N·m]."""
+        return float(self.kinetic(np.array([window.rest_position]), window.direction)[0])
+
+    def applied(self, window: SlipWindow) -> SlipWindow:
+        """The slip with forces from which the disturbance is subtracted."""
+        way = np.interp(window.times, window.times[window.observed], window.values, left=window.rest_position)
+        return replace(window, forces=window.forces - window.direction * self.kinetic(way, window.direction))
+
+    @property
+    def with_load(self) -> bool:
+        """Whether the covariate is the load alone."""
+        return self.dry.ripple is None and bool(self.dry.load_curve)
+
+    def covariate(self, position: FloatArray, *, decreasing: bool = False) -> FloatArray:
+        """Regressor that scales friction, from -1 where friction is least to 0 where it is largest, shape (n,).
+
+        The Coulomb friction that varies, or the size of the load where that varies alone; zeros where nothing does, and
+        where motion in one direction does not show how large the load is.
+        ``decreasing`` : friction is the largest where that is least.
+        """
+        places = np.append(position, self.dry.position)
+        grows = self.coulomb(places)
+        if self.dry.ripple is None and self.dry.load_dependence is None and self.dry.load is not None:
+            grows = np.abs(self.dry.load_at(places))
+        if decreasing:
+            grows = -grows
+        own = grows[len(position) :]
+        extent = float(np.ptp(own))
+        # What was not seen is not guessed: no friction is less or more than at the slips.
+        return np.clip((grows[: len(position)] - own.max()) / extent, -1.0, 0.0) if extent > 0 else 0.0 * position
 
 
 def dry_friction_of(problem: SlipProblem, fit: SlipFit) -> DryFriction | None:

@@ -28,8 +28,8 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
+from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
 from stickslip_ros.monitoring.friction.late_controller import LEAST_VISCOUS, SPREAD_LIMIT, DelayEstimate
-from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
@@ -81,7 +81,7 @@ class LawAlternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Curvature:
-    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.optional_terms` has it.
+    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.curved_viscous` fits.
 
     Attributes
     ----------

@@ -26,6 +26,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.curved_viscous import curvature_of
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
     CUT_SHORT,
@@ -33,19 +34,17 @@ from stickslip_ros.monitoring.friction.estimate import (
     IDENTIFIED,
     NOT_ESTIMATED,
     USABLE_ASIDE,
-    Curvature,
     FrictionEstimate,
     LawAlternative,
     ParameterEstimate,
 )
 from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
+from stickslip_ros.monitoring.friction.friction_factor import friction_factor_of, with_position_disturbance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.late_controller import at_the_latest_gains, delay_estimate, may_hide_a_delay
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
-from stickslip_ros.monitoring.friction.place_fit import with_position_disturbance
-from stickslip_ros.monitoring.friction.position_disturbance import FrictionFactor
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
@@ -211,9 +210,9 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.normalised else dry_friction_of(problem, fit),
-        friction_factor=_friction_factor(fits[0], covariance),
+        friction_factor=friction_factor_of(fits[0], covariance),
         may_be_late=may_hide_a_delay(fits[0]),
-        curvature=_curvature(fits[0], covariance),
+        curvature=curvature_of(fits[0], covariance),
     )
     return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
 
@@ -236,35 +235,6 @@ def unexplained(fitted: FittedLaw) -> str:
     if aside > _ASIDE * problem.count:
         reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
     return "; ".join(reasons)
-
-
-def _friction_factor(fitted: FittedLaw, covariance: FloatArray) -> FrictionFactor | None:
-    """Factor of friction between best and worst place; None where no fit has one."""
-    if fitted.position_disturbance is None or fitted.problem.covariate is None:
-        return None
-    fit = fitted.solution.fit
-    errors = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
-    return FrictionFactor(
-        position_disturbance=fitted.position_disturbance,
-        decreasing=fitted.decreasing,
-        share=float(fit.parameters[-1]),
-        std=float(errors[len(fit.parameters) - 1]),
-        coulomb=float(fit.kinetic[-1]),
-        coulomb_std=float(errors[-1]),
-    )
-
-
-def _curvature(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:
-    """Of viscous friction over speed; None where it is taken for a straight line."""
-    problem = fitted.problem
-    if problem.model.curved_at is None:
-        return None
-    column = problem.column["curvature"]
-    return Curvature(
-        value=float(fitted.solution.fit.parameters[column]),
-        std=math.sqrt(max(float(covariance[column, column]), 0.0)),
-        speed=problem.model.curved_at,
-    )
 
 
 def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:

@@ -18,7 +18,7 @@ from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.monitoring.friction.position_disturbance import PositionDisturbance
+from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
 from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.monitoring.friction.curved_viscous import CURVED_VISCOUS
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import (
     CLEARLY_BETTER,
@@ -24,7 +25,7 @@ from stickslip_ros.monitoring.friction.fitted_law import (
     ScoredTerm,
     residuals_per_observation,
 )
-from stickslip_ros.monitoring.friction.late_controller import HIDDEN_DELAY, LATE_CONTROLLER, may_hide_a_delay
+from stickslip_ros.monitoring.friction.late_controller import HIDDEN_DELAY, LATE_CONTROLLER
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.yielding_contact import YIELDING_CONTACT
@@ -37,7 +38,6 @@ _LITTLE = 0.005
 # flexible joint and bristles had curves of friction, with three to fifteen times the viscous friction.
 _ANOTHER = 0.5
 _FARTHEST = 2.0  # parameter, prior standard deviations: the linear step of the score test holds no further
-_SWIFT = 1.33  # speed, of the mean of a slip that is half a sine: friction takes as much there as on average
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,21 +183,4 @@ def _score_test(fitted: FittedLaw, term: ScoredTerm, more: SlipProblem) -> TermS
     return TermScore(value=value, std=std, prior=prior_std, moves=moves, gain=gain)
 
 
-def _with_curve(fitted: FittedLaw) -> SlipProblem | None:
-    """The problem with viscous friction that may be a curve: where it is hardly seen that is no question."""
-    problem = fitted.problem
-    if not fitted.may_lack_terms or problem.model.curved_at is not None or may_hide_a_delay(fitted):
-        return None
-    return problem.changed(model=replace(problem.model, curved_at=_SWIFT * problem.usual_speed))
-
-
-# Grease thins, and oil is churned: F_v y˙ (1 - c + c y˙/v) in place of F_v y˙. F_v is told at the speed v, at which
-# friction takes as much as it does on average in a slip.
-CURVED_VISCOUS = ScoredTerm(
-    name="curvature",
-    added=_with_curve,
-    reported_change=lambda problem, parameters: np.zeros(len(parameters)),
-    lower=-math.inf,
-    explains_misfit=True,
-)
 SCORED_TERMS = (CURVED_VISCOUS, LATE_CONTROLLER)
