@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -114,7 +114,7 @@ def analyze(
     """
     options = options or AnalysisOptions()
     # Joints know nothing of each other, and what takes long in a joint is compiled and lets other threads run.
-    with Bag(path, options.unpacking) as bag, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+    with Bag(path, options.unpacking) as bag, ThreadPoolExecutor(os.cpu_count()) as threads:
         try:
             robots = find_robots(bag.channels(), options.topics)
         except RecordingError as error:
@@ -207,7 +207,7 @@ def _process_pieces(
         clock = piece.clock if math.isfinite(piece.clock) else clock
         samples, first, beyond = _within(piece.samples, first, options)
         recorded = first + clock if math.isnan(recorded) else recorded
-        fed = []
+        fed: dict[str, Future[list[Cycle]]] = {}
         for name in dict.fromkeys([*samples, *piece.references]):
             joint = joints.get(name)
             if joint is None:
@@ -226,11 +226,9 @@ def _process_pieces(
                 )
                 if name in gains_of:
                     joint.change_gains(gains_of[name])
-            fed.append(joint)
-        given = zip(*[(samples.get(joint.name), piece.references.get(joint.name)) for joint in fed], strict=True)
-        cycles = threads.map(JointAnalyzer.process, fed, *given)
-        for joint, more in zip(fed, cycles, strict=True):
-            found[joint.name] = found.get(joint.name, []) + more
+            fed[name] = threads.submit(joint.process, samples.get(name), piece.references.get(name))
+        for name, cycles in fed.items():
+            found[name] = found.get(name, []) + cycles.result()
         watcher(joints, found, clock)
         if beyond:
             break

@@ -31,11 +31,12 @@ from stickslip_ros.cli.compare import print_joints
 from stickslip_ros.cli.outputs import DRAWING
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.warm_up import compile_and_say
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.output.margin_table import RESERVE
 from stickslip_ros.settings.parameter_file import Parameters
-from stickslip_ros.warm_up import compile_ahead, is_warm
+from stickslip_ros.warm_up import is_warm
 
 if TYPE_CHECKING:
     from stickslip_ros.cli.demo_log import DemoData, DemoListener
@@ -113,8 +114,7 @@ def _compile(console: Console) -> None:
     if is_warm():
         return
     console.print("Compiling, once after installation; every other start takes a second.")
-    with console.status("") as status:
-        failure = compile_ahead(status.update)
+    failure = compile_and_say()
     if failure:
         raise StickSlipError(failure)
 

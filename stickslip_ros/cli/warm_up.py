@@ -46,8 +46,5 @@ def run(options: argparse.Namespace) -> int:
 
 def compile_and_say(jobs: int | None = None) -> str:
     """Compile what is not compiled yet, with a line about it where stderr is a terminal; returns why not, or ""."""
-    console = Terminal(stderr=True)
-    if not console.is_terminal:
-        return compile_ahead(lambda _: None, jobs)
-    with console.status("") as status:
+    with Terminal(stderr=True).status("") as status:
         return compile_ahead(status.update, jobs)

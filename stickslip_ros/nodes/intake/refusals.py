@@ -39,4 +39,4 @@ class Refusals:
     def latest(self) -> str:
         """Of the last minute's reasons the one that occurred first most recently, "" if there is none."""
         begin = self._clock() - _TOLD
-        return next((reason for reason in reversed(self.counts) if self._times[reason] > begin), "")
+        return next((reason for reason, time in reversed(self._times.items()) if time > begin), "")
