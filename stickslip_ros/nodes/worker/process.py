@@ -158,8 +158,9 @@ class SlowWork:
         for process in self._processes:
             with contextlib.suppress(OSError, ValueError):
                 process.kill()
-        if sys.version_info < (3, 12):
-            # A question that is being sent would wait for its reader for ever; newer Pythons close the pipe themselves.
+        if sys.version_info < (3, 11, 5):
+            # A question that is being sent would wait for its reader for ever. Newer Pythons close the pipe themselves,
+            # in another thread: closed twice at once, the descriptor could be one that has just been given to a socket.
             self._pool._call_queue._reader.close()  # type: ignore[attr-defined]
         # While the pool closes its pipes, the end of Python would stumble over them, and hang.
         closing = Thread(target=self._pool.shutdown, kwargs={"cancel_futures": True}, daemon=True)
