@@ -41,7 +41,7 @@ class Outcome:
     share : by which Stribeck friction is less at the best place than at the worst, as it is; found : as learnt, with
         its standard error; zeros where none was claimed.
     verdict : share of the verdicts at the worst place, at dampings around the true boundary, that are right.
-    cured : whether gains advised end stick slip at the worst place and at the best one; None without advice.
+    cured : whether gains advised end stick-slip at the worst place and at the best one; None without advice.
     damping : advised, over the damping advised for the true joint at the worst place, of controller and joint together.
     """
 

@@ -47,7 +47,7 @@ def photograph(page: Path, picture: Path, width: int, height: int) -> None:
 
 
 def draw_demo() -> None:
-    """Stick slip, the advice, the cure."""
+    """Stick-slip, the advice, the cure."""
     if stickslip(["demo", "--out", str(PICTURES / "demo.png")]) != 0:
         raise SystemExit("the demo did not end well")
 

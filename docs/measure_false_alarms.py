@@ -83,7 +83,7 @@ def arms(folder: Path) -> dict[str, list[Batch]]:
 
 @dataclass
 class Alarms:
-    """How often and how long stick slip was told."""
+    """How often and how long stick-slip was told."""
 
     count: int = 0
     duration: float = 0.0
@@ -156,7 +156,7 @@ def alarms_among(cycles: list[Cycle]) -> int:
 
 @dataclass
 class Recall:
-    """What was found of some recordings of stick slip."""
+    """What was found of some recordings of stick-slip."""
 
     slips: int = 0
     slips_found: int = 0
@@ -192,7 +192,7 @@ class Recall:
 
     @property
     def slips_needed(self) -> float:
-        """Median of the number of slips until stick slip was told."""
+        """Median of the number of slips until stick-slip was told."""
         return median(self._needed) if self._needed else math.nan
 
 
@@ -261,7 +261,7 @@ def draw_curve(points: dict[str, np.ndarray], used: int) -> None:
         panel.set_xscale("symlog", linthresh=1.0, linscale=0.5)
         panel.set_xlim(left=0.0)
         panel.set_xlabel("motions taken for slips, a joint-hour [1/h]")
-        panel.set_ylabel(f"{title} of stick slip found [%]")
+        panel.set_ylabel(f"{title} of stick-slip found [%]")
         panel.set_ylim(50.0, 100.0)
         panel.grid(alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)

@@ -36,7 +36,7 @@ def test_a_joint_that_sticks_in_spite_of_its_margin(puma: Joint) -> None:
     assert state.recommendation.keep
     status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None)
     assert status.level is Level.ERROR
-    assert status.message == "stick_slip, though its margin is there: the friction is not what is believed"
+    assert status.message == "stick_slip, though its gains have the wanted reserve: the friction estimate is wrong"
 
 
 @pytest.mark.parametrize("silent_for", [None, 0.0, 12.3, math.inf])

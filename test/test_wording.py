@@ -44,12 +44,12 @@ SENTENCES: list[tuple[Reason | None, str]] = [
     (Reversing(), "reversing"),
     (TooShort(moving=0.5, needed=2.345), "too short a motion: 0.50 s of 2.35 s"),
     (StopsAndGoes(), "stops and goes; publish the reference to tell commanded stops from sticking"),
-    (TooCoarse(counts=4.2), "the encoder is too coarse to count: 4 counts a slip"),
+    (TooCoarse(counts=4.2), "the encoder is too coarse: 4 counts a slip"),
     (TooFewCounts(), "the joint has moved by too few counts of its encoder"),
-    (SampledTooSlowly(rate=5.0, needed=20.0), "sampled too slowly: 5 Hz; 20 Hz would do"),
+    (SampledTooSlowly(rate=5.0, needed=20.0), "sampled too slowly: 5 Hz; at least 20 Hz are needed"),
     (SpeedFalls(share=0.126), "the speed falls to 13 % of its mean"),
     (ThinReserve(reserve=0.05, exactly=False), "damping reserve 5 % by Eq. (43)"),
-    (ThinReserve(reserve=-0.5, exactly=True), "damping reserve -50 % exactly"),
+    (ThinReserve(reserve=-0.5, exactly=True), "damping reserve -50 %"),
 ]
 
 
@@ -100,7 +100,7 @@ def test_what_dry_friction_depends_on() -> None:
     )
     assert dry_friction_text(unsure) == (
         "Coulomb friction with any load varies by ±0.12 N·m with position, 20 times a radian (or 100 times: the slips "
-        "lie too evenly to tell); it falls by 5 % a minute (or over position, which went with time)."
+        "are spaced too evenly to distinguish them); it falls by 5 % a minute (or over position, which went with time)."
     )
     assert dry_friction_text(replace(DRY, ripple=None, drift=None, load_dependence=None)) == ""
     assert dry_friction_text(None) == ""

@@ -139,7 +139,7 @@ def two_speeds_recording(_: int) -> tuple[Batch, Gains]:
 
 Simulated = Callable[[int], tuple[Batch, Gains | None]]
 RECORDINGS: tuple[tuple[str, Simulated, int], ...] = (
-    *(("stick slip", _stick_slip, number) for number in range(5)),
+    *(("stick-slip", _stick_slip, number) for number in range(5)),
     *((f"smooth: {kind}", _smooth, number) for number, kind in enumerate(random_motions.REFERENCES) if number % 2 == 0
       or kind == random_motions.HAND_GUIDING),
     *(("mixed day", _day, number) for number in range(5)),

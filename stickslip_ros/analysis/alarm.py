@@ -16,7 +16,7 @@ QUANTITIES = {
     "coulomb": ("Coulomb friction", False),
     "stribeck": ("Stribeck friction", False),
     "viscous": ("viscous friction", False),
-    "stick_slip": ("stick slip", True),
+    "stick_slip": ("stick-slip", True),
     "reserve": ("damping reserve", True),
 }
 _FORM = re.compile(r"\s*([a-z_]+)\s*(=\s*[+-]|[<>])\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(%?)\s*")

@@ -5,14 +5,14 @@
 **A change is significant** where the two values are further apart than 1.96 times their combined standard errors: by
 chance alone one in twenty is. What is not known with an error in both recordings, and what the motion does not
 identify, is not compared, and the reason is given.
-**That stick slip is gone, or new**, is significant if it had a chance below 5 % were it as frequent in both recordings:
+**That stick-slip is gone, or new**, is significant if it had a chance below 5 % were it as frequent in both recordings:
 of m events that all lie in one of them the chance is (T₁/(T₁ + T₂))^m, T₁ and T₂ being the times watched. Of a joint
-that stuck steadily the cycles are the events; else the stretches of stick slip, for the cycles of one come together.
-**The error of the share of stick slip** of joints that stuck in both is that of the mean of ten parts of the moving
+that stuck steadily the cycles are the events; else the stretches of stick-slip, for the cycles of one come together.
+**The error of the share of stick-slip** of joints that stuck in both is that of the mean of ten parts of the moving
 time, wider where neighbours are alike, and at least that of a cycle in the time watched.
 **The error of the slip** is that of the median of its slips, wider where successive ones are alike, with half a count
 of the encoder.
-**At one speed**: stick slip depends on the speed. That it is gone counts only if the joint moved at the speed at which
+**At one speed**: stick-slip depends on the speed. That it is gone counts only if the joint moved at the speed at which
 it stuck, or slower.
 """
 
@@ -167,9 +167,9 @@ def _quantity(name: str, label: str, unit: str, before: Measured, after: Measure
 
 
 def _share_of(before: JointAnalysis, after: JointAnalysis) -> Quantity:
-    """The share of stick slip; where one of the two never stuck, whether that is certain is told by counts."""
+    """The share of stick-slip; where one of the two never stuck, whether that is certain is told by counts."""
     share = _quantity(
-        "stick_slip_share", "stick slip", "of moving time", _share(before), _share(after),
+        "stick_slip_share", "stick-slip", "of moving time", _share(before), _share(after),
         "it did not move for long enough",
     )  # fmt: skip
     if share.missing or (before.worst is Status.STICK_SLIP) is (after.worst is Status.STICK_SLIP):
@@ -197,13 +197,13 @@ def _moving(joint: JointAnalysis) -> list[Segment]:
 
 
 def _share(joint: JointAnalysis) -> Measured:
-    """Share of stick slip in the moving time, with the error described in the module."""
+    """Share of stick-slip in the moving time, with the error described in the module."""
     moving = _moving(joint)
     lengths = np.array([one.end - one.start for one in moving])
     total = float(lengths.sum()) if len(moving) else 0.0
     if not total > 0.0:
         return Measured()
-    # Of how much stick slip there was up to each moment of the moving time.
+    # Of how much stick-slip there was up to each moment of the moving time.
     sticking = np.array([one.status is Status.STICK_SLIP for one in moving], dtype=float)
     ends = np.append(0.0, np.cumsum(lengths))
     until = np.interp(np.linspace(0.0, total, _PARTS + 1), ends, np.append(0.0, np.cumsum(lengths * sticking)))

@@ -18,11 +18,11 @@ _HEADS = {
     Verdict.HELPED: "it helped",
     Verdict.HELPED_IN_PART: "it helped in part",
     Verdict.SMALLER_SLIPS: "it helped in part: it sticks as often, with smaller slips",
-    Verdict.NO_CHANGE: "no change beyond chance",
+    Verdict.NO_CHANGE: "no significant change",
     Verdict.NEVER_STUCK: "it stuck neither before nor after",
     Verdict.LARGER_SLIPS: "it got worse: it sticks as often, with larger slips",
     Verdict.WORSE: "it got worse",
-    Verdict.CANNOT_SAY: "whether it helped cannot be said",
+    Verdict.CANNOT_SAY: "not enough data to judge whether it helped",
 }
 
 
@@ -38,7 +38,7 @@ def sentence(joint: JointComparison) -> str:
         return f"{verdict}; {joint.reason}."
     if joint.verdict is Verdict.NEVER_STUCK:
         return f"{verdict}; {_changed(joint)}."
-    share = f"stick slip for {percent(joint.share.before.value)} of its moving time before, {_after(joint)}"
+    share = f"stick-slip for {percent(joint.share.before.value)} of its moving time before, {_after(joint)}"
     slips = ""
     if joint.slip.significant:
         slips = f", slips of {joint.slip.before.value:.3g} rad before, {joint.slip.after.value:.3g} rad after"
@@ -65,9 +65,9 @@ def _changed(joint: JointComparison) -> str:
     if compared:
         return f"{changes}; friction is the same within its errors"
     silent = [side for side, one in (("before", joint.before), ("after", joint.after)) if not one.cycles]
-    why = f"{' and '.join(silent)}: no slips to learn it from" if silent else "it was not learnt"
+    why = f"no slips {' and '.join(silent)} the change" if silent else "it was not estimated"
     why = joint.friction[0].missing if joint.friction and not silent else why
-    why = why if joint.before.settings.options.learn else "learning was switched off"
+    why = why if joint.before.settings.options.learn else "its estimation was switched off"
     return f"{changes}; friction cannot be compared ({why})"
 
 

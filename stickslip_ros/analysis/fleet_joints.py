@@ -56,7 +56,7 @@ class FleetJoint:
     ----------
     rows : its recordings, oldest first. dated : whether these have dates.
     status : in the last recording in which its motion could be judged, else in the last one. reason : for it.
-    worst : that occurred in any. stuck_in : recordings in which stick slip occurred.
+    worst : that occurred in any. stuck_in : recordings in which stick-slip occurred.
     histories : by the names of :data:`stickslip_ros.analysis.alarm.QUANTITIES`. alarms : what rings, in words.
     """
 
@@ -79,7 +79,7 @@ class FleetJoint:
 
 
 def fleet_joints(answers: Sequence[Answer], alarms: Sequence[Alarm] = ()) -> list[FleetJoint]:
-    """All joints of all bags, the worst first: those with alarms, then by their share of stick slip."""
+    """All joints of all bags, the worst first: those with alarms, then by their share of stick-slip."""
     joints = [_joint(key, rows, alarms) for key, rows in by_joint(rows_of(answers)).items()]
     return sorted(joints, key=_badness)
 

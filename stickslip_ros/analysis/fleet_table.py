@@ -45,13 +45,13 @@ def by_joint(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def stick_slip_share(rows: Sequence[Row]) -> float:
-    """Share of the moving time of a joint's recordings that it spent in stick slip, 0 to 1; NaN if it never moved."""
+    """Share of the moving time of a joint's recordings that it spent in stick-slip, 0 to 1; NaN if it never moved."""
     moving = sum(row["moving_time"] or _NEVER for row in rows)
     return sum(row["sticking_time"] for row in rows) / moving if moving > 0.0 else math.nan
 
 
 def stuck_in(rows: Sequence[Row]) -> int:
-    """In how many of a joint's recordings stick slip occurred."""
+    """In how many of a joint's recordings stick-slip occurred."""
     return sum(row["worst_status"] == Status.STICK_SLIP.value for row in rows)
 
 

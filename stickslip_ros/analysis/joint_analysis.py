@@ -49,7 +49,7 @@ class JointAnalysis:
     status : what held for most of the time; worst : the most severe that occurred; `judgement.py` defines both.
     reason : of the status, "" where it says it all.
     segments : stretches of one status; cycles : all that were found.
-    transient : what the stick slip was, if it died out after starting; None if not.
+    transient : what the stick-slip was, if it died out after starting; None if not.
     velocity : at which margin and advice are worked out [rad/s], the usual one of the worst status; NaN if the joint
         did not move.
     assessment : what is known at the end. exact : verdict by integration; where friction is known to
@@ -106,7 +106,7 @@ class JointAnalysis:
 
     @property
     def stick_slip_share(self) -> float:
-        """Share of the moving time in stick slip, 0 to 1; NaN if the joint did not move."""
+        """Share of the moving time in stick-slip, 0 to 1; NaN if the joint did not move."""
         return stick_slip_share(self.segments)
 
 
@@ -227,7 +227,7 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
 def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
     """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested.
 
-    Of stick slip that of the cycles: a stretch of it may hold several speeds, and turns. It is the reference's where
+    Of stick-slip that of the cycles: a stretch of it may hold several speeds, and turns. It is the reference's where
     one is known: a joint that sticks before it is told to move, or falls behind, has a lower mean speed.
     """
     if status is Status.STICK_SLIP and cycles:

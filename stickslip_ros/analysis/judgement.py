@@ -3,13 +3,13 @@
 """What is said of a joint over a whole recording, from its stretches of one status each.
 
 **Moving time** is the time in which the joint moved or stuck: in every status but ``at_rest`` and ``unknown``.
-**The share of stick slip** is the time in status ``stick_slip`` over the moving time.
+**The share of stick-slip** is the time in status ``stick_slip`` over the moving time.
 **The status** of a recording is the one that held for most of the time in which the motion was judged: of
 ``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. That
 time must be a fifth of the moving time: what an arm that stops and goes did in between says nothing of the whole. A
 joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
 ``unknown``.
-**The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick slip however short, since it
+**The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick-slip however short, since it
 takes cycles; any other if it lasted half a second without a break, or if nothing did.
 """
 
@@ -53,7 +53,7 @@ def moves(segment: Segment) -> bool:
 
 
 def stick_slip_share(segments: Sequence[Segment]) -> float:
-    """Share of the moving time that was spent in stick slip, 0 to 1; NaN if the joint did not move."""
+    """Share of the moving time that was spent in stick-slip, 0 to 1; NaN if the joint did not move."""
     moving = moving_time(segments)
     return time_in(segments, Status.STICK_SLIP) / moving if moving > 0.0 else math.nan
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Stick slip that dies out: a joint that stuck a few times after starting, and moved smoothly from then on."""
+"""Stick-slip that dies out: a joint that stuck a few times after starting, and moved smoothly from then on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FASTER = 3.0  # times the speed of the cycles, from which on smooth motion says
 
 @dataclass(frozen=True, kw_only=True)
 class Transient:
-    """Stick slip after starting that died out.
+    """Stick-slip after starting that died out.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class Transient:
 
 
 def transient(segments: Sequence[Segment], cycles: Sequence[Cycle]) -> Transient | None:
-    """The transient that the stick slip of a recording was; None if it was something else, or there was none.
+    """The transient that the stick-slip of a recording was; None if it was something else, or there was none.
 
     It was one if all of this holds, whereby a start is where a joint leaves rest, or is first seen to move:
 
     - every cycle follows upon a start or upon another cycle, within two periods, and none is hunting;
     - the last cycle ended before the last third of the moving time;
-    - since then the joint was smooth for longer than it was in stick slip, and for most of the time it moved, at no
+    - since then the joint was smooth for longer than it was in stick-slip, and for most of the time it moved, at no
       more than three times the speed: what moves smoothly because it is faster would stick again.
 
     Parameters

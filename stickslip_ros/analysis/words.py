@@ -19,7 +19,7 @@ from stickslip_ros.output.wording import dry_friction_text, presliding_text, rev
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
 _MOST_NAMED = 5  # joints
-_OTHERWISE = "it moves too little, or turns too often"
+_OTHERWISE = "it moves too little, or reverses too often"
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
 
@@ -62,7 +62,7 @@ def finding(joint: JointAnalysis) -> str:
         Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but unevenly",
         Status.SMOOTH: f"{joint.name} moves smoothly{'' if matters(joint) else speed}",
         Status.AT_REST: f"{joint.name} is at rest",
-        Status.NOT_JUDGED: f"{joint.name} moves too little, or turns too often, to be judged",
+        Status.NOT_JUDGED: f"{joint.name} moves too little, or reverses too often, to be judged",
         Status.UNKNOWN: f"{joint.name} cannot be judged",
     }
     text = usual[Status.UNKNOWN if lacks_data(joint.status, joint.assessment) else joint.status]
@@ -93,11 +93,11 @@ def _sticking(joint: JointAnalysis, speed: str) -> str:
 
 
 def _in_the_end(joint: JointAnalysis) -> str:
-    """That stick slip died out, where it did."""
+    """That stick-slip died out, where it did."""
     if joint.transient is None:
         return ""
     count = joint.transient.cycles
-    return f" It stuck {'once' if count == 1 else f'{count} times'} after starting and has been smooth since."
+    return f" It stuck {'once' if count == 1 else f'{count} times'} after starting and has moved smoothly since."
 
 
 def percent(share: float) -> str:
@@ -115,27 +115,29 @@ def advice(joint: JointAnalysis) -> str:
     advised = state.recommended
     keeps = state.recommendation is not None and state.recommendation.keep
     if joint.worst in NOT_JUDGED and (advised is None or keeps):
-        return "Whether something has to be done cannot be said."
+        return ""
     if advised is None:
         if not matters(joint):
             return "Nothing has to be done."
-        return f"No gains can be advised: {state.margin_reason or 'nothing is known of its friction'}."
+        return f"No gains can be advised: {state.margin_reason or 'its friction is unknown'}."
     recommendation = state.recommendation
     if recommendation is not None and recommendation.keep:
         # A joint that sticks only after starting is no witness against friction that promises smooth motion.
         if joint.worst is Status.STICK_SLIP and joint.transient is None:
-            return "Its gains have the wanted margin by the friction believed, which therefore is not the true one."
-        return "Its gains have the wanted margin: keep them."
+            return "By the friction estimate its gains have the wanted reserve. It sticks, so the estimate is wrong."
+        return "Its gains have the wanted reserve: keep them."
     slowest = joint.exact.lowest_smooth_velocity
     faster = (
-        f", or move no slower than {slowest:.3g} rad/s" if math.isfinite(slowest) and slowest > joint.velocity else ""
+        f", or keep the present gains and move faster than {slowest:.3g} rad/s"
+        if math.isfinite(slowest) and slowest > joint.velocity
+        else ""
     )
     if not advised.found:
         return _sentence(f"{advised.reason.rstrip('.')}{faster}")
     if state.gains is None or not state.gains_known:
         text = (
             f"multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
-            f"together by {advised.damping_factor:.3g} (the gains themselves are not known)"
+            f"together by {advised.damping_factor:.3g} (the gains themselves are unknown)"
         )
     else:
         changes = []
@@ -174,9 +176,9 @@ def reversals(joint: JointAnalysis, subject: str = "It") -> str:
     if record is None:
         return ""
     times = "once" if record.count == 1 else f"{record.count} times"
-    text = f"{subject} turned round {times}: {reversals_text(record)}"
+    text = f"{subject} reversed {times}: {reversals_text(record)}"
     return (
-        f"{text}, as a rule; at most by {with_prefix(record.largest_error, 'rad')}." if record.count > 1 else f"{text}."
+        f"{text} (median); at most by {with_prefix(record.largest_error, 'rad')}." if record.count > 1 else f"{text}."
     )
 
 
@@ -190,4 +192,5 @@ def presliding(joint: JointAnalysis, subject: str = "It") -> str:
 def rests_on(joint: JointAnalysis) -> str:
     """Where the friction comes from that margin and advice use."""
     state = joint.assessment
-    return state.rests_on or state.margin_reason
+    text = state.rests_on or state.margin_reason
+    return _sentence(text) if text else ""

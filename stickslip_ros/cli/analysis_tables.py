@@ -18,13 +18,12 @@ from stickslip_ros.analysis.fleet import Answer, TimedAnswer
 from stickslip_ros.analysis.fleet_joints import LEAST_MOVING, FleetJoint
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
-from stickslip_ros.cli.terminal import Terminal, fitting
+from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
 
 _COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
-_WIDTH = 120
 _STICKS = Status.STICK_SLIP.value
 
 
@@ -35,8 +34,9 @@ def print_analysis(analysis: BagAnalysis) -> None:
     joints = list(analysis.joints.values())
     _print_table(console, [_cells(joint) for joint in joints], _SPARED)
     console.print(
-        "[dim]status: for most of the time judged; worst: that occurred; stick slip: of the time in which it moved or "
-        "stuck\nreserve: damping beyond what ends stick slip; exactly: what becomes of it; both by integration[/]",
+        "[dim]status: the one that lasted longest; worst: the most severe one seen; stick-slip: share of the time\n"
+        "in which the joint moved or stuck; reserve: damping beyond the critical damping; model predicts: what the\n"
+        "joint does in the end by its friction model, from which the reserve is computed too[/]",
         soft_wrap=True,
     )
     if len(analysis.robots) > 1:
@@ -45,7 +45,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
                 console.print(text, style="dim", markup=False, soft_wrap=True)
     for joint in sorted(joints, key=lambda joint: -_share(joint.stick_slip_share)):
         if words.matters(joint) or lacks_data(joint.status, joint.assessment):
-            console.print(f"{words.finding(joint)} {words.advice(joint)}", soft_wrap=True, markup=False)
+            console.print(f"{words.finding(joint)} {words.advice(joint)}".rstrip(), soft_wrap=True, markup=False)
             if words.rests_on(joint):
                 console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
         for text in (words.reversals(joint, joint.name), words.presliding(joint, joint.name)):
@@ -60,8 +60,8 @@ def print_analysis(analysis: BagAnalysis) -> None:
 
 _TEXTS = ("robot\n", "joint\n", "status\n", "worst\n")
 # The headings of a bag's table, and of a fleet's, that a narrow terminal has no room for, the first one first.
-_SPARED = ("of\n[s]", "sticks\n[s]", "slip\n[rad]", "speed\n[rad/s]", "exactly\n", "reserve\n")
-_SPARED_OF_FLEET = ("of\n[s]", "sticks\n[s]", "cycles\n", "friction\n[N·m]", "bags\n", "sticking\n")
+_SPARED = ("moving\n[s]", "sticking\n[s]", "slip\n[rad]", "speed\n[rad/s]", "model\npredicts", "reserve\n")
+_SPARED_OF_FLEET = ("moving\n[s]", "sticking\n[s]", "cycles\n", "friction\n[N·m]", "bags\n", "sticking\nin bags")
 
 
 def _print_table(console: Console, rows: Sequence[Mapping[str, str]], spared: Sequence[str]) -> None:
@@ -80,19 +80,19 @@ def _print_table(console: Console, rows: Sequence[Mapping[str, str]], spared: Se
 
 
 def _cells(joint: JointAnalysis) -> dict[str, str]:
-    exactly = "-" if joint.exact.outcome is None else OUTCOME_WORDS[joint.exact.outcome.value]
+    predicted = "-" if joint.exact.outcome is None else OUTCOME_WORDS[joint.exact.outcome.value]
     return {
         "joint\n": escape(visible(joint.name)),
         "status\n": status_text(joint.status.value),
-        "stick slip\n": words.percent(joint.stick_slip_share),
+        "stick-slip\n": words.percent(joint.stick_slip_share),
         "worst\n": status_text(joint.worst.value),
-        "sticks\n[s]": f"{joint.time_in(Status.STICK_SLIP):.3g}",
-        "of\n[s]": f"{joint.moving_time:.4g}",
+        "sticking\n[s]": f"{joint.time_in(Status.STICK_SLIP):.3g}",
+        "moving\n[s]": f"{joint.moving_time:.4g}",
         "cycles\n": str(len(joint.cycles)),
         "speed\n[rad/s]": _number(joint.velocity),
         "slip\n[rad]": _number(joint.usual_slip),
         "reserve\n": _number(100.0 * joint.reserve, "+.0f", " %"),
-        "exactly\n": exactly,
+        "model\npredicts": predicted,
     }
 
 
@@ -105,9 +105,9 @@ def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None
     console = console_of_tables()
     _print_table(console, [_fleet_cells(joint) for joint in joints], _SPARED_OF_FLEET)
     console.print(
-        "[dim]status: in the last bag that shows it; worst: that occurred; sticking: bags in which it stuck\n"
-        f"stick slip: of the time in which it moved or stuck, in the last bag with {LEAST_MOVING:g} s of that; "
-        "friction: Coulomb friction identified in the first and in the last of these[/]",
+        "[dim]status: in the last bag that shows it; worst: the most severe one seen; sticking in bags: their number\n"
+        "moving: time in which the joint moved or stuck; stick-slip: share of that time, in the last bag with "
+        f"{LEAST_MOVING:g} s of it\nfriction: Coulomb friction identified in the first and in the last such bag[/]",
         soft_wrap=True,
     )
     failed = [found["path"] for found in answers if "error" in found]
@@ -126,12 +126,12 @@ def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
         "robot\n": escape(visible(joint.robot)),
         "joint\n": escape(visible(joint.name)),
         "status\n": status_text(joint.status.value),
-        "stick slip\n": words.percent(joint.histories["stick_slip"].latest),
+        "stick-slip\n": words.percent(joint.histories["stick_slip"].latest),
         "worst\n": status_text(joint.worst.value),
         "bags\n": str(len(joint.rows)),
-        "sticking\n": str(joint.stuck_in),
-        "sticks\n[s]": f"{sum(row['sticking_time'] for row in joint.rows):.3g}",
-        "of\n[s]": f"{sum(row['moving_time'] or 0.0 for row in joint.rows):.4g}",
+        "sticking\nin bags": str(joint.stuck_in),
+        "sticking\n[s]": f"{sum(row['sticking_time'] for row in joint.rows):.3g}",
+        "moving\n[s]": f"{sum(row['moving_time'] or 0.0 for row in joint.rows):.4g}",
         "cycles\n": str(sum(row["cycles"] for row in joint.rows)),
         "friction\n[N·m]": friction[0] if len(friction) == 1 else f"{friction[0]} to {friction[-1]}",
     }
@@ -144,7 +144,7 @@ def print_brief(answers: Sequence[Answer]) -> None:
 
 
 def print_alarms(joints: Sequence[FleetJoint]) -> None:
-    """A line for each alarm that rings."""
+    """A line for each alarm that is raised."""
     console = Terminal(highlight=False, soft_wrap=True)
     for joint in joints:
         for alarm in joint.alarms:
@@ -153,14 +153,14 @@ def print_alarms(joints: Sequence[FleetJoint]) -> None:
 
 
 def alarms_json(joints: Sequence[FleetJoint]) -> list[dict[str, str]]:
-    """Each alarm that rings."""
+    """Each alarm that is raised."""
     return [{"robot": joint.robot, "joint": joint.name, "alarm": alarm} for joint in joints for alarm in joint.alarms]
 
 
 def print_finished(found: TimedAnswer) -> None:
     """One bag of many, on stderr: when it was done, what it shows, how long it took."""
     now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
-    took = f"{found.seconds:.1f} s" if math.isfinite(found.seconds) else "kept from before"
+    took = f"{found.seconds:.1f} s" if math.isfinite(found.seconds) else "cached"
     text = f"{now} {found.answer['path']}: {_result(found.answer)} ({took})"
     Terminal(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
 
@@ -177,12 +177,6 @@ def _result(found: Answer) -> str:
     worst = sorted(sticking.items(), key=lambda one: -(one[1] or 0.0))
     listed = ", ".join(f"{name} {words.percent(math.nan if share is None else share)}" for name, share in worst)
     return f"{len(sticking)} of {counted(len(joints), 'joint')} stuck and slipped: {listed}"
-
-
-def console_of_tables() -> Console:
-    """As wide as the terminal; where there is none, as wide as the tables."""
-    console = Terminal(highlight=False)
-    return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
 
 
 def status_text(word: str) -> str:

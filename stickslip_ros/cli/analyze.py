@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip analyze`: what recordings show of their joints; no ROS is needed.
+"""`stickslip analyze`: detect stick-slip in recorded bags and advise gains; ROS is not needed.
 
 A bag is an MCAP file, a rosbag2 directory, a .db3 file, a .bag file of ROS 1 or an episode of a LeRobot data set
-(DATASET/episode_000012); a folder stands for every bag in it. Of several bags a table of the fleet is printed, and
---html writes a page for triage instead of one bag's report. Exit status: 0 done, 1 with --fail-on-stick-slip if a joint
-sticks and slips, for however short a part of the recording, or if an --alarm rings, 2 a bag could not be analysed, or
-none of its joints be judged.
+(DATASET/episode_000012); a folder stands for every bag in it. For several bags, one table of the fleet is printed, and
+--html writes one page that lists the worst joints first. Exit status: 0 done; 1 with --fail-on-stick-slip if a joint
+sticks and slips in any part of a recording, or if an --alarm is raised; 2 a bag could not be analysed, or none of its
+joints could be judged.
 
 Examples:
     stickslip analyze robot.mcap --html report.html
@@ -62,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output = parser.add_argument_group("output")
     printed = output.add_mutually_exclusive_group()
     printed.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    printed.add_argument("--brief", action="store_true", help="print one line a bag and nothing else")
-    output.add_argument("--csv", type=CSV, metavar="FILE", help="write every cycle into a table")
+    printed.add_argument("--brief", action="store_true", help="print one line for each bag and nothing else")
+    output.add_argument("--csv", type=CSV, metavar="FILE", help="write a table of all stick-slip cycles")
     output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")
     output.add_argument(
         "--out",
@@ -72,23 +72,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write cycles, margins and diagnostics as a bag",
     )
     output.add_argument(
-        "--fail-on-stick-slip", action="store_true", help="exit status 1 if a joint sticks and slips, however short"
+        "--fail-on-stick-slip",
+        action="store_true",
+        help="exit with status 1 if a joint sticks and slips, however briefly",
     )
     fleet = parser.add_argument_group("many bags")
-    fleet.add_argument("--jobs", type=int, metavar="N", default=1, help="bags at once (default: %(default)s)")
-    fleet.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that sees the files: tcp://…")
     fleet.add_argument(
-        "--results", type=OutputFolder(), metavar="FOLDER", help="keep answers here, and begin with them"
+        "--jobs", type=int, metavar="N", default=1, help="number of bags analysed at once (default: %(default)s)"
     )
     fleet.add_argument(
-        "--reports", type=OutputFolder(), metavar="FOLDER", help="write a report of each bag, that --html links to"
+        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster that can read the files: tcp://…"
+    )
+    fleet.add_argument(
+        "--results", type=OutputFolder(), metavar="FOLDER", help="cache results in this folder and reuse them next time"
+    )
+    fleet.add_argument(
+        "--reports",
+        type=OutputFolder(),
+        metavar="FOLDER",
+        help="write a report of each bag; the page of --html links to them",
     )
     fleet.add_argument(
         "--alarm", action="append", default=[], metavar="A",
-        help="what rings, e.g. coulomb=+15%% since the first bag, 'stick_slip>5%%', 'reserve<20%%'; may be repeated",
+        help="condition that raises an alarm, e.g. coulomb=+15%% (since the first bag), 'stick_slip>5%%' or "
+        "'reserve<20%%'; may be repeated",
     )  # fmt: skip
     fleet.add_argument(
-        "--table", type=TABLE, metavar="FILE", help="write a row for each joint of each bag (.csv or .parquet)"
+        "--table",
+        type=TABLE,
+        metavar="FILE",
+        help="write a table with a row for each joint of each bag (.csv or .parquet)",
     )
 
 

@@ -26,10 +26,10 @@ _EVERY = "*"
 _ORDER = ("p", "d", "i")
 # Options of the advice: the parameter of every joint that each sets, what stands for its value, and its help.
 _LIMITS = {
-    "largest_stiffness": ("limits.*.p_max", "X", "[N·m/rad]"),
-    "largest_damping": ("limits.*.d_max", "X", "[N·m·s/rad]"),
-    "bandwidth": ("limits.*.bandwidth", "W", "largest crossover frequency [rad/s]"),
-    "slowest_velocity": ("slowest_velocity.*", "V", "smooth from this speed on [rad/s]"),
+    "largest_stiffness": ("limits.*.p_max", "X", "largest stiffness k_p [N·m/rad]"),
+    "largest_damping": ("limits.*.d_max", "X", "largest damping k_v [N·m·s/rad]"),
+    "bandwidth": ("limits.*.bandwidth", "W", "largest crossover frequency of the position loop [rad/s]"),
+    "slowest_velocity": ("slowest_velocity.*", "V", "slowest speed at which the joint has to move smoothly [rad/s]"),
 }
 
 
@@ -41,37 +41,43 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="NAME",
         default=[],
-        help="this joint only (of several robots: left/joint1); may be repeated",
+        help="analyse this joint only (with several robots: left/joint1); may be repeated",
     )
-    what.add_argument("--start", type=float, metavar="S", default=0.0, help="seconds after the first sample")
-    what.add_argument("--end", type=float, metavar="S", default=math.inf, help="seconds after the first sample")
+    what.add_argument(
+        "--start", type=float, metavar="S", default=0.0, help="begin so many seconds after the first sample"
+    )
+    what.add_argument(
+        "--end", type=float, metavar="S", default=math.inf, help="end so many seconds after the first sample"
+    )
     add_unpack_argument(what)
     known = parser.add_argument_group("what is known of the joints")
     known.add_argument(
         "--parameters", type=Path, action="append", metavar="FILE", default=[],
-        help="ROS parameters: the monitor's (config/monitor.yaml), or a controller's gains; may be repeated",
+        help="ROS parameter file: of the monitor (config/monitor.yaml), or with a controller's gains; may be repeated",
     )  # fmt: skip
     known.add_argument(
         "--model", action="append", metavar="[JOINT=]NAME", default=[], help="known joint, or path of a joint file"
     )
     known.add_argument(
         "--gains", action="append", metavar=GAINS_FORM, default=[],
-        help="of the controller, until others are recorded [N·m/rad, N·m·s/rad, N·m/(rad·s)]",
+        help="gains of the controller, used until the bag has others [N·m/rad, N·m·s/rad, N·m/(rad·s)]",
     )  # fmt: skip
-    known.add_argument("--no-learning", action="store_true", help="do not learn friction from the motion: faster")
-    topics = parser.add_argument_group("topics, where there are several that could be meant")
-    topics.add_argument("--states", metavar="TOPIC", help="joint states of one robot (default: every robot's)")
+    known.add_argument("--no-learning", action="store_true", help="do not estimate friction from the motion (faster)")
+    topics = parser.add_argument_group("topics, if the bag has several candidates")
+    topics.add_argument("--states", metavar="TOPIC", help="joint states of one robot (default: of every robot)")
     topics.add_argument(
         "--references", action="append", metavar="[ROBOT=]TOPIC",
-        help="desired motion, or the joint states of a leader; '' for none; may be repeated",
+        help="commanded motion, or the joint states of a leader; '' for none; may be repeated",
     )  # fmt: skip
-    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains; '' for none")
-    topics.add_argument("--controller", metavar="NODE", help="whose parameter events hold the gains")
+    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, such as /pd_gains; '' for none")
+    topics.add_argument("--controller", metavar="NODE", help="node whose parameter events have the gains")
 
 
 def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
-    """What advice must keep within, for every joint; read by :func:`analysis_options` where a command has them."""
-    limits = parser.add_argument_group("limits of the advice (more, and of single joints: --parameters)")
+    """Limits of the advised gains, for every joint; read by :func:`analysis_options` where a command has them."""
+    limits = parser.add_argument_group(
+        "limits of the advised gains (others, and limits of single joints, by --parameters)"
+    )
     for name, (_, metavar, text) in _LIMITS.items():
         limits.add_argument(f"--{name.replace('_', '-')}", type=float, metavar=metavar, help=text)
 
@@ -81,7 +87,7 @@ def add_unpack_argument(parser: Any) -> None:
     usual = UnpackLimit().largest_unpacked
     parser.add_argument(
         OPTION, type=float, metavar="MB", default=usual,
-        help="a compressed chunk or message may become so large (default: %(default)g), a file so or a thousandfold",
+        help="largest decompressed size of a chunk or message, in MB (default: %(default)g)",
     )  # fmt: skip
 
 
@@ -165,7 +171,7 @@ def gain_numbers(option: str, text: str) -> list[float]:
         if len(numbers) > len(_ORDER):
             raise ValueError
     except ValueError as error:
-        raise InvalidParameterError(option, "of the form 630 or 630,12 or joint1=630,12,100", text) from error
+        raise InvalidParameterError(option, "of the form 630 or 630,12 or 630,12,100", text) from error
     if not all(map(can_be_a_gain, numbers)):
         raise InvalidParameterError(option, GAINS_RULE, text)
     return numbers

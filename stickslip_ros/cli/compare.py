@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip compare`: two recordings of the same joints, before and after a change; did it help?
+"""`stickslip compare`: compare two recordings of the same joints, from before and after a change: did it help?
 
-What changed of each joint is printed with its errors, and whether it helped, in a sentence. A change is called
-significant if it is beyond the combined errors (95 %); what the motion does not identify is not compared. Exit status:
-0 done, 2 a bag could not be analysed, or no joint is in both.
+For each joint the changes are printed with their errors, and a sentence says whether they helped. A change is called
+significant if it exceeds the combined errors (95 %). Parameters that the motion does not identify are not compared.
+Exit status: 0 done; 2 a bag could not be analysed, or no joint is in both.
 
 Examples:
     stickslip compare before.mcap after.mcap
@@ -33,10 +33,11 @@ from stickslip_ros.analysis.comparison_words import (
 )
 from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import console_of_tables, status_text
+from stickslip_ros.cli.analysis_tables import status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import console_of_tables
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.visible import visible
@@ -54,15 +55,17 @@ _COLOURS = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("before", type=Path, metavar="BEFORE", help="bag recorded before the change")
-    parser.add_argument("after", type=Path, metavar="AFTER", help="bag recorded after it")
+    parser.add_argument("after", type=Path, metavar="AFTER", help="bag recorded after the change")
     add_bag_arguments(parser)
     parser.add_argument(
         "--gains-after", action="append", metavar=GAINS_FORM, default=[],
-        help="gains in the second bag, where they are others than --gains, and not recorded; may be repeated",
+        help="gains in the second bag, if they differ from --gains and are not recorded; may be repeated",
     )  # fmt: skip
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    output.add_argument("--html", type=PAGE, metavar="FILE", help="write a page with both motions over each other")
+    output.add_argument(
+        "--html", type=PAGE, metavar="FILE", help="write a page that draws both motions over each other"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -136,7 +136,7 @@ def _outcome(effect: CompensationEffect) -> str:
 def _missing(found: CompensationTable) -> list[str]:
     """Why a verdict or a ρ_c is not there, each reason once."""
     notes = [
-        f"{kind}: {one.reason}." if one.outcome is None else f"{kind}: no damping ratio up to 20 ends stick slip."
+        f"{kind}: {one.reason}." if one.outcome is None else f"{kind}: no damping ratio up to 20 ends stick-slip."
         for kind, effects in found.effects.items()
         for share, one in effects.items()
         if share > 0 and (one.outcome is None or math.isnan(one.critical_damping_ratio))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip convert`: a table of samples (CSV, Parquet, NPZ) as a bag, so that it takes the same road as any other.
+"""`stickslip convert`: turn a table of samples (CSV, Parquet, NPZ) into a bag, which every other command can read.
 
-Every joint of the table is taken. A column is found by its name, as in timestamp, q1, shoulder_pos, position[0],
-/joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]"; or it is named, with its unit where the name has
-none: --column 'position=q*:deg', where * stands for the joint. What was found is shown before anything is written.
-Stamps are kept as they are.
+The bag gets every joint of the table. Columns are recognised by their names, such as timestamp, q1, shoulder_pos,
+position[0], /joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]". Other columns can be named, with
+their unit: --column 'position=q*:deg', where * stands for the joint. The columns used are shown before anything is
+written. Time stamps are kept as they are.
 
 Examples:
     stickslip convert log.csv --out robot.mcap
@@ -54,7 +54,7 @@ _MORE_THAN_A_TURN = 7.0  # [rad] that few joints span; more is asked about where
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known one"
+        "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known recording"
     )
     parser.add_argument(
         "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
@@ -64,20 +64,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--names",
         "--name",
         metavar="A,B",
-        help="of the joints, in the table's order (default: as the columns have them)",
+        help="names of the joints, in the table's order (default: from the columns)",
     )
     parser.add_argument(
         "--column", action="append", metavar="FIELD=COLUMN[:UNIT]", default=[],
-        help=f"FIELD one of {', '.join(FIELDS)}; * stands for the joint, as in position=q*:deg; may be repeated",
+        help=f"column of a FIELD, which is one of {', '.join(FIELDS)}; * stands for the joint; may be repeated",
     )  # fmt: skip
     parser.add_argument(
-        "--first-stamp", type=float, metavar="S", help="stamp of time zero [s] (default: 1, or as recorded)"
+        "--first-stamp", type=float, metavar="S", help="time stamp of time zero [s] (default: 1, or as recorded)"
     )
-    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p of the controllers then, to be recorded too")
-    parser.add_argument("--damping", type=float, metavar="KV", help="k_v then (default 0)")
-    parser.add_argument("--integral", type=float, metavar="KI", help="k_i then (default 0)")
+    parser.add_argument(
+        "--stiffness",
+        type=float,
+        metavar="KP",
+        help="k_p of the controllers during the recording, to write into the bag [N·m/rad]",
+    )
+    parser.add_argument("--damping", type=float, metavar="KV", help="k_v of the controllers [N·m·s/rad] (default 0)")
+    parser.add_argument("--integral", type=float, metavar="KI", help="k_i of the controllers [N·m/(rad·s)] (default 0)")
     add_unpack_argument(parser)
-    parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
+    parser.add_argument(
+        "--compression",
+        choices=sorted(COMPRESSIONS),
+        default="zstd",
+        help="compression of the chunks (default: %(default)s)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -145,8 +155,8 @@ def _show(table: Table, names: list[str]) -> None:
     assumed += [use for uses in table.joints.values() for use in uses.values() if use.assumed]
     if assumed:
         console.print(
-            "[dim]?: the column's name has no unit; of time it is told by the values, else it is the usual one. "
-            f"Another: {escape(_hints(table, 'deg'))}[/]",
+            "[dim]?: no unit in the column name; guessed (for time from the values, else the usual unit). "
+            f"To set it: {escape(_hints(table, 'deg'))}[/]",
             soft_wrap=True,
         )
     for note in table.notes:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip demo`: a joint that sticks and slips, its monitor, the advice, and the cure, over real DDS.
+"""`stickslip demo`: detect, explain and cure the stick-slip of a simulated joint, over real DDS.
 
-Starts a simulated joint and the monitor as two processes, waits for stick slip, lets the monitor apply its
-advice to the moving joint, and waits for smooth motion. Exit status 0 only if stick slip was
-detected before and is gone after. With --recording, a recorded joint takes the simulated one's place
-and nothing is changed: then 0 means that the recording was watched to its end. With --compensation it
-takes a minute, and shows what compensating the friction does: for stick slip, at reversals, and if it is too much.
+The demo starts a simulated joint and the monitor as two processes, waits for stick-slip, lets the monitor apply its
+advice to the moving joint, and waits for smooth motion. The exit status is 0 only if stick-slip was detected before and
+has ended after. With --recording a recorded joint takes the simulated joint's place and no gains are changed; 0 then
+means that the recording was watched to its end. With --compensation the demo takes a minute and shows the effect of
+friction compensation on stick-slip and at reversals, and that of too much of it.
 
 Examples:
     stickslip demo
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--compensation", action="store_true",
-        help="show what compensating the friction does and does not: stick slip, reversals, too much of it",
+        help="show what compensating the friction does and does not: stick-slip, reversals, too much of it",
     )  # fmt: skip
     parser.add_argument(
         "--speed",
@@ -159,14 +159,14 @@ def _cure(console: Console, out: Path) -> int:
                 and not math.isnan(data.margins[-1][RESERVE])
             ),
             _STICK_LIMIT,
-            "stick slip",
+            "stick-slip",
             show,
         )
         wait(listener, nodes, lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice", show)
         console.print(
-            f"[bold red]Stick slip[/]: {len(data.cycles)} cycles, the last slip "
+            f"[bold red]Stick-slip[/]: {len(data.cycles)} cycles, the last slip "
             f"{1e3 * data.cycles[-1]['slip_distance']:.2f} mrad after {data.cycles[-1]['dwell']:.2f} s at rest. "
-            f"Damping reserve: [red]{_reserve(data)}[/], so much of the damping that ends stick slip is missing."
+            f"Damping reserve: [red]{_reserve(data)}[/], so much of the damping that ends stick-slip is missing."
         )
         console.print(f"Advice: [bold]{listener.value('recommendation')}[/].")
         changed_at, gains_before = listener.now, _gains_heard(listener)
@@ -205,7 +205,7 @@ def _cure(console: Console, out: Path) -> int:
         draw(
             data,
             out,
-            title="PUMA 560 joint 1 at 5.8 mrad/s: stick slip, and its cure",
+            title="PUMA 560 joint 1 at 5.8 mrad/s: stick-slip, and its cure",
             marks=[(changed_at, "advised gains set, in steps")],
             unit="rad",
         )

@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip demo --compensation`: what compensating the friction of a joint does, over real DDS.
 
-Feed-forward does nothing against stick slip, and cures what reversals cost; feedback of more than the friction makes a
+Feed-forward does nothing against stick-slip, and cures what reversals cost; feedback of more than the friction makes a
 joint hunt. Exit status 0 only if all three were seen.
 """
 
@@ -77,7 +77,7 @@ class _Scene:
         """Wait for some; returns the last one's way [rad]."""
         cycles = self.listener.data.cycles
         enough = self._cycles + _CYCLES
-        wait(self.listener, self._nodes, lambda: len(cycles) >= enough, _LIMIT, "stick slip", self._ticker)
+        wait(self.listener, self._nodes, lambda: len(cycles) >= enough, _LIMIT, "stick-slip", self._ticker)
         return abs(cycles[-1]["slip_distance"])
 
     def reversal(self) -> tuple[float, float]:
@@ -118,7 +118,7 @@ def compensate(console: Console, out: Path, parameters: Mapping[str, object]) ->
 
 def _show(console: Console, scene: _Scene) -> None:
     scene.begin({"feedforward": 0.0})
-    console.print(f"[bold red]Stick slip[/] with soft gains: slips of {1e3 * scene.slips():.2f} mrad.")
+    console.print(f"[bold red]Stick-slip[/] with soft gains: slips of {1e3 * scene.slips():.2f} mrad.")
     scene.begin({"feedforward": 1.0}, "all friction fed forward")
     console.print(
         f"With all of the friction [bold]fed forward[/] it sticks as before: slips of {1e3 * scene.slips():.2f} mrad. "

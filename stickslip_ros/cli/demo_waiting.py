@@ -17,7 +17,7 @@ from stickslip_ros.output.margin_table import RESERVE
 
 _COLUMNS = (
     "[dim]Once a second: position; cycles, which are the slips seen so far; the damping reserve, by which the damping\n"
-    "exceeds what ends stick slip, below 0 where it sticks; and the monitor's verdict on the motion, not_judged until\n"
+    "exceeds what ends stick-slip, below 0 where it sticks; and the monitor's verdict on the motion, not_judged until\n"
     "it has seen enough of it.[/]"
 )
 

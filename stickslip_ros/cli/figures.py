@@ -271,7 +271,7 @@ def _map_panel(curves: tuple[Curve, ...]) -> Panel:
         y_label=_STIFFNESS_LABEL,
         curves=curves,
         legend="upper right",
-        title="stick slip below the curve of the damping",
+        title="stick-slip below the curve of the damping",
     )
 
 
@@ -279,14 +279,14 @@ def _figure_11(joint: Joint) -> Figure:
     simple = replace(joint, friction=replace(joint.friction, lag=0.0, rise_time=0.0))
     return Figure(
         name="figure_11",
-        title="Fig. 11  Where stick slip ends: Stribeck friction alone",
+        title="Fig. 11  Where stick-slip ends: Stribeck friction alone",
         note="Eq. (43) with τ_L = 0 and γ = 0; joint 1, F_v included in every curve.",
         panels=(
             replace(
                 _map_panel(_paper_boundaries(simple, _wide_axes(joint))),
                 legend="center",
                 logarithmic=True,
-                title="stick slip between the two branches of a damping's curve",
+                title="stick-slip between the two branches of a damping's curve",
             ),
         ),
     )
@@ -296,7 +296,7 @@ def _figure_12(joint: Joint) -> Figure:
     simple = replace(joint, friction=replace(joint.friction, lag=0.0))
     return Figure(
         name="figure_12",
-        title="Fig. 12  Where stick slip ends: with rising static friction, without memory",
+        title="Fig. 12  Where stick-slip ends: with rising static friction, without memory",
         note=(
             "Eq. (43) with τ_L = 0 and h = 1: static friction is taken to rise from the Coulomb level (Fig. 10(b)),\n"
             "since by (32) h would be 0 and the rise without effect."
@@ -332,7 +332,7 @@ def _figure_13(joint: Joint, computed: ExtinctionMap) -> Figure:
     )
     return Figure(
         name="figure_13",
-        title="Fig. 13  Where stick slip ends: with frictional memory and rising static friction",
+        title="Fig. 13  Where stick-slip ends: with frictional memory and rising static friction",
         note=(
             "Eq. (43), solid, and (4)-(6) integrated, dashed, for the same dampings; joint 1.\n"
             f"At {100 * computed.conservative:.1f} % of the map's {computed.exact_damping.size} points the damping k_v "
@@ -351,7 +351,7 @@ def _figure_14(joint: Joint, computed: ExtinctionMap) -> Figure:
     )
     return Figure(
         name="figure_14",
-        title="Fig. 14  Where stick slip ends on the robot, $k_v'$ = 4.9 N·m·s/rad",
+        title="Fig. 14  Where stick-slip ends on the robot, $k_v'$ = 4.9 N·m·s/rad",
         note="The paper's 17 trial points are not available as numbers and are left out.",
         panels=(_map_panel(curves),),
     )

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip identify`: inertia and friction of a joint, from a recording or from an experiment that moves it.
+"""`stickslip identify`: estimate a joint's inertia and friction from a recording, or from an experiment that moves it.
 
-From a recording (a table as `stickslip convert` takes it, or a bag with JointStates): its slips,
-and where the effort is known its sliding, are fitted. The experiment rests, moves slowly, faster, and the same
-way back, by the parameters of a simulated joint or as a trajectory for a joint_trajectory_controller; --plan
-only says what it would do.
+From a recording (a table that `stickslip convert` can read, or a bag with JointStates) the slips are fitted and, where
+the effort is recorded, sliding too. The experiment moves the joint at each of the speeds and back again, with rests in
+between, by the parameters of a simulated joint or by a trajectory for a joint_trajectory_controller.
 
 Examples:
     stickslip identify robot.mcap --joint joint1 --out joint1.yaml
@@ -64,42 +63,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a table (.csv, .parquet, .npz), a bag (MCAP file, rosbag2 directory, .db3 or .bag file, LeRobot "
         "episode), or a known recording",
     )
-    topics = parser.add_argument_group("topics of a bag, where there are several that could be meant")
+    topics = parser.add_argument_group("topics, if the bag has several candidates")
     topics.add_argument("--states", metavar="TOPIC", help="joint states")
-    topics.add_argument("--references", action="append", metavar="TOPIC", help="desired motion; '' for none")
-    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, as pd_gains; '' for none")
+    topics.add_argument("--references", action="append", metavar="TOPIC", help="commanded motion; '' for none")
+    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, such as /pd_gains; '' for none")
     add_unpack_argument(parser)
     parser.add_argument(
         "--gains", metavar="P[,D[,I]]",
-        help="of the controller [N·m/rad, N·m·s/rad, N·m/(rad·s)] (default: those that the bag has)",
+        help="gains of the controller [N·m/rad, N·m·s/rad, N·m/(rad·s)] (default: as recorded in the bag)",
     )  # fmt: skip
     # The gains one by one, as they were given before --gains.
     parser.add_argument("--stiffness", type=float, help=argparse.SUPPRESS)
     parser.add_argument("--damping", type=float, default=0.0, help=argparse.SUPPRESS)
     parser.add_argument("--integral", type=float, default=0.0, help=argparse.SUPPRESS)
-    parser.add_argument("--model", metavar="NAME", help="known joint or joint file, right within a factor of two")
-    experiment = parser.add_argument_group("experiment, instead of a recording")
-    experiment.add_argument("--simulated", metavar="NODE", help="of a simulated joint, e.g. /simulated_joint")
-    experiment.add_argument("--controller", metavar="NODE", help="a joint_trajectory_controller")
     parser.add_argument(
-        "--joint", metavar="NAME", default="joint1", help="to move, or of the bag (default: %(default)s)"
+        "--model", metavar="NAME", help="known joint, or path of a joint file, with values right within a factor of two"
     )
-    experiment.add_argument("--speeds", metavar="V,V", help="speeds of the ladder, slow to fast [rad/s]")
+    experiment = parser.add_argument_group("experiment, instead of a recording")
+    experiment.add_argument("--simulated", metavar="NODE", help="node of a simulated joint, e.g. /simulated_joint")
+    experiment.add_argument("--controller", metavar="NODE", help="node of a joint_trajectory_controller")
+    parser.add_argument(
+        "--joint",
+        metavar="NAME",
+        default="joint1",
+        help="joint to move, or to read from the bag (default: %(default)s)",
+    )
+    experiment.add_argument("--speeds", metavar="V,V", help="speeds to move at, slowest first [rad/s]")
     experiment.add_argument(
-        "--step-time", type=float, metavar="S", default=_STEP_TIME, help="at each speed [s] (default: %(default)s)"
+        "--step-time", type=float, metavar="S", default=_STEP_TIME, help="time at each speed [s] (default: %(default)s)"
     )
-    experiment.add_argument("--rest", type=float, metavar="S", default=_REST, help="in between [s] (default 3)")
+    experiment.add_argument(
+        "--rest", type=float, metavar="S", default=_REST, help="rest between speeds [s] (default: %(default)s)"
+    )
     experiment.add_argument(
         "--largest-distance", type=float, metavar="X", default=_LARGEST_DISTANCE,
-        help="refuse to move further from the start than this [rad] (default: %(default)s)",
+        help="refuse an experiment that moves further from the start than this [rad] (default: %(default)s)",
     )  # fmt: skip
     experiment.add_argument(
         "--largest-lag", type=float, metavar="X", default=_LARGEST_LAG,
         help="stop if the joint is further than this from the controller's trajectory [rad] (default: %(default)s)",
     )  # fmt: skip
-    experiment.add_argument("--plan", action="store_true", help="say what would be done, and move nothing")
-    parser.add_argument("--name", help="of the joint in the joint file (default: the recording's or the joint's)")
-    parser.add_argument("--out", type=JOINT_FILE, metavar="FILE", help="write a joint file (.yaml), for config/joints")
+    experiment.add_argument("--plan", action="store_true", help="print the steps of the experiment and move nothing")
+    parser.add_argument("--name", help="name of the joint in the joint file (default: of the recording or the joint)")
+    parser.add_argument(
+        "--out", type=JOINT_FILE, metavar="FILE", help="write a joint file (.yaml), which --model reads"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(made_of={"prior": ("--model",)})
 
@@ -111,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--model", "a joint whose inertia is known", options.model)
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
-        raise StickSlipError("give what to identify: one of RECORDING, --simulated NODE and --controller NODE")
+        raise StickSlipError("missing: one of RECORDING, --simulated NODE and --controller NODE")
     if options.recording:
         _refuse_experiment(options)
     gains = _gains(options)
@@ -298,7 +306,7 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
         console.print(f"[yellow]{slips.mismatch}[/]" if slips.mismatch else slips.summary())
     if not parameters:
         console.print(
-            "[yellow]The motion shows nothing of the friction: no slips, and no sliding with known effort.[/]"
+            "[yellow]Friction could not be estimated: the motion has no slips, and no sliding with known effort.[/]"
         )
         return
     per_inertia = found.per_inertia
@@ -326,7 +334,7 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
     if found.sliding is not None:
         console.print(
             f"Sliding was seen from {found.sliding.slowest:.3g} to {found.sliding.fastest:.3g} rad/s; "
-            "beyond these speeds the curve of friction is a guess."
+            "beyond these speeds the friction curve is extrapolated."
         )
     stiffness = float(found.gains.stiffness) if found.gains is not None else math.nan
     gives_way = presliding_text(found.presliding, stiffness) if found.presliding is not None else ""
@@ -339,5 +347,6 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
     else:
         console.print(
             f"One direction only: Coulomb friction and load together {slips.coulomb_and_load.value:.4g} "
-            f"± {slips.coulomb_and_load.std:.2g} N·m. Motion both ways tells them apart; no margin needs it."
+            f"± {slips.coulomb_and_load.std:.2g} N·m. Record motion in both directions to separate them. "
+            "The prediction does not need this."
         )

@@ -83,16 +83,16 @@ class LivePage:
         self._speeds, self._stiffnesses = Range1d(1e-4, 1.0), Range1d(1.0, 1e5)
         three_digits = CustomJSTickFormatter(code="return (10 ** tick).toPrecision(3)")
         self._stiffness = Slider(
-            start=0, end=1, value=0, step=0.01, title="what if: stiffness k_p [N·m/rad]", name="stiffness",
+            start=0, end=1, value=0, step=0.01, title="try a stiffness k_p [N·m/rad]", name="stiffness",
             format=three_digits, sizing_mode="stretch_width",
         )  # fmt: skip
         self._damping = Slider(
-            start=0, end=1, value=0, step=0.01, title="what if: damping k_v [N·m·s/rad]", name="damping",
+            start=0, end=1, value=0, step=0.01, title="try a damping k_v [N·m·s/rad]", name="damping",
             sizing_mode="stretch_width",
         )  # fmt: skip
         for slider in (self._stiffness, self._damping):
             slider.on_change("value_throttled", lambda _, __, ___: self._slide())
-        document.title = "stick slip, live"
+        document.title = "stick-slip, live"
         document.add_root(self._layout())
         document.js_on_event(DocumentReady, CustomJS(code=_text("live.js")))
         document.add_periodic_callback(self.update, _EVERY)
@@ -124,12 +124,12 @@ class LivePage:
 
         plots = row(
             titled("Motion of the last seconds", motion),
-            titled("The present cycle", loop),
-            titled("It sticks (red), swings (orange), moves steadily (green). Blue: now; dark green: advised.", where),
+            titled("The latest cycle", loop),
+            titled("Predicted: sticks (red), swings (orange), steady (green). Blue: now; dark green: advised", where),
             sizing_mode="stretch_width", styles={"flex-wrap": "wrap"},
         )  # fmt: skip
         return column(
-            Div(text="<h1>Stick slip, live</h1>", stylesheets=[self._sheet]),
+            Div(text="<h1>Stick-slip, live</h1>", stylesheets=[self._sheet]),
             self._header, self._table, self._choice, self._advice, plots,
             self._stiffness, self._damping, self._answer, sizing_mode="stretch_width",
         )  # fmt: skip
@@ -291,7 +291,7 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
     heads = "".join(
         f"<th{' class=number' if number else ''}>{head}</th>"
         for head, number in (
-            ("joint", False), ("status", False), ("speed [rad/s]", True), ("by physics it", False),
+            ("joint", False), ("status", False), ("commanded speed [rad/s]", True), ("model predicts", False),
             ("damping reserve [%]", True), ("slips", True), ("last slip [mrad]", True),
         )
     )  # fmt: skip
@@ -300,7 +300,7 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
 
 def advice_text(joint: JointView, values: Mapping[str, str]) -> str:
     """What to do about a joint, and why, as HTML."""
-    name, message = html.escape(joint.name), html.escape(joint.message.replace("stick_slip", "stick slip"))
+    name, message = html.escape(joint.name), html.escape(joint.message.replace("stick_slip", "stick-slip"))
     reason = values.get("recommendation", "") or values.get("margin reason", "")
     more = f"<br>{html.escape(reason)}" if reason and reason not in joint.message else ""
     return f"<p class='{_CLASSES[joint.level]} todo'><b>{name}</b>: {message}{more}</p>"
@@ -316,8 +316,8 @@ def _answer(subject: Subject, found: Mapping[str, Any]) -> str:
     word = {"sticks": "bad", "swings": "warn", "steady": "good"}.get(outcome or "", "none")
     return (
         f"<p>With k_p {float(subject.gains.stiffness):.4g} N·m/rad and k_v {float(subject.gains.damping):.4g} N·m·s/rad"
-        f" at {subject.velocity:.3g} rad/s the joint <b class='{word}'>{does}</b>{reserve}. "
-        "<span class='faint'>Worked out here; nothing is written to the robot.</span></p>"
+        f" at {subject.velocity:.3g} rad/s the model predicts: the joint <b class='{word}'>{does}</b>{reserve}. "
+        "<span class='faint'>Computed in this page's server; nothing is written to the robot.</span></p>"
     )
 
 

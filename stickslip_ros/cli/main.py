@@ -38,26 +38,27 @@ class Command(NamedTuple):
 _IDENTIFY = {"--on": "--joint", "--prior": "--model", "--largest-way": "--largest-distance"}
 _STAMP = {"--start": "--first-stamp"}
 _MODEL = {"--joint": "--model"}
+_RESERVE = {"--wanted-margin": "--wanted-reserve"}
 # Nothing else is loaded to name them.
 COMMANDS = {
-    "margin": Command("margin", "is this joint smooth at this speed, by Eq. (43)?", former=_MODEL),
-    "recommend": Command("recommend", "gains that would make this joint smooth", former=_MODEL),
+    "margin": Command("margin", "does this joint move smoothly at this speed, and by what margin?", former=_MODEL),
+    "recommend": Command("recommend", "advise gains that make this joint move smoothly", former=_MODEL | _RESERVE),
     "reversal": Command(
-        "reversal", "how long a joint stands, and falls behind, where its reference turns round", former=_MODEL
+        "reversal", "how long a joint stands, and how far it falls behind, where its motion reverses", former=_MODEL
     ),
-    "analyze": Command("analyze", "find stick slip in recorded bags"),
-    "compare": Command("compare", "two recordings, before and after a change: did it help?"),
+    "analyze": Command("analyze", "detect stick-slip in recorded bags and advise gains"),
+    "compare": Command("compare", "compare recordings from before and after a change: did it help?"),
     "identify": Command(
-        "identify", "learn a joint's inertia and friction from a recording or an experiment", former=_IDENTIFY
+        "identify", "estimate a joint's inertia and friction from a recording or an experiment", former=_IDENTIFY
     ),
-    "watch": Command("watch", "every joint, live in the terminal", compiled=False),
-    "map": Command(
-        "stability_map", "draw where a joint sticks, by Eq. (43) and exactly, and where it is", former=_MODEL
-    ),
+    "watch": Command("watch", "watch all joints live, in the terminal or a browser", compiled=False),
+    "map": Command("stability_map", "draw the speeds and stiffnesses at which a joint sticks", former=_MODEL),
     "simulate": Command("simulate", "write a bag of simulated joints", former=_STAMP | _MODEL),
     "convert": Command("convert", "turn a table of samples into a bag", compiled=False, former=_STAMP),
     "figures": Command("figures", "draw the paper's figures, with their numbers"),
-    "demo": Command("demo", "stick slip detected, explained and cured, in half a minute", compiled=False),
+    "demo": Command(
+        "demo", "detect, explain and cure stick-slip of a simulated joint, in half a minute", compiled=False
+    ),
     "warm-up": Command("warm_up", "compile everything ahead, once after installation", compiled=False),
 }
 
@@ -99,7 +100,7 @@ class _Parser(argparse.ArgumentParser):
 
 def build_parser(chosen: Container[str] = COMMANDS) -> argparse.ArgumentParser:
     """The parser of all commands, with the arguments of those that are chosen."""
-    parser = _Parser(prog="stickslip", description="Stick slip of robot joints: detection, margin, gains that cure it.")
+    parser = _Parser(prog="stickslip", description="Stick-slip of robot joints: detection, margin, gains that cure it.")
     parser.add_argument("--version", action="version", version=stickslip_ros.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     for name, command in COMMANDS.items():

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip margin`: is this joint smooth at this speed, and by how much?
+"""`stickslip margin`: does this joint move smoothly at this speed, and by what margin?
 
 Examples:
     stickslip margin --model puma560_joint1 --velocity 0.003
@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from rich.table import Table
 
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
@@ -37,7 +38,7 @@ _FRICTION = [
     *PRESLIDING_PARAMETERS,
 ]
 _DEFAULTS = {"presliding_stiffness": math.inf}  # of what may be left out; 0 otherwise
-_NOTES = {"coulomb": "; cancels from the verdict at a speed, not from hunting, reversals and compensation"}
+_NOTES = {"coulomb": "; it matters for hunting, reversals and compensation only"}
 _CONTACT = "how a contact of finite presliding stiffness yields (default: the joint's, or elasto_plastic)"
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
@@ -48,7 +49,7 @@ _FASTEST = 1e4  # [rad/s]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser)
-    add_conditions(parser, "beyond the paper, for the exact verdict")
+    add_conditions(parser, "load and sampled control")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -57,7 +58,11 @@ def add_conditions(parser: argparse.ArgumentParser, title: str) -> None:
     beyond = parser.add_argument_group(title)
     beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
     beyond.add_argument(
-        "--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s] (default: none)"
+        "--controller-period",
+        type=float,
+        metavar="S",
+        default=0.0,
+        help="period of a sampled controller [s] (default: a continuous one)",
     )
     beyond.add_argument(
         "--control-delay", action="store_true", help="the effort takes effect one controller period late"
@@ -76,7 +81,7 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
     parser.add_argument(
         "--model",
         metavar="NAME",
-        help="known joint (config/joints) or path of a joint file; other options override its values",
+        help="known joint (config/joints), or path of a joint file; other options override its values",
     )
     parser.add_argument("--inertia", type=float, metavar="M", help=f"inertia [{unit_of(Joint, 'inertia')}]")
     parser.add_argument("--stiffness", type=float, metavar="KP", help=f"k_p [{unit_of(Gains, 'stiffness')}]")
@@ -128,7 +133,7 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
         missing = [name for name in ("inertia", "stiffness", "velocity", *_REQUIRED) if getattr(options, name) is None]
         if missing:
             needed = ", ".join(f"--{name.replace('_', '-')}" for name in missing)
-            raise StickSlipError(f"what is judged is not known: give {needed}, or a --model that has them")
+            raise StickSlipError(f"missing: {needed}, or a --model that has them")
 
     def value(name: str, fallback: Any) -> float:
         given = getattr(options, name)
@@ -208,9 +213,15 @@ def _hunts_in_words(found: dict[str, Any]) -> str:
     if found["amplitude"] is not None and found["period"] is not None:
         text += f" by ±{with_prefix(found['amplitude'], 'rad')}, once in {found['period']:.3g} s"
     integral, stiffness = found["largest_quiet_integral"], found["least_quiet_stiffness"]
-    less = "no k_i down to a thousandth of it ends that" if integral is None else f"a k_i up to {integral:.3g} does not"
+    less = (
+        "no k_i down to a thousandth of the present one ends that"
+        if integral is None
+        else f"with k_i up to {integral:.3g} it does not"
+    )
     more = (
-        "no k_p up to a thousand times as much does" if stiffness is None else f"a k_p from {stiffness:.3g} on does not"
+        "no k_p up to a thousand times the present one does"
+        if stiffness is None
+        else f"with k_p from {stiffness:.3g} it does not"
     )
     text = f"{text}; {less}, {more}."
     if found["unstable"]:
@@ -225,17 +236,17 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
     console.print(f"[dim]{judged(joint, gains)}[/]")
     exact = result["exact"]
     if exact["outcome"] is None:
-        console.print(f"[yellow]Integrated, there is {exact['reason']}.[/]")
+        console.print(f"[yellow]No prediction: {exact['reason']}.[/]")
     else:
         does = OUTCOME_WORDS[exact["outcome"]]
         if velocity == 0 and exact["outcome"] == Outcome.STEADY.value:
             does = "comes to rest"
-        text = f"At {velocity:g} rad/s the joint {does}, by integration of Eqs (4)-(6)"
+        text = f"At {velocity:g} rad/s the joint {does}, as the model predicts by integration of Eqs (4)-(6)"
         if exact["reason"]:
             text += f" ({exact['reason']})"
         console.print(f"{text}.")
         if exact["depends_on_start"]:
-            console.print("[yellow]It depends on how it starts: this is the worst.[/]")
+            console.print("[yellow]The outcome depends on how the joint starts; this is for the worst start.[/]")
     if "hunting" in result:
         console.print(_hunts_in_words(result["hunting"]))
     if "rigid_contact" in result:
@@ -243,7 +254,7 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
     if not result["applicable"]:
         console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
     if result["applicable"] or exact["critical_damping_ratio"] is not None:
-        console.print(_side_by_side(result))
+        _print_side_by_side(result)
     if not result["applicable"]:
         return
     factors = change_factors(joint, gains, velocity)
@@ -254,7 +265,7 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
         if 1.0 / _WORTH_TELLING < float(value) < _WORTH_TELLING
     ]
     if parts:
-        console.print(f"[dim]By Eq. (43) the verdict changes at {', or '.join(parts)}.[/]")
+        console.print(f"[dim]The verdict of Eq. (43), the paper's approximation, changes at {', or '.join(parts)}.[/]")
 
 
 def judged(joint: Joint, gains: Gains, *, coulomb: bool = False) -> str:
@@ -273,50 +284,54 @@ def judged(joint: Joint, gains: Gains, *, coulomb: bool = False) -> str:
         *([] if friction.rigid else [f"presliding stiffness {float(friction.presliding_stiffness):.4g} N·m/rad"]),
         *([] if friction.of_the_paper else [f"law {friction.law_in_words}"]),
     ]
-    return f"Judged: {', '.join(parts)}."
+    return f"Joint: {', '.join(parts)}."
 
 
-def _side_by_side(result: dict[str, Any]) -> Table:
+def _print_side_by_side(result: dict[str, Any]) -> None:
+    """The prediction and Eq. (43); a narrow terminal has no room for what the numbers mean."""
     exact = result["exact"]
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("")
-    for heading in ("integrated", "Eq. (43)"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("", style="dim")
-    paper = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: "-"}[result["smooth"]]
-    outcome = "-" if exact["outcome"] is None else OUTCOME_WORDS[exact["outcome"]]
-    table.add_row("the joint", outcome, paper, "sticks, swings about its speed, or moves steadily")
+    console = console_of_tables()
 
     def number(value: float | None, unit: str = "") -> str:
         return "-" if value is None else f"{value:.4g}{unit}"
 
+    paper = {True: "[green]smooth[/]", False: "[red]stick-slip[/]", None: "-"}[result["smooth"]]
+    outcome = "-" if exact["outcome"] is None else OUTCOME_WORDS[exact["outcome"]]
+    headings = ("", "model predicts", "Eq. (43)", "meaning")
     rows = (
-        ("damping ratio ρ", number(result["damping_ratio"]), "-", "controller and viscous friction together"),
+        ("the joint", outcome, paper, "sticks, swings about its speed, or moves steadily"),
+        ("damping ratio ρ", number(result["damping_ratio"]), "-", "of controller and viscous friction together"),
         (
             "ρ_c", number(exact["critical_damping_ratio"]), number(result["critical_damping_ratio"]),
-            "from which on stick slip dies out",
+            "critical damping: with more, stick-slip ends",
         ),
-        (
-            "damping reserve", _percent(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping beyond what ends stick slip"
-        ),
-        ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "from which on it moves steadily from every start"),
+        ("damping reserve", _percent(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping beyond the critical one"),
+        ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "with more, every start ends in steady motion"),
         (
             "lowest smooth speed", number(exact["lowest_smooth_velocity"], " rad/s"),
-            number(result["lowest_smooth_velocity"], " rad/s"), "no stick slip at this and every higher speed",
+            number(result["lowest_smooth_velocity"], " rad/s"), "no stick-slip at this speed and faster",
         ),
         (
             "least smooth stiffness", number(exact["least_smooth_stiffness"], " N·m/rad"), "-",
-            "no stick slip, with this damping",
+            "no stick-slip, with the present damping",
         ),
         ("energy margin", "-", number(result["energy_margin"], " M·x˙_s²"), "of Eq. (43): positive is smooth"),
         ("reduction factor", "-", number(result["reduction_factor"]), "h of Eq. (32)"),
         ("steady Stribeck friction", "-", number(result["steady_stribeck"], " N·m"), "F_s,ss of Eq. (39)"),
     )  # fmt: skip
-    for row in rows:
-        # Beyond the paper's case some have no answer.
-        if row[1:3] != ("-", "-"):
-            table.add_row(*row)
-    return table
+
+    def table(kept: Sequence[str]) -> Table:
+        made = Table(box=None, padding=(0, 2))
+        for heading in kept:
+            side, style = ("left", "dim") if heading == "meaning" else ("right" if heading else "left", "")
+            made.add_column(heading, justify=side, style=style, no_wrap=True)  # type: ignore[arg-type]
+        for row in rows:
+            # Beyond the paper's case some have no answer.
+            if row[1:3] != ("-", "-"):
+                made.add_row(*row[: len(kept)])
+        return made
+
+    console.print(table(fitting(console, headings, headings[-1:], table)))
 
 
 def _percent(share: float | None) -> str:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip recommend`: which gains would make this joint smooth, within these bounds; nothing is touched.
+"""`stickslip recommend`: advise gains, within limits, that make a joint move smoothly. No robot is touched.
 
 Examples:
     stickslip recommend --model puma560_joint1 --largest-stiffness 2000
-    stickslip recommend --model puma560_joint1 --velocity 0.005 --what-if p=2000,d=30
+    stickslip recommend --model puma560_joint1 --velocity 0.005 --what-if 2000,30
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 from rich.table import Table
 
+from stickslip_ros.cli.bag_options import gain_numbers
 from stickslip_ros.cli.compensation_table import (
     CompensationTable,
     compensation_table,
@@ -51,7 +52,7 @@ _RANGES = {
     "damping_range": ("--least-damping", "--largest-damping"),
     "damping_ratio_range": ("--least-damping-ratio", "--largest-damping-ratio"),
 }
-_WHAT_IF = {"p": "stiffness", "i": "integral", "d": "damping"}
+_WHAT_IF = {"p": "stiffness", "d": "damping", "i": "integral"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,64 +64,96 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--condition",
         choices=[one.value for one in Criterion],
         default=defaults.condition.value,
-        help="by integration (exact, the default), or Eq. (43) (paper), which is of the paper's friction law alone",
+        help="exact: by the friction model (the default); paper: by Eq. (43), which holds for the paper's friction law",
     )
     wanted.add_argument(
-        "--wanted-margin", type=float, metavar="R", default=defaults.wanted_margin,
-        help="damping in excess of the critical one (default %(default)s)",
+        "--wanted-reserve", type=float, metavar="R", default=defaults.wanted_margin,
+        help="damping reserve to reach: damping beyond the critical damping, as a share of it (default %(default)s)",
     )  # fmt: skip
     wanted.add_argument(
         "--steady-sliding", action=argparse.BooleanOptionalAction, default=defaults.steady_sliding,
-        help="no swinging about the speed either (the default)",
+        help="the speed must not oscillate about the commanded one either (the default)",
     )  # fmt: skip
-    wanted.add_argument("--slowest-velocity", type=float, metavar="V", help="smooth from this speed on [rad/s]")
-    bounds = parser.add_argument_group("bounds")
+    wanted.add_argument(
+        "--slowest-velocity",
+        type=float,
+        metavar="V",
+        help="slowest speed at which the joint has to move smoothly [rad/s]",
+    )
+    bounds = parser.add_argument_group("limits of the advised gains")
     for field, (lower, upper) in _RANGES.items():
         (least, largest), unit = getattr(defaults, field), unit_of(AdviceLimits, field)
         default = f" (default {least:g})" if least > 0 else ""
-        bounds.add_argument(lower, type=float, metavar="X", default=least, help=f"[{unit}]{default}")
-        bounds.add_argument(upper, type=float, metavar="X", default=largest, help=f"[{unit}]")
-    bounds.add_argument("--bandwidth", type=float, metavar="W", default=math.inf, help="crossover frequency [rad/s]")
-    bounds.add_argument("--sample-rate", type=float, metavar="F", help="of the controller [Hz]")
+        for option, limit, text in ((lower, least, default), (upper, largest, "")):
+            what = option.removeprefix("--").replace("-", " ")
+            bounds.add_argument(option, type=float, metavar="X", default=limit, help=f"{what} [{unit}]{text}")
+    bounds.add_argument(
+        "--bandwidth",
+        type=float,
+        metavar="W",
+        default=math.inf,
+        help="largest crossover frequency of the position loop [rad/s]",
+    )
+    bounds.add_argument(
+        "--sample-rate",
+        type=float,
+        metavar="F",
+        help="sample rate of the controller [Hz]; limits the crossover frequency",
+    )
     bounds.add_argument(
         "--samples-per-period", type=float, metavar="N",
-        help=f"in a period of the crossover frequency (default {defaults.samples_per_period:g})",
+        help=f"least samples in a period of the crossover frequency (default {defaults.samples_per_period:g})",
     )  # fmt: skip
-    bounds.add_argument("--effort", type=float, metavar="T", default=math.inf, help="at the error of now [N·m]")
-    bounds.add_argument("--tracking-error", type=float, metavar="X", help="of now [rad]")
-    beyond = parser.add_argument_group("beyond the paper, for the exact condition")
-    beyond.add_argument("--controller-period", type=float, metavar="S", default=0.0, help="of a sampled controller [s]")
-    beyond.add_argument("--control-delay", action="store_true", help="the effort takes effect one period late")
-    parser.add_argument(
-        "--factors", action="store_true", help="advice in factors: the gains are known per inertia only"
+    bounds.add_argument(
+        "--effort",
+        type=float,
+        metavar="T",
+        default=math.inf,
+        help="largest torque allowed at the present tracking error [N·m]",
     )
-    parser.add_argument("--what-if", metavar="p=P,d=D", help="the margin with other gains beside the present one")
-    parser.add_argument(
-        "--compensation", action="store_true", help="what friction compensation buys beside the advised gains"
+    bounds.add_argument("--tracking-error", type=float, metavar="X", help="present tracking error [rad]; for --effort")
+    beyond = parser.add_argument_group("the controller, for the exact condition")
+    beyond.add_argument(
+        "--controller-period", type=float, metavar="S", default=0.0, help="period of a sampled controller [s]"
+    )
+    beyond.add_argument(
+        "--control-delay", action="store_true", help="the effort takes effect one controller period late"
     )
     parser.add_argument(
-        "--compensation-out", type=COMPENSATION, metavar="FILE", help="the feed-forward over speed: .csv, .yaml"
+        "--factors", action="store_true", help="advise factors on the gains; for gains that are known per inertia only"
+    )
+    parser.add_argument(
+        "--what-if", metavar="P[,D[,I]]", help="show the margin with these gains beside the present one"
+    )
+    parser.add_argument(
+        "--compensation", action="store_true", help="also show the effect of friction compensation at the advised gains"
+    )
+    parser.add_argument(
+        "--compensation-out", type=COMPENSATION, metavar="FILE", help="write the feed-forward over speed (.csv, .yaml)"
     )
     parser.add_argument(
         "--trajectory", type=Path, metavar="FILE",
-        help="a table (CSV, Parquet) of time, position and perhaps velocity; for --trajectory-out",
+        help="table (CSV, Parquet) of time, position and, if it has one, velocity; for --trajectory-out",
     )  # fmt: skip
     parser.add_argument(
         "--trajectory-out", type=TRAJECTORY, metavar="FILE.yaml",
-        help="that --trajectory with the feed-forward as its effort, for joint_trajectory_controller",
+        help="write the --trajectory with the feed-forward as its effort, for joint_trajectory_controller",
     )  # fmt: skip
     parser.add_argument(
-        "--trajectory-joint", metavar="NAME", help="what the controller calls the joint (default: as the table does)"
+        "--trajectory-joint", metavar="NAME", help="the joint's name in the controller (default: its name in the table)"
     )
     parser.add_argument(
-        "--feedforward", type=float, metavar="C", help="share of the friction in that effort (default 1)"
+        "--feedforward",
+        type=float,
+        metavar="C",
+        help="share of the friction that the feed-forward compensates (default 1)",
     )
     parser.add_argument(
         "--speed-filter", type=float, metavar="S",
-        help=f"time constant of the measured speed that compensation goes by [s] (default {USUAL_FILTER:g})",
+        help=f"time constant of the filter on the speed that compensation uses [s] (default {USUAL_FILTER:g})",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run, made_of=_RANGES)
+    parser.set_defaults(run=run, made_of={**_RANGES, "wanted_margin": ("--wanted-reserve",)})
 
 
 def run(options: argparse.Namespace) -> int:
@@ -234,7 +267,7 @@ def _compensation(
 
 def _limits(options: argparse.Namespace) -> AdviceLimits:
     return AdviceLimits(
-        wanted_margin=options.wanted_margin,
+        wanted_margin=options.wanted_reserve,
         condition=Criterion(options.condition),
         steady_sliding=options.steady_sliding,
         slowest_velocity=options.slowest_velocity,
@@ -248,20 +281,22 @@ def _limits(options: argparse.Namespace) -> AdviceLimits:
 
 
 def what_if(text: str, gains: Gains) -> Gains:
-    """The present gains with others in their place, of the form p=2000,d=30.
+    """The present gains with others in their place, of the form 2000,30 or, as it once was, p=2000,d=30.
 
     Raises
     ------
     InvalidParameterError
         If the text has another form.
     """
+    if "=" not in text:
+        return replace(gains, **dict(zip(_WHAT_IF.values(), gain_numbers("--what-if", text), strict=False)))
     changes = {}
     for word in text.split(","):
         key, _, value = word.partition("=")
         try:
             changes[_WHAT_IF[key.strip()]] = float(value)
         except (KeyError, ValueError) as error:
-            raise InvalidParameterError("--what-if", "of the form p=2000,d=30 (p, i and d)", text) from error
+            raise InvalidParameterError("--what-if", "of the form 2000,30 or p=2000,d=30 (p, d and i)", text) from error
     if not all(math.isfinite(value) for value in changes.values()):
         raise InvalidParameterError("--what-if", "of finite gains", text)
     return replace(gains, **changes)
@@ -269,23 +304,23 @@ def what_if(text: str, gains: Gains) -> Gains:
 
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
-    name = "Eq. (43)" if advice.condition is Criterion.PAPER else "the exact condition"
+    name = "the paper's approximation, Eq. (43)" if advice.condition is Criterion.PAPER else "the friction model"
     if not joint.friction.of_the_paper:
-        name += f" (Eq. (43) is not of the law {joint.friction.law_in_words})"
+        name += f" (Eq. (43) does not hold for the law {joint.friction.law_in_words})"
     first = advice[Kind.LEAST_CHANGE]
     colour = "green" if first.found else "yellow"
     speed = f" at {advice.velocity:.4g} rad/s" if first.found else ""
     console.print(f"By {name}{speed}: [{colour}]{first.reason}[/].")
     if first.found and not advice.keep:
         table = Table(box=None, padding=(0, 1, 0, 0))
-        for heading in ("", "stiffness", "damping", "reserve", "bandwidth", "error", "noise", "it"):
-            table.add_column(heading, justify="left" if heading in ("", "it") else "right", no_wrap=True)
+        for heading in ("", "stiffness", "damping", "reserve", "bandwidth", "error", "noise", "model predicts"):
+            table.add_column(heading, justify="left" if heading in ("", "model predicts") else "right", no_wrap=True)
         if advice.present is not None:
             table.add_row("[dim]present", *_variant_row(advice.present, advice))
         for variant in advice.variants:
             table.add_row(variant.kind.value.replace("_", " "), *_variant_row(variant, advice))
         if advice.beside is not None:
-            name = "by Eq. (43)" if advice.condition is Criterion.EXACT else "integrated"
+            name = "by Eq. (43)" if advice.condition is Criterion.EXACT else "by the model"
             # The reserve of the other condition is another number.
             beside = replace(advice.beside, reserve=math.nan)
             table.add_row(f"[dim]{name}", *_variant_row(beside, advice))
@@ -294,27 +329,27 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -
         if not advice.gains_known:
             units = "Damping: of controller and joint together"
         console.print(
-            f"[dim]{units}; bandwidth: crossover of the position loop in rad/s; error: when tracking at constant "
-            "speed; noise: in the torque, from the measured speed; it: what the joint does in the end, by "
-            "integration.[/]"
+            f"[dim]{units}; reserve: damping beyond the critical damping; bandwidth: crossover of the position loop in "
+            "rad/s; error: of tracking at constant speed; noise: in the torque, from the measured speed; "
+            "model predicts: what the joint does in the end.[/]"
         )
     if first.slides_steadily is False:
         console.print(
-            "[yellow]The joint may go on swinging about its speed without sticking; "
-            "--steady-sliding asks for what ends that.[/]"
+            "[yellow]The joint's speed may go on oscillating without sticking; "
+            "with --steady-sliding the advised gains end that too.[/]"
         )
     if first.found and 0 < advice.slowest_smooth_velocity < math.inf:
-        console.print(f"With these gains the joint is smooth from {advice.slowest_smooth_velocity:.3g} rad/s on.")
+        console.print(
+            f"With these gains the joint moves smoothly at {advice.slowest_smooth_velocity:.3g} rad/s and faster."
+        )
     elif first.found and advice.slowest_smooth_velocity == 0:
-        console.print("With these gains the joint is smooth at every speed.")
+        console.print("With these gains the joint moves smoothly at every speed.")
     mechanics = in_words(tuple(found))
     if mechanics:
-        console.print(f"Lubricant and mechanics could do it too, {mechanics}.")
+        console.print(f"{mechanics}.")
     elasticities = [f"{one.parameter.replace('_', ' ')} {one.elasticity:+.2f}" for one in found]
     if any(math.isfinite(one.elasticity) for one in found):
-        console.print(
-            f"[dim]One per cent more of a parameter changes ρ/ρ_c by, in per cent: {', '.join(elasticities)}.[/]"
-        )
+        console.print(f"[dim]Sensitivity of ρ/ρ_c (% per 1 % more of a parameter): {', '.join(elasticities)}.[/]")
 
 
 def _variant_row(variant: Variant, advice: Recommendation) -> list[str]:
@@ -351,15 +386,13 @@ def _print_what_if(result: dict[str, Any]) -> None:
     table = Table(box=None, padding=(0, 1))
     for heading in ("", "now", "then"):
         table.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
-    for label, key in (
-        ("energy margin (M·x˙_s²)", "energy_margin"),
-        ("damping ratio", "damping_ratio"),
-        ("critical damping ratio", "critical_damping_ratio"),
-        ("lowest smooth velocity (rad/s)", "lowest_smooth_velocity"),
-    ):
-        table.add_row(label, *("none" if one[key] is None else f"{one[key]:.4g}" for one in (now, then)))
-    words = {True: "[green]smooth[/]", False: "[red]stick slip[/]", None: "no answer"}
+    exact = [one["exact"] for one in (now, then)]
+    outcomes = [OUTCOME_WORDS.get(one["outcome"], "no answer") for one in exact]
+    table.add_row("model predicts", *outcomes)
+    reserves = [one["damping_reserve"] for one in exact]
+    table.add_row("damping reserve", *("-" if one is None else f"{100.0 * one:+.0f} %" for one in reserves))
+    speeds = [one["lowest_smooth_velocity"] for one in exact]
+    table.add_row("lowest smooth speed (rad/s)", *("-" if one is None else f"{one:.4g}" for one in speeds))
+    words = {True: "[green]smooth[/]", False: "[red]stick-slip[/]", None: "no answer"}
     table.add_row("Eq. (43)", words[now["smooth"]], words[then["smooth"]])
-    outcomes = [one["exact"]["outcome"] for one in (now, then)]
-    table.add_row("integrated, it", *("no answer" if one is None else OUTCOME_WORDS[one] for one in outcomes))
     console.print(table)

@@ -57,18 +57,27 @@ _TOP_SPEED: dict[Make, float] = {sine: 2.0 * math.pi, triangle: 4.0}  # of ampli
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser, velocity=False)
-    motion = parser.add_argument_group("the reference: a sine unless something else is asked for")
-    motion.add_argument("--amplitude", type=float, metavar="A", help="half of what it goes to and fro [rad]")
-    motion.add_argument("--frequency", type=float, metavar="F", help="how often it does [Hz]")
-    motion.add_argument("--triangle", action="store_true", help="at a constant speed, 4·A·F, to and fro")
+    motion = parser.add_argument_group("the commanded motion: a sine by default")
+    motion.add_argument(
+        "--amplitude", type=float, metavar="A", help="amplitude of the motion: half of peak to peak [rad]"
+    )
+    motion.add_argument("--frequency", type=float, metavar="F", help="frequency of the motion [Hz]")
+    motion.add_argument(
+        "--triangle", action="store_true", help="triangle in place of the sine: constant speed 4·A·F to and fro"
+    )
     motion.add_argument(
         "--trajectory",
         type=Path,
         metavar="FILE",
-        help="a table (CSV, Parquet) of time and position; straight from point to point",
+        help="table (CSV, Parquet) of time and position, followed in straight lines",
     )
     add_conditions(parser, "the controller")
-    parser.add_argument("--out", type=PICTURE, metavar="FILE.png", help="draw it, against speed and amplitude too")
+    parser.add_argument(
+        "--out",
+        type=PICTURE,
+        metavar="FILE.png",
+        help="draw the motion, and how the error depends on speed and amplitude",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -104,8 +113,7 @@ def _refuse(options: argparse.Namespace, joint: Joint, gains: Gains) -> None:
     """What would be guessed, or have no effect."""
     if options.coulomb is None and joint.friction.coulomb == 0:
         raise StickSlipError(
-            "how a joint turns round depends on its Coulomb friction, which is not known: give --coulomb [N·m], "
-            "0 only if it has none"
+            "missing: --coulomb [N·m], on which reversals depend; 0 only if the joint has no Coulomb friction"
         )
     own = Need(
         options=("triangle",), met=options.trajectory is None, text="--amplitude and --frequency, not a --trajectory"
@@ -131,7 +139,7 @@ def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple
         return through(given.time, given.position, joint, gains), f"the trajectory of {options.trajectory}", None
     for name in ("amplitude", "frequency"):
         if getattr(options, name) is None:
-            raise StickSlipError(f"what the joint is to follow is not known: give --{name}, or a --trajectory")
+            raise StickSlipError(f"missing: --{name}, or a --trajectory")
     make: Make = triangle if options.triangle else sine
     kind = "triangle" if options.triangle else "sine"
     reference = make(options.amplitude, options.frequency, joint, gains)
@@ -168,13 +176,13 @@ def _print(found: Sequence[Reversal], words: str, joint: Joint, gains: Gains) ->
     console.print(f"Where {words} turns round, the joint {_in_words(worst)}")
     table = Table(box=None, padding=(0, 1))
     for heading in (
-        "turns at",
+        "turns\nat",
         "stands",
-        "lost",
-        "peak error",
-        "error left",
-        "stops",
-        "runs after",
+        "lost\nmotion",
+        "peak\nerror",
+        "steady\nerror",
+        "further\nstops",
+        "follows\nagain after",
     ):
         table.add_column(heading, justify="right", no_wrap=True)
     for turn in found[:_MOST_SHOWN]:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip simulate`: a recording of simulated joints, as rosbag2 would have written it.
+"""`stickslip simulate`: write a bag of simulated joints, as rosbag2 would have recorded it.
 
 Joint n moves at n times the speed, so that of several joints the first stick and the last do not.
 
@@ -28,9 +28,9 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
 
 _COMPENSATIONS = {
-    "feedforward": "share of the friction that the controller adds at the reference's speed",
-    "feedback": "share of the Coulomb friction that it adds by the measured speed",
-    "push": "share of the friction that it adds by the sign of the error",
+    "feedforward": "share of the friction that the controller compensates, by the commanded speed",
+    "feedback": "share of the Coulomb friction that it compensates, by the measured speed",
+    "push": "share of the friction that it compensates, by the sign of the error",
 }
 
 
@@ -40,29 +40,53 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
     )
     add_force_argument(parser)
-    parser.add_argument("--model", metavar="NAME", default="puma560_joint1", help="known joint or joint file")
-    parser.add_argument("--names", metavar="A,B", default="joint1", help="of the joints (default: %(default)s)")
-    parser.add_argument("--velocity", metavar="V[,V]", help="one after the other [rad/s] (default: the known joint's)")
-    parser.add_argument("--stiffness", type=float, metavar="KP", help="[N·m/rad] (default: the known joint's)")
-    parser.add_argument("--damping", type=float, metavar="KV", help="[N·m·s/rad] (default: the known joint's)")
+    parser.add_argument(
+        "--model",
+        metavar="NAME",
+        default="puma560_joint1",
+        help="known joint, or path of a joint file (default: %(default)s)",
+    )
+    parser.add_argument("--names", metavar="A,B", default="joint1", help="names of the joints (default: %(default)s)")
+    parser.add_argument(
+        "--velocity", metavar="V[,V]", help="speeds, one after the other [rad/s] (default: of the known joint)"
+    )
+    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p [N·m/rad] (default: of the known joint)")
+    parser.add_argument("--damping", type=float, metavar="KV", help="k_v [N·m·s/rad] (default: of the known joint)")
     parser.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m]")
     for name, text in _COMPENSATIONS.items():
         parser.add_argument(f"--{name}", type=float, metavar="C", default=0.0, help=f"{text} (default: 0)")
-    parser.add_argument("--duration", type=float, metavar="S", default=60.0, help="[s] (default: %(default)s)")
-    parser.add_argument("--rate", type=float, metavar="F", default=1000.0, help="[Hz] (default: %(default)s)")
     parser.add_argument(
-        "--resolution", type=float, metavar="X", help="of the encoder [rad] (default: the known joint's)"
+        "--duration", type=float, metavar="S", default=60.0, help="duration of the recording [s] (default: %(default)s)"
     )
-    parser.add_argument("--position-noise", type=float, metavar="X", default=0.0, help="standard deviation [rad]")
-    parser.add_argument("--velocity-noise", type=float, metavar="X", default=0.0, help="standard deviation [rad/s]")
-    parser.add_argument("--jitter", type=float, metavar="S", default=0.0, help="standard deviation of stamps [s]")
+    parser.add_argument(
+        "--rate", type=float, metavar="F", default=1000.0, help="sample rate [Hz] (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--resolution", type=float, metavar="X", help="resolution of the encoder [rad] (default: of the known joint)"
+    )
+    parser.add_argument(
+        "--position-noise", type=float, metavar="X", default=0.0, help="standard deviation of the positions [rad]"
+    )
+    parser.add_argument(
+        "--velocity-noise", type=float, metavar="X", default=0.0, help="standard deviation of the velocities [rad/s]"
+    )
+    parser.add_argument(
+        "--jitter", type=float, metavar="S", default=0.0, help="standard deviation of the time stamps [s]"
+    )
     parser.add_argument(
         "--seed", type=int, metavar="N",
-        help="of the noise, and of where within an encoder count the joint begins (default: noise of 1, on a count)",
+        help="seed of the noise and of the first position within an encoder count (default: 1, and on a count)",
     )  # fmt: skip
-    parser.add_argument("--first-stamp", type=float, metavar="S", help="of the recording [s] (default: now)")
+    parser.add_argument(
+        "--first-stamp", type=float, metavar="S", help="time stamp of the first sample [s] (default: now)"
+    )
     parser.add_argument("--no-gains", action="store_true", help="do not record the gains")
-    parser.add_argument("--compression", choices=sorted(COMPRESSIONS), default="zstd", help="of the chunks")
+    parser.add_argument(
+        "--compression",
+        choices=sorted(COMPRESSIONS),
+        default="zstd",
+        help="compression of the chunks (default: %(default)s)",
+    )
     parser.set_defaults(
         made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",), "start": ("--first-stamp",)}
     )

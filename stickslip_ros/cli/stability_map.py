@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip map`: where a joint sticks, over speed and stiffness, and where it is now.
+"""`stickslip map`: draw the speeds and stiffnesses at which a joint sticks, and its present ones.
 
 Examples:
     stickslip map --model puma560_joint1 --points 400
@@ -25,9 +25,15 @@ _LEAST_POINTS = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser)
-    parser.add_argument("--points", type=int, default=4000, metavar="N", help="points to integrate (default 4000)")
     parser.add_argument(
-        "--out", type=PICTURE, default="extinction_map.png", metavar="FILE.png", help="default: %(default)s"
+        "--points", type=int, default=4000, metavar="N", help="number of points to integrate (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--out",
+        type=PICTURE,
+        default="extinction_map.png",
+        metavar="FILE.png",
+        help="picture to write (default: %(default)s)",
     )
 
 

@@ -16,6 +16,7 @@ from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n"  # by which tables and paragraphs are made
 _ENDLESS = 10_000  # columns: more than any table needs
+_WIDTH = 120  # columns of tables, where no terminal has a width
 
 
 class Terminal(Console):
@@ -28,6 +29,12 @@ class Terminal(Console):
                 yield segment
             else:
                 yield Segment(visible(segment.text, kept=_OF_LAYOUT), segment.style)
+
+
+def console_of_tables() -> Console:
+    """As wide as the terminal; where there is none, as wide as the tables."""
+    console = Terminal(highlight=False)
+    return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
 
 
 def width_of(console: Console, table: Table) -> int:

@@ -2,8 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip warm-up`: compile everything ahead, on all cores.
 
-Done once after installation and after every update, for every kind of processor; else the first command or node does
-it. What is compiled is kept beside the package, or in NUMBA_CACHE_DIR if that is set.
+Run it once after installation and after each update, on each kind of processor; otherwise the first command or node
+compiles. The result is kept beside the package, or in NUMBA_CACHE_DIR if that is set.
 
 Examples:
     stickslip warm-up
@@ -23,7 +23,9 @@ from stickslip_ros.warm_up import compile_ahead, is_warm
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("--jobs", type=int, metavar="N", help="parts compiled at once (default: one a core)")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="number of parts compiled at once (default: one for each core)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

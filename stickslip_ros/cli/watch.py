@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""`stickslip watch`: every joint on the graph, live in the terminal, or with --browser in a page: status, speed,
-damping reserve, slips, advice.
+"""`stickslip watch`: watch every joint that a running monitor watches, live in the terminal or, with --browser, in a
+page: status, speed, damping reserve, slips, advice.
 
-Listens to the topics of the monitors that run, in whatever namespace, and needs nothing else; ROS_DOMAIN_ID counts.
-Worst joints first. Ctrl-C ends it.
+It listens to all monitors with the same ROS_DOMAIN_ID, in any namespace, and needs nothing else. The worst joints come
+first. Ctrl-C ends it.
 
 Examples:
     stickslip watch
@@ -40,14 +40,21 @@ _LONGEST = 60.0  # [s] of motion
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("--browser", action="store_true", help="serve a live page instead, with what-if sliders")
-    parser.add_argument("--port", type=int, metavar="N", default=_PORT, help="of the page (default: %(default)s)")
     parser.add_argument(
-        "--address", metavar="IP", default=_HERE, help="that the page is served at (default: this machine alone)"
+        "--browser", action="store_true", help="serve a live page instead, with sliders to try other gains"
     )
-    parser.add_argument("--once", action="store_true", help="print one view and end; so does a pipe")
+    parser.add_argument("--port", type=int, metavar="N", default=_PORT, help="port of the page (default: %(default)s)")
     parser.add_argument(
-        "--seconds", type=float, default=10.0, metavar="S", help="of motion to show (default: %(default)g)"
+        "--address",
+        metavar="IP",
+        default=_HERE,
+        help="address that the page is served at (default: %(default)s, for this machine only)",
+    )
+    parser.add_argument(
+        "--once", action="store_true", help="print one view and end; also done when the output is a pipe"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=10.0, metavar="S", help="seconds of motion to show (default: %(default)g)"
     )
     parser.add_argument(
         "--patience", type=float, default=30.0, metavar="S",
@@ -116,9 +123,14 @@ def _wait(listener: Any, patience: float, status: Status) -> None:
             heard, there = listener.header(), ", ".join(listener.silent)
             domain = os.environ.get("ROS_DOMAIN_ID", "0")
             if heard:
-                raise StickSlipError(f"a monitor runs, but has heard of no joint for {patience:g} s ({heard})")
+                raise StickSlipError(
+                    f"A monitor runs, but no joint states have reached it for {patience:g} s ({heard})."
+                )
             if there:
-                raise StickSlipError(f"{there} is there, but has said nothing for {patience:g} s: is it active?")
+                raise StickSlipError(
+                    f"{there} runs, but has published nothing for {patience:g} s. Is it active (ros2 lifecycle get)?"
+                )
             raise StickSlipError(
-                f"no monitor heard for {patience:g} s in ROS domain {domain}: does one run, in the same domain?"
+                f"No monitor found within {patience:g} s in ROS domain {domain}. Is one running, with the same "
+                "ROS_DOMAIN_ID?"
             )

@@ -27,12 +27,12 @@ _STYLES = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "bold red", Lev
 _MARKS = {Level.OK: "●", Level.WARN: "▲", Level.ERROR: "■", Level.STALE: "○"}
 _WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
 _FRAME = 7  # lines of the view that are no joint's
-_STATUS, _SPEED, _OUTCOME, _RESERVE = "status", "speed", "by\nphysics", "reserve\n[%]"
-_TOLD, _CYCLES, _SLIP = "told\n[rad/s]", "cycles\n[1]", "slip\n[rad]"
-_HEADINGS = ("joint", _STATUS, _SPEED, _TOLD, _OUTCOME, _RESERVE, _CYCLES, _SLIP)
-_NUMBERS = (_TOLD, _RESERVE, _CYCLES, _SLIP)
+_STATUS, _SPEED, _OUTCOME, _RESERVE = "status", "speed", "model\npredicts", "reserve\n[%]"
+_COMMANDED, _CYCLES, _SLIP = "commanded\n[rad/s]", "cycles\n[1]", "slip\n[rad]"
+_HEADINGS = ("joint", _STATUS, _SPEED, _COMMANDED, _OUTCOME, _RESERVE, _CYCLES, _SLIP)
+_NUMBERS = (_COMMANDED, _RESERVE, _CYCLES, _SLIP)
 # The headings that a narrow terminal has no room for, the first one first.
-_SPARED = (_SLIP, _TOLD, _CYCLES, _OUTCOME, _SPEED, _RESERVE)
+_SPARED = (_SLIP, _COMMANDED, _CYCLES, _OUTCOME, _SPEED, _RESERVE)
 _OUTCOMES = {"steady": "green", "swings": "yellow", "sticks": "red"}
 
 
@@ -124,7 +124,7 @@ def _cells(joint: JointView, duration: float, line: int) -> dict[str, Renderable
         "joint": Text(joint.name),
         _STATUS: Text(f"{_MARKS[joint.level]} {joint.status}", style=_STYLES[joint.level]),
         _SPEED: Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
-        _TOLD: _number(joint.velocity),
+        _COMMANDED: _number(joint.velocity),
         _OUTCOME: Text(joint.outcome or "-", style=_OUTCOMES.get(joint.outcome, "")),
         _RESERVE: _reserve(joint.reserve),
         _CYCLES: str(joint.cycles),
@@ -153,7 +153,7 @@ def _number(value: float) -> str:
 
 
 def _reserve(value: float) -> Text:
-    """Whether there is more damping than ends stick slip, in per cent."""
+    """Whether there is more damping than ends stick-slip, in per cent."""
     if math.isnan(value):
         return Text("-")
     text = f"{100 * value:+.0f}" if value < 10 else "> 1000"

@@ -101,7 +101,7 @@ class _Case:
         return verdict(self.joint, gains or self.gains, self.speed, self.conditions, detail=detail)
 
     def smooth_at(self, damping_ratio: float) -> bool:
-        """Whether stick slip dies out with other damping."""
+        """Whether stick-slip dies out with other damping."""
         damping = float(damping_for_ratio(self.joint, self.gains.stiffness, damping_ratio))
         return self.verdict(Detail.SMOOTH, replace(self.gains, damping=damping)).smooth is True
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Beyond the paper: does stick slip persist under integral action, sampled control, or at standstill?
+"""Beyond the paper: does stick-slip persist under integral action, sampled control, or at standstill?
 
 No condition in closed form covers these; the joint is simulated, in SI units, until its cycles tell.
 """
@@ -50,7 +50,7 @@ class ControlledCourse:
 
     Attributes
     ----------
-    persists : whether stick slip goes on for ever, or the motion grows without end: 1.0 or 0.0; NaN if the controller
+    persists : whether stick-slip goes on for ever, or the motion grows without end: 1.0 or 0.0; NaN if the controller
         is too fast beside the joint to be followed.
     outcome : None where there is none to tell. unstable : its motion grows without end.
     """
@@ -65,7 +65,7 @@ def controlled_course(
 ) -> ControlledCourse:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
-    Stick slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
+    Stick-slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
     ten cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
 
     Parameters

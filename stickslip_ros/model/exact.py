@@ -44,7 +44,7 @@ Progress = Callable[[int, int], None]
 
 
 def cycle_persists(groups: DimensionlessGroups, *, full_accuracy: bool = True) -> float | NDArray[np.float64]:
-    """Whether stick slip, begun from a stuck joint with full static friction, goes on for ever.
+    """Whether stick-slip, begun from a stuck joint with full static friction, goes on for ever.
 
     With a long lag the cycle may take thousands of natural periods to die out. Without ``full_accuracy`` a cycle that
     goes on for hundreds of periods counts as one that goes on for ever.

@@ -30,10 +30,10 @@ class ExtinctionMap:
     Attributes
     ----------
     velocity : x˙_d [rad/s], shape (n,). stiffness : k_p [N·m/rad], shape (m,).
-    paper_damping, exact_damping : total damping k_v + F_v [N·m·s/rad] at which stick slip ends, by Eq. (43) and by
+    paper_damping, exact_damping : total damping k_v + F_v [N·m·s/rad] at which stick-slip ends, by Eq. (43) and by
         integration (to 1 %), shape (m, n); 0 where it ends undamped, NaN where there is no answer, as Eq. (43) has none
         of another friction law than the paper's.
-    steady_damping : from which on small disturbances of steady sliding decay, and stick slip has ended; of that shape.
+    steady_damping : from which on small disturbances of steady sliding decay, and stick-slip has ended; of that shape.
         In one of a hundred cases a large swing goes on beyond it: :mod:`stickslip_ros.model.outcome` knows.
     own_damping : of the joint at each stiffness, its viscous friction F_v less what an actuation delay takes off
         [N·m·s/rad], shape (m,).
@@ -51,7 +51,7 @@ class ExtinctionMap:
         return damping + self.own_damping[:, None]
 
     def missing_damping(self, damping: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Damping that k_v lacks to end stick slip, and to move steadily [N·m·s/rad], shape (m, n); below 0 it is more
+        """Damping that k_v lacks to end stick-slip, and to move steadily [N·m·s/rad], shape (m, n); below 0 it is more
         than enough, NaN where there is no answer.
         """
         total = self.total_damping(damping)

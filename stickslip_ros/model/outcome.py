@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """What becomes of a joint in the end, by integration of Eqs (4)-(6): it sticks, it swings, or it moves steadily.
 
-The paper asks whether stick slip dies out. A joint that does not stick may still swing about its speed for ever, and
+The paper asks whether stick-slip dies out. A joint that does not stick may still swing about its speed for ever, and
 what becomes of it may depend on how it began; a person calls smooth what moves steadily, however it began.
 """
 
@@ -66,7 +66,7 @@ class Outcomes:
 
     @property
     def sticks(self) -> NDArray[np.bool_]:
-        """Whether stick slip goes on from any start at each point; False where that is not decided."""
+        """Whether stick-slip goes on from any start at each point; False where that is not decided."""
         return np.asarray(np.any(self.numbers == kernel.STICKS, axis=-1))
 
     @property

@@ -44,7 +44,7 @@ class ExactVerdict:
     ----------
     outcome : from the worst start; None where there is no answer.
     depends_on_start : whether another start leads to another outcome.
-    smooth : whether stick slip dies out, the paper's question, from every start; None where there is no answer.
+    smooth : whether stick-slip dies out, the paper's question, from every start; None where there is no answer.
     reason : why there is none, or "hunting", or None.
     critical_damping_ratio : ρ_c, the damping ratio at which the cycle of a stuck joint just dies, to a relative 1e-3
         (1e-2 with integral action or sampled control); NaN if none.
@@ -77,7 +77,7 @@ class ExactVerdict:
 class Detail(IntEnum):
     """How much of a verdict is wanted; each takes longer than the one before, and has all that it has."""
 
-    SMOOTH = 0  # whether stick slip dies out; no outcome where it can be decided without
+    SMOOTH = 0  # whether stick-slip dies out; no outcome where it can be decided without
     OUTCOME = 1  # what becomes of the joint
     BOUNDARY = 2  # the critical damping ratio
     LIMITS = 3  # ρ_steady, the lowest smooth velocity and the least smooth stiffness

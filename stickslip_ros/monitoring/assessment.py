@@ -80,7 +80,7 @@ class Assessment:
     margin_reason : why there is no margin, or it does not apply; "" if it does.
     margin_std : standard error of the energy margin from those of the friction [M x˙_s²]; NaN if that is
         configured, not learnt.
-    stick_slip_probability : that Eq. (43) predicts stick slip, given these errors; NaN likewise.
+    stick_slip_probability : that Eq. (43) predicts stick-slip, given these errors; NaN likewise.
     rests_on : where the friction comes from that the margin uses.
     uncertainty : of inertia and friction; None if these are configured.
     joint : inertia and friction that the margin uses; margin_gains : its gains, as the motion or the effort shows

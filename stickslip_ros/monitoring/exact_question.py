@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probabi
 NOT_COMPUTED = ExactVerdict(smooth=None)
 _SAME_SPEED = 0.02  # difference of two speeds, of the speed: within it an answer still holds
 _SAME_GAINS = 0.01  # difference of two gains, of the gain: within it an answer still holds
-_SEEN = 0.99  # probability of stick slip that is detected, 1: of a hundred detections one may be false
+_SEEN = 0.99  # probability of stick-slip that is detected, 1: of a hundred detections one may be false
 
 
 def as_seen(verdict: ExactVerdict, status: Status) -> ExactVerdict:

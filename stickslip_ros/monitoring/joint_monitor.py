@@ -314,7 +314,7 @@ class JointMonitor:
             if self._recent and not _follows(cycle, self._recent[-1]):
                 self._recent.clear()
             if self._recent:
-                # One slip may be chance. From the second one on, what lay between two slips was stick slip.
+                # One slip may be chance. From the second one on, what lay between two slips was stick-slip.
                 first = len(self._recent) == 1
                 self._segments.relabel(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)
             self._recent.append(cycle)

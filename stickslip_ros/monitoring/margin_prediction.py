@@ -67,7 +67,7 @@ class MarginPrediction:
         return margin, str(margin.reason or "")
 
     def uncertainty(self, velocity: float) -> tuple[float, float]:
-        """Of the margin at a velocity [rad/s] the standard error [M x˙_s²], and how probable stick slip is by Eq. (43).
+        """Of the margin at a velocity [rad/s] the standard error [M x˙_s²], and how probable stick-slip is by Eq. (43).
 
         NaN where they are not known.
         """

@@ -20,7 +20,7 @@ from stickslip_ros.monitoring.uncertainty import Uncertainty
 _SAME = 0.01  # change of a parameter's logarithm or of its standard error, 1: with less results still hold
 _VELOCITY_LOOP = (
     "velocities alone are commanded: Eq. (43) is of a position loop, whose stiffness a velocity loop has not; "
-    "there a larger proportional gain, or a higher speed, makes stick slip less likely"
+    "there a larger proportional gain, or a higher speed, makes stick-slip less likely"
 )
 _ERROR_FLOOR = 0.1  # error probability of results from a model that does not fit, 1: at least
 _LEAST_VISCOUS = 0.01  # viscous friction that a late effort, or a model that does not fit, leaves of what was estimated
@@ -115,25 +115,27 @@ def select_model(
     if velocity_loop and gains is None:
         return None, _VELOCITY_LOOP
     if configured is not None and not configured.friction.of_the_paper:
-        return _configured(configured, gains, f"friction of the law {configured.friction.law_in_words} is not learnt")
+        return _configured(
+            configured, gains, f"friction of the law {configured.friction.law_in_words} is not estimated"
+        )
     if estimate is not None and estimate.usable:
         selected = _learnt(estimate, gains)
         if selected is not None:
             return replace(selected, no_advice=_why_no_advice(estimate, factors=selected.per_inertia)), ""
         if configured is None:
-            return None, "the controller's gains are not known, and the effort does not show them"
+            return None, "the controller's gains are unknown, and the effort does not show them"
     mismatch = estimate.mismatch if estimate is not None else ""
     if configured is None:
         if mismatch:
-            return None, f"{mismatch}; and no joint is configured"
-        return None, "inertia and friction of the joint are neither configured nor learnt yet"
+            return None, f"{mismatch}, and no joint is configured"
+        return None, "inertia and friction of the joint are neither configured nor estimated yet"
     return _configured(configured, gains, mismatch)
 
 
 def _configured(joint: Joint, gains: Gains | None, why: str) -> tuple[SelectedModel | None, str]:
     if gains is None:
-        return None, "the controller's gains are not known"
-    rests_on = "; ".join(part for part in ("the configuration", why) if part)
+        return None, "the controller's gains are unknown"
+    rests_on = "; ".join(part for part in ("the configured friction", why) if part)
     return SelectedModel(joint=joint, gains=gains, uncertainty=None, gains_known=True, rests_on=rests_on), ""
 
 
@@ -141,11 +143,11 @@ def _why_no_advice(estimate: FrictionEstimate, *, factors: bool) -> str:
     """Why gains from an estimate would be a guess, and which data would help; "" if they would be none."""
     more = "record the effort, or the reference beside the controller's gains" if estimate.normalised else ""
     if estimate.is_a_guess:
-        guess = "nothing of the friction is known better than a guess"
+        guess = "the friction could not be determined from this motion"
         return f"{guess}; {more or 'let the joint slip at another speed, too'}"
     # A factor multiplies the damping that slips show; on a flexible load that was up to 28 times the true one.
     if factors and estimate.mismatch:
-        return f"the friction model does not fit the slips, and they alone tell the damping that is to change; {more}"
+        return f"the friction model does not fit the slips, and only they show the damping that is to change; {more}"
     return ""
 
 
@@ -208,7 +210,7 @@ def _as_the_effort_shows(estimate: FrictionEstimate, drive: DriveGains) -> Selec
         uncertainty=_over_laws(estimate, lambda one: (_with_viscous(one.draws()[0], late + deviation), np.exp(spread))),
         gains_known=False,
         rests_on=f"{estimate.summary()}; stiffness {drive.stiffness:.4g} N·m/rad and damping {drive.damping:.3g} "
-        "N·m·s/rad of the controller as the effort shows them, its own gains being unknown",
+        "N·m·s/rad of the controller estimated from the effort, since its gains are unknown",
     )
 
 
@@ -220,7 +222,7 @@ def _with_viscous(joint: Joint, more: Real) -> Joint:
 
 
 def uncertainty_of(margin: StabilityMargin, selected: SelectedModel, velocity: float) -> tuple[float, float]:
-    """Standard error of the energy margin [M x˙_s²] and the probability of stick slip by Eq. (43); NaN if unknown."""
+    """Standard error of the energy margin [M x˙_s²] and the probability of stick-slip by Eq. (43); NaN if unknown."""
     if selected.uncertainty is None or not margin.applicable:
         return math.nan, math.nan
     gains = Gains(

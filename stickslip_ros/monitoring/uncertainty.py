@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""A joint as it may be, given the errors of what was learnt, and how probable stick slip is then."""
+"""A joint as it may be, given the errors of what was learnt, and how probable stick-slip is then."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def each_number(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
 
 
 def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: float) -> float:
-    """Probability that stick slip goes on by the exact condition, over draws and laws; NaN where there is no answer.
+    """Probability that stick-slip goes on by the exact condition, over draws and laws; NaN where there is no answer.
 
     A draw of negative damping in all, which swings by itself, counts as one that is not smooth.
 

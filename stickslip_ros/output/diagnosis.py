@@ -268,7 +268,7 @@ def _summary(
         if assessment.change is not None and assessment.change.learning_anew:
             text += f"; {friction_change_text(assessment.change)}"
         if assessment.recommendation is not None and assessment.recommendation.keep:
-            return Level.ERROR, f"{text}, though its margin is there: the friction is not what is believed"
+            return Level.ERROR, f"{text}, though its gains have the wanted reserve: the friction estimate is wrong"
         return Level.ERROR, f"{text}; {assessment.advice_text}" if assessment.advice_text else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):
         return Level.WARN, text
@@ -278,11 +278,11 @@ def _summary(
         return Level.WARN, f"{text}; no margin: {assessment.margin_reason}"
     if _advised_exactly(assessment):
         if exact.smooth is False:
-            return Level.WARN, f"{text}; integrated, the joint would stick"
+            return Level.WARN, f"{text}; the model predicts that it sticks"
         if exact.outcome is Outcome.SWINGS:
-            return Level.OK, f"{text}; integrated, the joint swings about its speed"
+            return Level.OK, f"{text}; the model predicts that it swings about its speed"
     elif margin.applicable and not margin.damping_ratio >= (1.0 + warn_margin) * margin.critical_damping_ratio:
-        return Level.WARN, f"{text}; margin of Eq. (43) is thin: {margin.energy_margin:.3g}"
+        return Level.WARN, f"{text}; the margin of Eq. (43) is small: {margin.energy_margin:.3g}"
     return Level.OK, text
 
 

@@ -16,7 +16,7 @@ _ROWS = sorted(
     key=lambda found: found[0].place,
 )
 MARGIN_FIELDS = tuple(field.name for field, _, _ in _ROWS)
-RESERVE = "exact_damping_reserve"  # the field that tells in one number how far a joint is from stick slip
+RESERVE = "exact_damping_reserve"  # the field that tells in one number how far a joint is from stick-slip
 
 
 def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict) -> list[float]:

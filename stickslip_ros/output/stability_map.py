@@ -94,12 +94,12 @@ def _panel(subject: MapSubject, computed: ExtinctionMap, when: str, gains: Gains
     stiffness_unit, damping_unit = ("1/s²", "1/s") if subject.per_inertia else ("N·m/rad", "N·m·s/rad")
     exact_inside, steady_inside = computed.missing_damping(float(gains.damping))
     curves = [
-        boundary("stick slip ends (integrated)", x, y, exact_inside, RED, "-"),
+        boundary("stick-slip ends (integrated)", x, y, exact_inside, RED, "-"),
         boundary("moves steadily from here on", x, y, steady_inside, GREEN, "-"),
     ]
     if subject.joint.friction.of_the_paper:
         paper_inside = computed.paper_damping - computed.total_damping(float(gains.damping))
-        curves.append(boundary("stick slip ends by Eq. (43)", x, y, paper_inside, BLUE, ":"))
+        curves.append(boundary("stick-slip ends by Eq. (43)", x, y, paper_inside, BLUE, ":"))
     title = f"{when}: $k_v$ = {float(gains.damping):.3g} {damping_unit}"
     if subject.on_the_map:
         speed, stiffness = 1e3 * abs(subject.velocity), float(gains.stiffness)

@@ -69,7 +69,7 @@ def dry_friction_text(dry: DryFriction | None) -> str:
         parts.append(f"varies by ±{ripple.amplitude:.2g} N·m with position, {1.0 / ripple.period:.3g} times a radian")
         if ripple.aliases:
             others = " or ".join(f"{1.0 / period:.3g}" for period in ripple.aliases)
-            parts[-1] += f" (or {others} times: the slips lie too evenly to tell)"
+            parts[-1] += f" (or {others} times: the slips are spaced too evenly to distinguish them)"
     if dry.drift is not None:
         a_minute = _MINUTE * abs(dry.drift.value)
         size = f"{100.0 * a_minute / coulomb:.2g} %" if coulomb > 0 else f"{a_minute:.2g} N·m"
@@ -85,13 +85,13 @@ def dry_friction_text(dry: DryFriction | None) -> str:
 
 def reversals_text(record: ReversalRecord) -> str:
     """What reversals do to a joint."""
-    stands = f"stands for {record.standing:.2g} s where it turns" if record.standing > 0.0 else "turns without standing"
-    return f"it {stands}, and falls behind by {with_prefix(record.peak_error, 'rad')}"
+    stands = f"stands for {record.standing:.2g} s" if record.standing > 0.0 else "does not stand still"
+    return f"at a reversal it {stands} and falls behind by {with_prefix(record.peak_error, 'rad')}"
 
 
 def constant_effort_text(effort: float) -> str:
     """What is to be said of an effort that never changes while its joint moves."""
-    return f"its effort is always {effort:.3g}, which no joint that moves measures: it counts as unknown"
+    return f"its effort is always {effort:.3g}, so it is no measurement and counts as unknown"
 
 
 def in_metres_text(names: Iterable[str]) -> str:
@@ -122,7 +122,7 @@ def presliding_text(presliding: PreslidingEstimate, stiffness: float) -> str:
     if stiffness > 0:
         text += f", {found.value / stiffness:.3g} times the controller's stiffness"
     if not presliding.contact:
-        return f"{text} (not identified: reversals would tell how the contact yields)"
+        return f"{text} (not identified: record reversals to find out how the contact yields)"
     return f"{text} ({presliding.contact}{'' if found.identified else ', not identified'})"
 
 
@@ -146,12 +146,12 @@ def reason_text(finding: Finding) -> str:
         case StopsAndGoes():
             return "stops and goes; publish the reference to tell commanded stops from sticking"
         case TooCoarse(counts=counts):
-            return f"the encoder is too coarse to count: {counts:.0f} counts a slip"
+            return f"the encoder is too coarse: {counts:.0f} counts a slip"
         case TooFewCounts():
             return "the joint has moved by too few counts of its encoder"
         case SampledTooSlowly(rate=rate, needed=needed):
-            return f"sampled too slowly: {rate:.3g} Hz; {needed:.3g} Hz would do"
+            return f"sampled too slowly: {rate:.3g} Hz; at least {needed:.3g} Hz are needed"
         case SpeedFalls(share=share, at_most=at_most):
             return f"the speed falls {'below' if at_most else 'to'} {100 * share:.0f} % of its mean"
         case ThinReserve(reserve=reserve, exactly=exactly):
-            return f"damping reserve {100 * reserve:.0f} % {'exactly' if exactly else 'by Eq. (43)'}"
+            return f"damping reserve {100 * reserve:.0f} %{'' if exactly else ' by Eq. (43)'}"

@@ -27,7 +27,7 @@ ALTERNATING = np.array([1.0, -1.0])
     [
         (1e200 * ALTERNATING, "values left out: effort is infinite or larger than 1e+12"),
         (5e-324 * ALTERNATING, "values left out: effort is denormal (below 2.2e-308), as memory that nobody wrote is"),
-        (0.0 * ALTERNATING, "its effort is always 0, which no joint that moves measures: it counts as unknown"),
+        (0.0 * ALTERNATING, "its effort is always 0, so it is no measurement and counts as unknown"),
     ],
 )
 def test_efforts_that_are_none_are_named(

@@ -95,7 +95,7 @@ def test_friction_is_learnt_from_a_bag(bag: Path) -> None:
     assert friction["coulomb_and_load"]["identified"]
     assert friction["coulomb_and_load"]["std"] < 0.1
     assert not friction["coulomb"]["identified"]
-    assert found["margin"]["rests_on"].startswith("learnt from")
+    assert found["margin"]["rests_on"].startswith("friction estimated from")
 
 
 def test_table_options_and_exit_status(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -68,17 +68,17 @@ def compared(
 
 
 def test_a_cure_helped_and_its_undoing_is_worse(tmp_path: Path) -> None:
-    """Other gains: stick slip before and none after; the other way round it got worse; the gains are named."""
+    """Other gains: stick-slip before and none after; the other way round it got worse; the gains are named."""
     helped = compared(tmp_path, STICKS, CURED)
     assert helped.verdict is Verdict.HELPED
     assert re.fullmatch(
-        r"elbow: it helped: stick slip for 9\d % of its moving time before, none in 24\.\d s after; "
+        r"elbow: it helped: stick-slip for 9\d % of its moving time before, none in 24\.\d s after; "
         r"stiffness 630 to 7400 N·m/rad, damping 0 to 40 N·m·s/rad; friction cannot be compared \(.*\)\.",
         sentence(helped),
     ), sentence(helped)
     worse = compared(tmp_path, CURED, STICKS)
     assert worse.verdict is Verdict.WORSE
-    assert "elbow: it got worse: stick slip for 0 % of its moving time before, 9" in sentence(worse)
+    assert "elbow: it got worse: stick-slip for 0 % of its moving time before, 9" in sentence(worse)
 
 
 def test_the_same_joint_twice_has_not_changed(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_a_little_stiffer_helps_in_part(tmp_path: Path) -> None:
 
 
 def test_other_speeds_are_not_compared(tmp_path: Path) -> None:
-    """Stick slip ends with speed: faster motion that is smooth, or sticks less, says nothing of the change."""
+    """Stick-slip ends with speed: faster motion that is smooth, or sticks less, says nothing of the change."""
     fast = replace(CURED, velocities=(0.03,))
     joint = compared(tmp_path, STICKS, fast)
     assert joint.verdict is Verdict.CANNOT_SAY
@@ -143,7 +143,7 @@ def test_what_was_not_judged_is_not_compared(tmp_path: Path) -> None:
     """A joint at rest is neither better nor worse."""
     joint = compared(tmp_path, STICKS, replace(STICKS, velocities=(0.0,)))
     assert joint.verdict is Verdict.CANNOT_SAY
-    assert sentence(joint).startswith("elbow: whether it helped cannot be said; after: ")
+    assert sentence(joint).startswith("elbow: not enough data to judge whether it helped; after: ")
 
 
 def test_what_is_not_identified_is_not_compared(tmp_path: Path) -> None:
@@ -206,9 +206,9 @@ def test_the_command(bags: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     printed = capsys.readouterr().out
     for text in (
         r"status +stick_slip +smooth +changed",
-        r"stick slip +9\d % +0 % +significantly less",
+        r"stick-slip +9\d % +0 % +significantly less",
         r"gain: stiffness \[N·m/rad\] +630 +7400 +changed",
-        r"elbow: it helped: stick slip for",
+        r"elbow: it helped: stick-slip for",
         "warning: wrist is in the recording before only",
         "warning: hand is in the recording after only",
     ):

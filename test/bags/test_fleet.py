@@ -110,7 +110,7 @@ def test_tables_and_trends(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFi
         assert len(list(csv.DictReader(file))) == len(rows)
     with browser() as view:
         view.open(page)
-        assert "Stick slip in 8 recordings" in view.run("return document.body.textContent")
+        assert "Stick-slip in 8 recordings" in view.run("return document.body.textContent")
         assert view.run("return document.querySelectorAll('.plot').length") >= 4
         assert view.run("return Bokeh.documents[0].roots().length") >= 4
         assert view.complaints() == []

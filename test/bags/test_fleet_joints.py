@@ -194,7 +194,7 @@ def test_one_of_a_kind_is_told_so(
     assert "1 recording could not be analysed" in text
     assert "-0.0<" not in text
     write_fleet_page(page, still[:1], fleet_joints(still[:1]))
-    assert "Stick slip in 1 recording<" in page.read_text(encoding="utf-8")
+    assert "Stick-slip in 1 recording<" in page.read_text(encoding="utf-8")
     print_fleet(fleet_joints(still), [*still, broken])
     assert "1 bag could not be analysed: /data/robot0/broken.mcap" in capsys.readouterr().out
 

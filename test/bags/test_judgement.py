@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What is said of a whole recording: status, worst status, share of stick slip, transients; in every output."""
+"""What is said of a whole recording: status, worst status, share of stick-slip, transients; in every output."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def cycle(rest: float, breakaway: float, arrest: float, *, hunting: bool = False
         ([(REST, 90.0)], REST, REST),
         ([(UNKNOWN, 3.0)], UNKNOWN, UNKNOWN),
         ([], UNKNOWN, UNKNOWN),
-        # Stick slip however short; anything else from half a second on.
+        # Stick-slip however short; anything else from half a second on.
         ([(SMOOTH, 60.0), (STICKS, 0.3)], SMOOTH, STICKS),
         ([(SMOOTH, 60.0), (RISK, 0.3)], SMOOTH, SMOOTH),
         ([(NOT_JUDGED, 0.4), (RISK, 0.3)], RISK, RISK),
@@ -91,7 +91,7 @@ def test_the_share_is_of_moving_time() -> None:
     [(0.0, "0 %"), (0.0142, "1.4 %"), (0.0001, "< 0.1 %"), (0.421, "42 %"), (1.0, "100 %"), (math.nan, "-")],
 )
 def test_shares_in_words(share: float, said: str) -> None:
-    """Issue 17, item 6: short stick slip is never 0 %."""
+    """Issue 17, item 6: short stick-slip is never 0 %."""
     assert words.percent(share) == said
 
 
@@ -154,7 +154,7 @@ def joints(bag: Path) -> dict[str, JointAnalysis]:
 
 
 def test_a_joint_that_sticks_for_a_while(joints: dict[str, JointAnalysis]) -> None:
-    """Issue 17, items 5 and 6: smooth for most of the time; stick slip, its share, and advice are not hidden."""
+    """Issue 17, items 5 and 6: smooth for most of the time; stick-slip, its share, and advice are not hidden."""
     joint = joints["starting"]
     assert (joint.status, joint.worst) == (SMOOTH, STICKS)
     assert 0.05 < joint.stick_slip_share < 0.4
@@ -163,7 +163,7 @@ def test_a_joint_that_sticks_for_a_while(joints: dict[str, JointAnalysis]) -> No
     said = words.finding(joint)
     assert "starting moves smoothly most of the time, but sticks and slips at 0.00" in said
     assert f"for {100.0 * joint.stick_slip_share:.0f} % of its moving time" in said
-    assert f"It stuck {len(joint.cycles)} times after starting and has been smooth since." in said
+    assert f"It stuck {len(joint.cycles)} times after starting and has moved smoothly since." in said
     assert words.advice(joint).startswith("Change damping")
 
 
@@ -172,7 +172,7 @@ def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:
     assert (joints["sticking"].status, joints["sticking"].worst) == (STICKS, STICKS)
     assert joints["sticking"].transient is None
     assert (joints["smooth"].status, joints["smooth"].stick_slip_share) == (SMOOTH, 0.0)
-    assert words.advice(joints["smooth"]) == "Its gains have the wanted margin: keep them."
+    assert words.advice(joints["smooth"]) == "Its gains have the wanted reserve: keep them."
 
 
 def test_every_output_has_status_share_and_worst(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -200,7 +200,7 @@ def test_every_output_has_status_share_and_worst(bag: Path, tmp_path: Path, caps
     text = page.read_text(encoding="utf-8")
     assert "2 of 3 joints stick and slip" in text
     assert text.index("<h2>sticking") < text.index("<h2>starting")
-    # A short stretch of stick slip fails too.
+    # A short stretch of stick-slip fails too.
     assert main([*common, "--joint", "starting", "--fail-on-stick-slip"]) == 1
     assert main([*common, "--joint", "smooth", "--fail-on-stick-slip"]) == 0
 

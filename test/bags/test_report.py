@@ -70,7 +70,7 @@ def test_the_page_is_one_file_that_needs_nothing(report: Path) -> None:
     assert "Friction compensation, with the advised gains" in text
     assert "Steps: position less its reference" in text
     assert "2026-" in text
-    for meaning in ("Coulomb friction", "Stribeck velocity", "learnt from"):
+    for meaning in ("Coulomb friction", "Stribeck velocity", "Friction estimated from"):
         assert meaning in text
     captions = re.findall(r"role='img' aria-label='([^']*)'", text)
     assert len(captions) == len(re.findall("<figcaption>", text)) >= 5
@@ -137,7 +137,7 @@ def test_names_are_text_and_nothing_else(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", analyze(tmp_path / "bag.mcap", options))
     with browser() as page:
         page.open(tmp_path / "report.html")
-        assert page.run("return document.title") == "Stick slip in bag.mcap"
+        assert page.run("return document.title") == "Stick-slip in bag.mcap"
         assert name in page.run("return document.querySelector('h2').textContent")
         assert page.complaints() == []
 

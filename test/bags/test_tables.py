@@ -327,7 +327,7 @@ def test_a_few_bytes_do_not_become_all_memory(tmp_path: Path) -> None:
 def test_nothing_is_overwritten_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`convert` and `simulate` leave a bag that is there alone; --force writes over a file, never over a folder."""
     table = write_text(tmp_path / "a.csv", ["t", "q1"], [TIMES, POSITIONS[:, 0]])
-    for command in (["convert", str(table)], ["simulate", "--duration", "0.2"]):
+    for command in (["convert", str(table)], ["simulate", "--duration", "0.2", "--first-stamp", "1"]):
         out = tmp_path / f"{command[0]}.mcap"
         assert main([*command, "--out", str(out)]) == 0
         before = out.read_bytes()

@@ -34,16 +34,16 @@ def processes_on(domain: int) -> list[str]:
 
 
 def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
-    """Issue 2: stick slip, advice, gains set, smooth, a picture, exit status 0, within 60 s, no process left."""
+    """Issue 2: stick-slip, advice, gains set, smooth, a picture, exit status 0, within 60 s, no process left."""
     picture = tmp_path / "demo.png"
     begin = time.monotonic()
     done = subprocess.run([*COMMAND, "--out", picture], capture_output=True, text=True, timeout=90, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert time.monotonic() - begin < 60.0
-    for text in ("Stick slip: ", "Advice: raise the", "Smooth: no cycle", "joint1: it helped: ", str(picture)):
+    for text in ("Stick-slip: ", "Advice: raise the", "Smooth: no cycle", "joint1: it helped: ", str(picture)):
         assert text in done.stdout
     # Issue 15: told early, and never an advice without words.
-    told = re.search(r"Stick slip: (\d+) cycles", done.stdout)
+    told = re.search(r"Stick-slip: (\d+) cycles", done.stdout)
     assert told is not None
     assert int(told[1]) <= 6
     assert imread(picture).shape[0] > 500
@@ -100,7 +100,7 @@ def test_bad_arguments_are_one_line(arguments: list[str], text: str, capsys: pyt
 
 @pytest.mark.nightly
 def test_what_compensation_does(ros_domain: int, tmp_path: Path) -> None:
-    """Issue 23: stick slip that feed-forward does not cure, reversals that it does, and what too much feedback does."""
+    """Issue 23: stick-slip that feed-forward does not cure, reversals that it does, and what too much feedback does."""
     picture = tmp_path / "compensation.png"
     done = subprocess.run(
         [*COMMAND, "--compensation", "--out", picture], capture_output=True, text=True, timeout=240, check=False

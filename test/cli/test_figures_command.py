@@ -94,14 +94,14 @@ def test_map_of_a_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     printed = capsys.readouterr().out.split()
     assert printed == [str(out.with_suffix(ending)) for ending in (".png", ".svg", ".csv")]
     curves = {row["curve"]: row for row in rows(out.with_suffix(".csv"))}
-    assert {"stick slip ends by Eq. (43)", "stick slip ends (integrated)", "moves steadily from here on"} < set(curves)
+    assert {"stick-slip ends by Eq. (43)", "stick-slip ends (integrated)", "moves steadily from here on"} < set(curves)
     here = curves["now: 4.93 mrad/s, 2016 N·m/rad"]
     assert (float(here["x"]), float(here["y"])) == (pytest.approx(4.93), 2016.0)
     # The exact verdict on this joint: the exact boundary runs above it, at the same speed.
     exact = [
         row
         for row in rows(out.with_suffix(".csv"))
-        if row["curve"] == "stick slip ends (integrated)" and row["x"] != "nan"
+        if row["curve"] == "stick-slip ends (integrated)" and row["x"] != "nan"
     ]
     near = [float(row["y"]) for row in exact if abs(math.log(float(row["x"]) / 4.93)) < 0.1]
     assert max(near) == pytest.approx(2414.0, rel=0.15)

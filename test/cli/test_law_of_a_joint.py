@@ -85,7 +85,7 @@ def test_margin(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Eq. (43) is not applicable, with the reason; the exact verdict is of the joint's own law."""
     text = output(capsys, f"margin --model {file} {OPERATING_POINT}")
     assert "not applicable, because it is of the paper's friction law (hess_soom), and this joint's is expo" in text
-    assert "the joint sticks, by integration of Eqs (4)-(6)" in text
+    assert "the joint sticks, as the model predicts by integration of Eqs (4)-(6)" in text
     assert re.search(r"ρ_c +0\.216", text)
     result: dict[str, Any] = json.loads(output(capsys, f"margin --model {file} {OPERATING_POINT} --json"))
     assert result["applicable"] is False
@@ -131,7 +131,9 @@ def test_recommend_is_by_the_exact_condition(file: Path, capsys: pytest.CaptureF
     assert outcomes(groups).steady
     assert all(math.isfinite(one["elasticity"]) for one in result["sensitivities"].values())
     text = output(capsys, f"recommend --model {file} {OPERATING_POINT}")
-    assert text.startswith("By the exact condition (Eq. (43) is not of the law exponential) at 0.00493 rad/s: raise")
+    assert text.startswith(
+        "By the friction model (Eq. (43) does not hold for the law exponential) at 0.00493 rad/s: raise"
+    )
 
 
 def test_map_is_without_eq_43(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,7 +141,7 @@ def test_map_is_without_eq_43(file: Path, tmp_path: Path, capsys: pytest.Capture
     output(capsys, f"map --model {file} {OPERATING_POINT} --points 100 --out {tmp_path / 'map.png'}")
     drawn = (tmp_path / "map.svg").read_text(encoding="utf-8")
     table = (tmp_path / "map.csv").read_text(encoding="utf-8")
-    assert "stick slip ends (integrated)" in table
+    assert "stick-slip ends (integrated)" in table
     assert "by Eq. (43)" not in table
     assert "nan" not in drawn.casefold().split("<text", 1)[-1]
 
@@ -159,6 +161,6 @@ def test_simulate_and_analyze(file: Path, tmp_path: Path, capsys: pytest.Capture
     assert joint["margin"]["exact"]["smooth"] is False
     assert joint["recommendation"]["exactly_smooth"] is True
     said = output(capsys, f"analyze {bags['file']} --model {file}")
-    assert "friction of the law exponential is not learnt" in said
+    assert "friction of the law exponential is not estimated" in said
     assert main(["identify", str(bags["file"]), "--prior", str(file)]) == 2
     assert "'--model' must be a joint of the law that is fitted, hess_soom: exponential" in capsys.readouterr().err

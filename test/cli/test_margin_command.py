@@ -91,7 +91,7 @@ def test_beyond_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("margin --model puma560_joint1 --control-delay", "'--controller-period' must be > 0 where there is a control"),
         ("margin --model nothing", "unknown joint 'nothing'; known joints: dynamixel_mx106, "),
-        ("margin --inertia 6.3", "give --stiffness, --velocity, --stribeck, --stribeck-velocity, or a --model"),
+        ("margin --inertia 6.3", "missing: --stiffness, --velocity, --stribeck, --stribeck-velocity, or a --model"),
         ("margin --model puma560_joint1 --velocity 1e300", "'--velocity' must be at most 10000 rad/s"),
         ("margin --model puma560_joint1 --inertia -1", "'--inertia' must be finite and > 0: -1.0"),
         ("margin --model puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
@@ -121,7 +121,7 @@ def test_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 2: without --json a verdict, numbers with units, and what would change it."""
     assert main(PAPER.replace(" --json", "").split()) == 0
     text = capsys.readouterr().out
-    assert text.startswith("Judged: M 6.3 kg·m², k_p 2016 N·m/rad, k_v 0 N·m·s/rad, ")
+    assert text.startswith("Joint: M 6.3 kg·m², k_p 2016 N·m/rad, k_v 0 N·m·s/rad, ")
     assert "At 0.00493 rad/s the joint sticks" in text
     assert "ρ_steady" in text
     (reserve,) = (line.split() for line in text.splitlines() if "damping reserve" in line)
@@ -145,7 +145,8 @@ def test_how_a_joint_hunts(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["margin", *lugre.split()]) == 0
     text = capsys.readouterr().out
     assert (
-        "It hunts by ±63.9 mrad, once in 24.4 s; no k_i down to a thousandth of it ends that, a k_p from 157 on" in text
+        "It hunts by ±63.9 mrad, once in 24.4 s; no k_i down to a thousandth of the present one ends that, "
+        "with k_p from 157 it does not" in text
     )
 
 
@@ -174,7 +175,7 @@ def test_slips_one_way_are_no_hunting(capsys: pytest.CaptureFixture[str]) -> Non
     main([*given, "3.2"])
     assert "At 0 rad/s the joint comes to rest" in capsys.readouterr().out
     main([*given, "1000"])
-    assert "a k_i up to 322 does not, a k_p from 903 on does not." in capsys.readouterr().out
+    assert "with k_i up to 322 it does not, with k_p from 903 it does not." in capsys.readouterr().out
     main([*given, "1000", "--coulomb", "0"])
     text = capsys.readouterr().out
     assert "the loop is unstable: its motion grows without end" in text

@@ -70,7 +70,7 @@ ROWS: dict[str, dict[str, Row]] = {
         "--contact": Row(("elasto_plastic", "lugre"), (*_SOFT, "--what-if=p=700")),
         "--integral": Row(("0", "100")),
         "--condition": Row(("exact", "paper")),
-        "--wanted-margin": Row(("0.1", "0.9")),
+        "--wanted-reserve": Row(("0.1", "0.9")),
         "--steady-sliding": Row(("", "no")),
         "--slowest-velocity": Row(("0.001", "0.005")),
         "--least-stiffness": Row(("0", "2e4")),

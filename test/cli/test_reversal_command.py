@@ -129,15 +129,15 @@ def test_unknown_coulomb_friction_is_not_taken_for_none(capsys: pytest.CaptureFi
     motion = "--amplitude 0.02 --frequency 0.05"
     for joint in (alone, "--model dynamixel_mx106"):
         run(f"{joint} {motion}", status=2)
-        assert "Coulomb friction, which is not known: give --coulomb" in capsys.readouterr().err
+        assert "missing: --coulomb [N·m], on which reversals depend" in capsys.readouterr().err
     run(f"{alone} {motion} --coulomb 0")
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("", "give --amplitude, or a --trajectory"),
-        ("--amplitude 0.1", "give --frequency, or a --trajectory"),
+        ("", "missing: --amplitude, or a --trajectory"),
+        ("--amplitude 0.1", "missing: --frequency, or a --trajectory"),
         ("--amplitude -0.1 --frequency 1", "'--amplitude' must be finite and > 0: -0.1"),
         ("--amplitude 0.1 --frequency 1e-9", "'--frequency' must be >= "),
         ("--amplitude 0.1 --frequency 1 --trajectory x.csv", "'--amplitude' must be left out where there is a --traj"),

@@ -115,7 +115,7 @@ def test_without_a_monitor_it_says_what_to_look_at(ros_domain: int) -> None:
     """Issue 8: nobody there: one line with the domain, exit status 2."""
     done = subprocess.run([*COMMAND, "--patience", "1"], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
-    assert f"no monitor heard for 1 s in ROS domain {ros_domain}" in done.stderr
+    assert f"No monitor found within 1 s in ROS domain {ros_domain}" in done.stderr
 
 
 def test_watch_over_dds(ros_domain: int) -> None:

@@ -67,7 +67,7 @@ def test_feedback_takes_damping_away_and_hunts_when_too_much(puma: Joint) -> Non
 
 
 def test_a_push_that_fades_is_damping(puma: Joint) -> None:
-    """Issue 23: a push along the error, less the faster the joint: stick slip ends, and the error gets smaller."""
+    """Issue 23: a push along the error, less the faster the joint: stick-slip ends, and the error gets smaller."""
     push = effect(puma, STICKS, push=0.5, fade=0.01, resolution=2.5e-5, speed_filter=0.01)
     assert push.outcome is Outcome.STEADY
     assert 0 < push.steady_error < effect(puma, STICKS).steady_error
@@ -124,7 +124,7 @@ def test_push_and_dither_have_a_verdict(puma: Joint, kind: str, share: float) ->
 
 
 def test_dither_that_is_too_little_sticks(puma: Joint) -> None:
-    """Issue 23: next to no dither leaves verdict and ρ_c as they are; enough of it ends stick slip."""
+    """Issue 23: next to no dither leaves verdict and ρ_c as they are; enough of it ends stick-slip."""
     soft = Gains(stiffness=630.0)
     little = usual(puma, soft, 0.002, "dither", 1e-3)
     alone = verdict(puma, soft, 0.002, detail=Detail.BOUNDARY)

@@ -117,7 +117,7 @@ def test_direction_and_units_make_no_difference(puma: Joint) -> None:
 
 
 def test_without_excess_friction_nothing_persists() -> None:
-    """Issue 3: Coulomb friction alone gives no stick slip once there is any damping."""
+    """Issue 3: Coulomb friction alone gives no stick-slip once there is any damping."""
     joint = Joint(inertia=1.0, friction=Friction(stribeck=1e-9, stribeck_velocity=0.01, viscous=0.5))
     assert cycle_persists(dimensionless_groups(joint, Gains(stiffness=100.0), 0.02)) == 0.0
 

@@ -18,7 +18,7 @@ from stickslip_ros.model.margin import stability_margin
 
 
 def test_map_holds_both_boundaries(puma: Joint) -> None:
-    """Issue 3: each point is the total damping at which stick slip ends, by Eq. (43) and by integration."""
+    """Issue 3: each point is the total damping at which stick-slip ends, by Eq. (43) and by integration."""
     velocity, stiffness = map_axes(puma, points=120)
     computed = extinction_map(puma, velocity, stiffness, workers=2)
     assert computed.paper_damping.shape == computed.exact_damping.shape == (len(stiffness), len(velocity))

@@ -166,7 +166,7 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
 def sticks(
     machine: Machine, gains: Gains, velocity: float, *, periods: float = 200.0, controller_period: float | None = None
 ) -> bool:
-    """Whether stick slip that begins at rest goes on at a steady speed [rad/s], or the joint runs away.
+    """Whether stick-slip that begins at rest goes on at a steady speed [rad/s], or the joint runs away.
 
     It does if it rests in the last fifth.
 

@@ -82,7 +82,7 @@ def _integrate(law, plant, stiffness, damping, references, velocities, period):
 
 
 def sticks(joint: OtherJoint, stiffness: float, damping: float, velocity: float, *, rate: float = 1000.0) -> bool:
-    """Whether stick slip goes on at a steady speed, long after the start."""
+    """Whether stick-slip goes on at a steady speed, long after the start."""
     natural_period = 2.0 * np.pi * np.sqrt(joint.inertia / stiffness)
     settle = (joint.coulomb + joint.stribeck) / (stiffness * velocity)
     duration = settle + 60.0 * natural_period + 4.0 * joint.stribeck / (stiffness * velocity)

@@ -68,7 +68,7 @@ def creeping(
     duration: float = 40.0,
     one_way: float = math.inf,
 ) -> Creeping:
-    """Stick slip of a joint that creeps by about a share ``creep`` of its slip before it slips.
+    """Stick-slip of a joint that creeps by about a share ``creep`` of its slip before it slips.
 
     Parameters
     ----------

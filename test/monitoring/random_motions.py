@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Motions drawn at random that are no stick slip, and stick slip of joints drawn at random, as an encoder sees them."""
+"""Motions drawn at random that are no stick-slip, and stick-slip of joints drawn at random, as an encoder sees them."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ class RandomStickSlip:
 
 
 def random_stick_slip(seed: int, *, rate: float | None = None, longest: float = 40.0) -> RandomStickSlip:
-    """Stick slip of some joint; others are drawn until one sticks and slips often enough [Hz, s]."""
+    """Stick-slip of some joint; others are drawn until one sticks and slips often enough [Hz, s]."""
     generator = np.random.default_rng(seed)
     rate = float(generator.choice(RATES)) if rate is None else rate
     while True:

@@ -55,7 +55,7 @@ def reserve(joint: Joint, gains: Gains, velocity: float) -> float:
     st.floats(0.01, 50.0), st.floats(3.0, 50.0), st.floats(0.0, 0.3), st.floats(0.3, 20.0), st.floats(0.3, 4.0),
     st.floats(0.0, 0.08), st.floats(0.0, 1.0), st.sampled_from([0.0, 0.2, 1.0]),
 )  # fmt: skip
-# Stick slip dies from rest, but not from twice the speed: 132 slips in 40 s, by brute force.
+# Stick-slip dies from rest, but not from twice the speed: 132 slips in 40 s, by brute force.
 @example(inertia=1.0, frequency=19.0, ratio=0.25, level=11.0, speed=2.0, lag=0.0625, rise_time=0.125, wanted=0.2)
 def test_every_variant_reaches_the_wanted_margin(
     inertia: float, frequency: float, ratio: float, level: float, speed: float,
@@ -137,10 +137,10 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
     assert bound[Kind.DAMPING_ONLY].found
     assert not bound[Kind.STIFFNESS_ONLY].found
     reason = bound[Kind.STIFFNESS_ONLY].reason
-    assert reason == "no stiffness alone reaches the wanted margin; in the way: largest stiffness"
+    assert reason == "no stiffness alone gives the wanted reserve within these limits: largest stiffness"
     narrow = recommend(puma, STICKING, SPEED, replace(base, damping_range=(0.0, 10.0)))
     assert narrow[Kind.STIFFNESS_ONLY].found
-    assert narrow[Kind.DAMPING_ONLY].reason.endswith("in the way: largest damping")
+    assert narrow[Kind.DAMPING_ONLY].reason.endswith("within these limits: largest damping")
     none = recommend(
         puma, STICKING, SPEED, replace(base, stiffness_range=(0.0, 2000.0), damping_range=(0.0, 10.0), bandwidth=1e3)
     )
@@ -152,7 +152,7 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
     for text in (
         "largest stiffness (2000 N·m/rad)",
         "largest damping (10 N·m·s/rad)",
-        "best within reach",
+        "best within the limits",
         "smooth from",
     ):
         assert text in reason
@@ -280,7 +280,7 @@ def test_no_gains_are_advised_from_a_guess() -> None:
     assert state.recommended is not None
     assert not state.recommended.found
     assert state.recommended.reason == (
-        "no advice: nothing of the friction is known better than a guess; "
+        "no advice: the friction could not be determined from this motion; "
         "record the effort, or the reference beside the controller's gains"
     )
 

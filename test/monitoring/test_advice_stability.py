@@ -71,7 +71,7 @@ def test_the_recording_does_not_change_the_gains(seed: int) -> None:
         identified = all(state.estimate[name].identified for name in _SEEN)
         total = float(recording.joint.total_damping(replace(recording.gains, damping=advised.damping)))
         certain += [total] if identified else []
-        # What is missing of the wanted margin of 20 % is not what ends stick slip.
+        # What is missing of the wanted margin of 20 % is not what ends stick-slip.
         assert identified or state.estimate.mismatch or total > wanted / 1.2, way
     if certain:
         assert wanted / 1.1 < min(certain) <= max(certain) < 1.1 * wanted

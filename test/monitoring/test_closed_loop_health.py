@@ -88,14 +88,14 @@ def test_swinging_is_seen_without_a_reference() -> None:
     time = np.arange(0.0, 2.0, 0.001)
     cases = {
         "swing": 0.005 * time + 1e-3 * np.exp(time) * np.sin(12.0 * time),
-        "stick slip": 0.005 * (np.floor(time * 2) + np.clip((time * 2 % 1 - 0.6) / 0.4, 0, 1)) / 2,
+        "stick-slip": 0.005 * (np.floor(time * 2) + np.clip((time * 2 % 1 - 0.6) / 0.4, 0, 1)) / 2,
         "turn": 0.05 * np.abs(time - 1.0),
         "counts": 1e-4 * np.round(np.random.default_rng(3).normal(0.05 * time / 1e-4, 0.4)),
     }
     found = {name: swing_of(Batch(time=time, position=position), 1e-4) for name, position in cases.items()}
     assert found["swing"] == pytest.approx(2 * 1e-3 * math.exp(2.0), rel=0.4)
-    assert (found["stick slip"], found["turn"], found["counts"]) == (0.0, 0.0, 0.0)
+    assert (found["stick-slip"], found["turn"], found["counts"]) == (0.0, 0.0, 0.0)
     assert math.isnan(swing_of(batch(), 1e-4))
-    calm, shaken = (replace(health_of(batch(), BAND), swing=found[name]) for name in ("stick slip", "swing"))
+    calm, shaken = (replace(health_of(batch(), BAND), swing=found[name]) for name in ("stick-slip", "swing"))
     assert "swings to and fro" in what_got_worse(calm, shaken, resolution=1e-4)
     assert what_got_worse(shaken, shaken, resolution=1e-4) == ""

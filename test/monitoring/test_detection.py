@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Detection against the simulation's own events, and silence where there is no stick slip."""
+"""Detection against the simulation's own events, and silence where there is no stick-slip."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def test_a_settled_cycle_does_not_separate_rise_time(puma: Joint) -> None:
     assert one["inertia"].identified
     assert not one["rise_time"].identified
     assert {"stribeck", "rise_time"} & set(one.unidentified)
-    assert one.summary().count("from a guess") == 1
+    assert one.summary().count("not determined, default values used: ") == 1
     two = estimated(two_speeds(puma, GAINS)[0], GAINS)
     assert two["rise_time"].identified
     assert two["stribeck"].identified
@@ -162,7 +162,7 @@ def test_what_is_open_rests_on_the_configured_joint(puma: Joint) -> None:
     estimate = estimate_friction(windows, puma)
     assert estimate is not None
     assert estimate["rise_time"].value == pytest.approx(0.264, rel=0.25)
-    assert "from the configuration" in estimate.summary()
+    assert "the configured values used: rise_time" in estimate.summary()
 
 
 def test_what_is_known_roughly_is_no_guess(puma: Joint) -> None:
@@ -171,7 +171,7 @@ def test_what_is_known_roughly_is_no_guess(puma: Joint) -> None:
     covariance = found.covariance.copy()
     viscous = int(np.argmin(np.abs(np.exp(found.logarithms) - found["viscous"].value)))
     covariance[viscous, viscous] = 0.07**2
-    assert "; viscous to 7 % only" in replace(found, covariance=covariance).summary()
+    assert "; uncertain: viscous ±7 %" in replace(found, covariance=covariance).summary()
 
 
 def test_effort_alone_is_enough(puma: Joint) -> None:
@@ -347,10 +347,10 @@ def test_slips_that_teach_nothing_are_told(puma: Joint) -> None:
         monitor.learner.study_now()
     assert monitor.learner.estimate is None
     assert re.search(
-        r"neither configured nor learnt yet: \d+ slips were studied in vain$", monitor.assessment().margin_reason
+        r"neither configured nor estimated yet: \d+ slips were studied in vain$", monitor.assessment().margin_reason
     )
     monitor.learner.reset()
-    assert monitor.assessment().margin_reason.endswith("neither configured nor learnt yet")
+    assert monitor.assessment().margin_reason.endswith("neither configured nor estimated yet")
 
 
 def test_slider_on_a_spring() -> None:

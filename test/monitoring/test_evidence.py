@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What counts as evidence of stick slip, with a reference and without one, and for how long."""
+"""What counts as evidence of stick-slip, with a reference and without one, and for how long."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_shape_of_half_a_cosine(duration: float, way: float, count: int) -> None
 
 
 def followed(batch: Batch) -> tuple[JointMonitor, list[Cycle], float]:
-    """A monitor that has seen the samples, its cycles, and the share of time in stick slip."""
+    """A monitor that has seen the samples, its cycles, and the share of time in stick-slip."""
     monitor = JointMonitor(options=OPTIONS, segments_kept=None)
     cycles = monitor.process(batch) + monitor.finish()
     stuck = sum(one.end - one.start for one in monitor.segments if one.status is Status.STICK_SLIP)

@@ -24,6 +24,6 @@ from stickslip_ros.monitoring.exact_question import as_seen
     ],
 )
 def test_what_is_seen_is_probable(status: Status, before: float, after: float) -> None:
-    """Issue 36, item 9: the probability of stick slip was 0.30 to 0.83 beside a joint that sticks all the time."""
+    """Issue 36, item 9: the probability of stick-slip was 0.30 to 0.83 beside a joint that sticks all the time."""
     verdict = as_seen(ExactVerdict(smooth=False, stick_slip_probability=before), status)
     assert verdict.stick_slip_probability == pytest.approx(after, nan_ok=True)

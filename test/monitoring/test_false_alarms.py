@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Commanded stops are no sticks, with and without a reference; stick slip of joints drawn at random is found."""
+"""Commanded stops are no sticks, with and without a reference; stick-slip of joints drawn at random is found."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def watched(batch: Batch, monitor: JointMonitor) -> Assessment:
 
 @pytest.fixture(scope="module")
 def learnt(request: pytest.FixtureRequest) -> tuple[JointMonitor, Assessment]:
-    """A monitor that was told the gains alone, after 36 s of stick slip."""
+    """A monitor that was told the gains alone, after 36 s of stick-slip."""
     from stickslip_ros.settings.known_joints import load_joint
 
     monitor = JointMonitor(gains=GAINS)
@@ -80,14 +80,14 @@ def test_friction_is_learnt_online(learnt: tuple[JointMonitor, Assessment], puma
 
 
 def test_margin_has_an_error_and_a_probability(learnt: tuple[JointMonitor, Assessment], puma: Joint) -> None:
-    """Issue 4, item 4: the margin comes with a standard error, the probability of stick slip, and what it rests on."""
+    """Issue 4, item 4: the margin comes with a standard error, the probability of stick-slip, and what it rests on."""
     _, state = learnt
     assert state.margin is not None
     true = stability_margin(puma, GAINS, state.velocity)
     assert abs(float(state.margin.energy_margin) - float(true.energy_margin)) < 4.0 * state.margin_std
     assert state.margin_std < 0.2 * abs(float(true.energy_margin))
     assert state.stick_slip_probability == pytest.approx(1.0)
-    assert state.rests_on.startswith("learnt from")
+    assert state.rests_on.startswith("friction estimated from")
 
 
 def test_advice_holds_at_the_chosen_confidence(learnt: tuple[JointMonitor, Assessment]) -> None:
@@ -230,7 +230,7 @@ def test_reset_forgets(puma: Joint) -> None:
     monitor.reset()
     assert monitor.learner.estimate is None
     assert monitor.joint == puma
-    assert monitor.assessment().rests_on in ("", "the configuration")
+    assert monitor.assessment().rests_on in ("", "the configured friction")
 
 
 def test_several_joints_learn_apart() -> None:
@@ -251,7 +251,7 @@ def test_learning_can_be_switched_off(puma: Joint) -> None:
     monitor = JointMonitor(puma, GAINS, MonitorOptions(learn=False))
     state = watched(moving(puma, 12.0), monitor)
     assert state.estimate is None
-    assert state.rests_on == "the configuration"
+    assert state.rests_on == "the configured friction"
     assert math.isnan(state.margin_std)
 
 

@@ -87,7 +87,7 @@ def test_smooth_with_a_thin_margin_is_at_risk(puma: Joint) -> None:
 
 
 def test_cure_is_seen(puma: Joint) -> None:
-    """Issue 2: stick slip, then the advised gains, then smooth: status and margin follow."""
+    """Issue 2: stick-slip, then the advised gains, then smooth: status and margin follow."""
     before = record(puma, STICKING, 0.0058, duration=15.0, hold=0.0)
     monitor = JointMonitor(puma, STICKING)
     monitor.process(before.batch)
@@ -250,7 +250,7 @@ def test_a_silence_ends_the_record_however_it_is_batched(puma: Joint) -> None:
 
 
 def test_segments_have_their_mean_velocities(puma: Joint) -> None:
-    """Also those that became stick slip later, and were joined then."""
+    """Also those that became stick-slip later, and were joined then."""
     batch = record(puma, STICKING, 0.0058, duration=20.0).batch
     monitor = JointMonitor(options=MonitorOptions(learn=False), segments_kept=None)
     for begin in range(0, len(batch), 500):
@@ -361,7 +361,7 @@ def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
     for (_, cycle), known in zip(told, later, strict=True):
         assert abs(cycle.arrest - known.arrest) < 0.03
         assert cycle.slip_distance == pytest.approx(known.slip_distance, rel=0.05, abs=2 * resolution)
-    # Whether it is stick slip at all is not known before the first cycles are over.
+    # Whether it is stick-slip at all is not known before the first cycles are over.
     first = 4 if with_reference else 8
     in_time = [when - cycle.arrest < 0.1 + 1e-3 * step for when, cycle in told[first:-1]]
     assert sum(in_time) >= 0.8 * len(in_time)

@@ -37,7 +37,7 @@ def test_nothing_is_learnt_and_the_configuration_counts(exponential: Joint) -> N
     assert state.cycles > 10
     assert state.estimate is None
     assert state.joint == exponential
-    assert state.rests_on == "the configuration; friction of the law exponential is not learnt"
+    assert state.rests_on == "the configured friction; friction of the law exponential is not estimated"
     assert state.margin is not None
     assert not state.margin.applicable
     assert state.margin_reason.startswith("not applicable, because it is of the paper's friction law")

@@ -232,7 +232,7 @@ def test_a_late_controller_with_gains_to_and_fro(puma: Joint) -> None:
 
 
 def test_the_verdict_at_other_gains_is_right_and_sure(puma: Joint) -> None:
-    """The probability of stick slip is next to 0 or 1 well away from the boundary, and between them next to it."""
+    """The probability of stick-slip is next to 0 or 1 well away from the boundary, and between them next to it."""
     recording, estimate = learnt("base", 0)
     selected, _ = select_model(estimate, None, recording.gains)
     assert selected is not None

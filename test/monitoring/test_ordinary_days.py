@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Issue 33: stick slip is found where a joint does nothing else, and not where it does something else."""
+"""Issue 33: stick-slip is found where a joint does nothing else, and not where it does something else."""
 
 from __future__ import annotations
 

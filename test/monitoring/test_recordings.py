@@ -43,7 +43,7 @@ def test_counts_agree_with_a_person(name: str) -> None:
 
 @pytest.mark.parametrize("with_reference", [False, True])
 def test_kinova_sticks_at_003_and_not_at_030_and_090(with_reference: bool) -> None:
-    """Issue 2: Kinova joint 7, its speed known or not: stick slip at 0.03 rad/s, none at 0.30 and 0.90."""
+    """Issue 2: Kinova joint 7, its speed known or not: stick-slip at 0.03 rad/s, none at 0.30 and 0.90."""
     for speed, sticks in (("0.03", True), ("0.30", False), ("0.90", False)):
         batch = recording(f"kinova_gen3_joint7_{speed}rad_s")
         if with_reference:
@@ -56,7 +56,7 @@ def test_kinova_sticks_at_003_and_not_at_030_and_090(with_reference: bool) -> No
 
 
 def test_openarm_climbs_stairs_for_two_minutes() -> None:
-    """Issue 2: 31 ms sampling with gaps, changing speed, reversals: stick slip for most of the recording."""
+    """Issue 2: 31 ms sampling with gaps, changing speed, reversals: stick-slip for most of the recording."""
     batch = recording("openarm_joint3_tracking")
     _, spent = watch(batch)
     # The rest of the time it stands, where the reference hardly moves: for 25 s at the beginning, and at every turn.
@@ -66,7 +66,7 @@ def test_openarm_climbs_stairs_for_two_minutes() -> None:
 
 
 def test_fairino_is_silent() -> None:
-    """Issue 2: 181 s of slow lines with reversals and a strong Stribeck curve, without stick slip."""
+    """Issue 2: 181 s of slow lines with reversals and a strong Stribeck curve, without stick-slip."""
     cycles, spent = watch(recording("fairino_joint3_line_slow"))
     assert cycles == 0
     assert Status.STICK_SLIP not in spent

@@ -112,7 +112,7 @@ def test_reversing_is_said_with_what_is_measured(puma: Joint) -> None:
         if isinstance(finding.reason, Reversing):
             assert finding.status is Status.NOT_JUDGED
             reasons.add(reason_text(finding))
-    assert any(text.startswith("reversing: it stands for 0.") and "mrad" in text for text in reasons)
+    assert any(text.startswith("reversing: at a reversal it stands for 0.") and "mrad" in text for text in reasons)
 
 
 def test_forgotten_when_told(puma: Joint) -> None:
@@ -164,7 +164,7 @@ def test_a_frictionless_joint_turns_without_standing() -> None:
     monitor.finish()
     assert monitor.assessment().reversals == record
     assert reason_text(Finding(status=Status.NOT_JUDGED, reason=Reversing(record=record))).startswith(
-        "reversing: it turns without standing, and falls behind by "
+        "reversing: at a reversal it does not stand still and falls behind by "
     )
 
 

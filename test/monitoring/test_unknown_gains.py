@@ -130,7 +130,7 @@ def test_the_effort_shows_the_drive(sticking: Batch) -> None:
     assert drive is not None
     assert drive.stiffness == pytest.approx(630.0, rel=0.02)
     assert drive.damping == pytest.approx(12.0, abs=2.0)
-    assert "as the effort shows them" in state.rests_on
+    assert "of the controller estimated from the effort" in state.rests_on
     assert state.margin_gains == Gains(stiffness=drive.stiffness, damping=drive.damping)
 
 
@@ -187,7 +187,7 @@ def test_a_bag_with_effort_and_without_gains(
     assert joint["gains"] is None
     assert joint["margin"]["smooth"] is False
     assert not joint["margin"]["per_inertia"]
-    assert "as the effort shows them" in joint["margin"]["rests_on"]
+    assert "of the controller estimated from the effort" in joint["margin"]["rests_on"]
     assert joint["friction"]["inertia"]["value"] == pytest.approx(6.3, rel=0.05)
     assert joint["recommendation"]["gains_known"] is False
     assert joint["recommendation"]["damping_factor"] > 1.0

@@ -108,7 +108,7 @@ def test_verdict_is_that_of_the_worst_place(
 
 
 def test_smooth_folded_and_sticking_stretched_out() -> None:
-    """Between the boundaries of both the verdict is stick slip, as it is of the machine stretched out."""
+    """Between the boundaries of both the verdict is stick-slip, as it is of the machine stretched out."""
     recording, _, estimate = learnt(ARM)
     worst, best = places(recording)
     sticking, smooth = boundary(worst, GAINS, SPEED), boundary(best, GAINS, SPEED)
@@ -196,7 +196,7 @@ def test_a_load_alone_is_no_growth() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [nightly(LOAD, 1), (EVEN, 2)])
 def test_random_machines(kind: str, seed: int) -> None:
-    """The advice for a random machine, whatever is claimed of it, ends its stick slip at the worst place.
+    """The advice for a random machine, whatever is claimed of it, ends its stick-slip at the worst place.
 
     More of them: `python -m benchmarks.worst_place`.
     """

@@ -57,7 +57,7 @@ def wait_for_stick_slip(one: Probe, joint: str = "joint1") -> None:
     one.wait(
         lambda: one.status(joint) == "stick_slip" and "recommendation" in one.diagnostics[joint][2],
         60.0,
-        f"stick slip of {joint}",
+        f"stick-slip of {joint}",
     )
 
 
@@ -105,7 +105,7 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         # Nothing is left to do, and it says so.
         again = one.answer("apply_recommendation", 20.0)
         assert not again.success
-        assert "b is smooth, which no gains have to change" in again.message
+        assert "b needs no other gains: its status is smooth" in again.message
         # The joint has its new gains in ever so small steps.
         steps = [before["a"][0], *stiffnesses]
         assert len(steps) > 20

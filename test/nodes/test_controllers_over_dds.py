@@ -149,7 +149,7 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
         assert keys["advice, damping only"].startswith("raise the damping")
         assert float(keys["damping_only damping [N*m*s/rad]"]) == pytest.approx(131.9, rel=0.02)
         assert float(keys["damping_only stiffness [N*m/rad]"]) == 630.0
-        assert keys["advice, stiffness only"].endswith("in the way: largest stiffness, least damping ratio")
+        assert keys["advice, stiffness only"].endswith("within these limits: largest stiffness, least damping ratio")
         assert "lag × " in keys["advice, lubricant and mechanics"]
         assert float(keys["reserve elasticity to stribeck [1]"]) < 0
 

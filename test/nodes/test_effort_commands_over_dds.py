@@ -29,7 +29,7 @@ def test_a_loop_closed_by_another_node(ros_domain: int) -> None:
     ):
         one.wait_for_monitor()
         one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 20.0, "the controller's gains")
-        one.wait(lambda: one.status("joint1") == "stick_slip", 30.0, "stick slip")
+        one.wait(lambda: one.status("joint1") == "stick_slip", 30.0, "stick-slip")
         assert one.set_parameters("/effort_controller", {"gains.joint1.p": 1500.0, "gains.joint1.d": 150.0}) == ["", ""]
         one.wait(lambda: one.status("joint1") == "smooth", 30.0, "smooth motion")
 

@@ -18,7 +18,7 @@ from stickslip_ros.cli.processes import NodeProcess
 
 def wait_for_stick_slip(one: Probe, joint: str) -> None:
     """A status and further cycles."""
-    one.wait(lambda: one.status(joint) == "stick_slip" and one.diagnostics[joint][0] != STALE, 60.0, "stick slip")
+    one.wait(lambda: one.status(joint) == "stick_slip" and one.diagnostics[joint][0] != STALE, 60.0, "stick-slip")
     before = len([cycle for cycle in one.cycles if cycle["joint"] == joint])
     one.wait(
         lambda: len([cycle for cycle in one.cycles if cycle["joint"] == joint]) > before + 1, 20.0, "further cycles"

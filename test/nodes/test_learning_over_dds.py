@@ -45,7 +45,7 @@ def test_the_monitor_learns_while_the_joint_moves(ros_domain: int) -> None:
         one.wait(lambda: abs(float(keys()["inertia [kg*m^2]"]) - 6.3) < 0.15, 60.0, "the right inertia")
         said = keys()
         assert float(said["inertia std [kg*m^2]"]) < 1.0
-        assert said["margin rests on"].startswith("learnt from")
+        assert said["margin rests on"].startswith("friction estimated from")
         assert math.isfinite(float(said["energy_margin std [M*stribeck_velocity^2]"]))
         one.wait(lambda: 0.0 <= one.margins["joint1"]["stick_slip_probability"] <= 1.0, 10.0, "the probability")
         assert "inertia 6." in said["friction learnt"]
@@ -149,7 +149,7 @@ def test_effort_without_gains_gives_a_factor(ros_domain: int) -> None:
         assert row["energy_margin"] < 0.0
         assert math.isnan(row["stiffness"])
         assert " × " in said["recommendation"]
-        assert "as the effort shows them" in said["margin rests on"]
+        assert "of the controller estimated from the effort" in said["margin rests on"]
         assert abs(float(said["inertia [kg*m^2]"]) - 6.3) < 0.3
         assert one.recommended is None or not np.isfinite(one.recommended.data).any()
         answer = one.answer("apply_recommendation", 10.0)

@@ -37,7 +37,7 @@ def test_every_transition_again_and_again(ros_domain: int) -> None:
             one.wait(lambda: "/joint_states" in one.entities()["subscriptions"], 5.0, "the node's topics")
             graphs.append(one.entities())
             play(one, "joint1", *staircase(2000), begin=100.0)
-            one.wait(lambda: one.status("joint1") == "stick_slip" and len(one.cycles) >= 8, 20.0, "stick slip")
+            one.wait(lambda: one.status("joint1") == "stick_slip" and len(one.cycles) >= 8, 20.0, "stick-slip")
             # The count comes with the next status; one that began where it ended would be another.
             one.wait(lambda: one.diagnostics["joint1"][2]["cycles [1]"] == str(len(one.cycles)), 5.0, "the count")
             assert one.change_state(Transition.TRANSITION_DEACTIVATE)

@@ -83,7 +83,7 @@ def test_the_page_lives(ros_domain: int) -> None:
         page.wait(lambda: "No monitor has said anything" in page.run(_TEXT), "that nobody is there")
         assert page.run("return getComputedStyle(document.body).paddingLeft") == "16px"
         with NodeProcess("monitor", _KNOWN):
-            page.wait(lambda: "stick slip" in page.run(f"return {_TABLE}"), "the joint that sticks", 60.0)
+            page.wait(lambda: "stick-slip" in page.run(f"return {_TABLE}"), "the joint that sticks", 60.0)
             assert "2 joints." in page.run(_TEXT)
             # The worst is looked at: its motion moves on, its cycle is a loop, its map has regions.
             source = "Bokeh.documents[0]._all_models.values()"
@@ -113,7 +113,7 @@ def test_the_page_lives(ros_domain: int) -> None:
         page.wait(lambda: "No monitor has said anything for" in page.run(_TEXT), "that it is gone", 30.0)
         with NodeProcess("monitor", _KNOWN):
             page.wait(lambda: "No monitor has said" not in page.run(_TEXT), "that it is back", 60.0)
-            page.wait(lambda: "stick slip" in page.run(f"return {_TABLE}"), "the joint that sticks again", 60.0)
+            page.wait(lambda: "stick-slip" in page.run(f"return {_TABLE}"), "the joint that sticks again", 60.0)
         # A plot that has nothing to show yet has no range yet.
         assert [one for one in page.complaints() if "could not set initial ranges" not in one] == []
 

@@ -127,12 +127,12 @@ def move(one: Probe, way: float, seconds: int) -> None:
 
 @with_ros2_control
 def test_it_sticks_and_is_cured(ros_domain: int, tmp_path: Path) -> None:
-    """Gains and references are taken, stick slip is found, narrow limits are refused, the advice is applied."""
+    """Gains and references are taken, stick-slip is found, narrow limits are refused, the advice is applied."""
     with demo(tmp_path) as one:
         one.wait_for_monitor()
         one.wait(lambda: one.margins.get("shoulder", {}).get("stiffness") == 630.0, 60.0, "the controller's gains")
         move(one, 1.5, 300)
-        one.wait(lambda: one.status("shoulder") == "stick_slip", 60.0, "stick slip")
+        one.wait(lambda: one.status("shoulder") == "stick_slip", 60.0, "stick-slip")
         one.wait(lambda: one.diagnostics["shoulder"][2]["velocity is from"] == "reference", 10.0, "the reference")
         one.wait(lambda: "recommended damping [N*m*s/rad]" in one.diagnostics["shoulder"][2], 120.0, "advice")
         narrow = {"limits.shoulder.p_max": 640.0, "limits.shoulder.d_max": 1.0}
@@ -143,7 +143,7 @@ def test_it_sticks_and_is_cured(ros_domain: int, tmp_path: Path) -> None:
         wide = {"limits.shoulder.p_max": 4000.0, "limits.shoulder.d_max": 200.0}
         assert one.set_parameters("/stickslip_monitor", wide) == ["", ""]
         one.wait(lambda: "recommended damping [N*m*s/rad]" in one.diagnostics["shoulder"][2], 60.0, "advice")
-        one.wait(lambda: one.status("shoulder") == "stick_slip", 30.0, "stick slip again")
+        one.wait(lambda: one.status("shoulder") == "stick_slip", 30.0, "stick-slip again")
         answer = one.answer("apply_recommendation", 120.0)
         assert answer.success, answer.message
         assert one.get_parameters(CONTROLLER, ["gains.shoulder.d"])[0] > 0.0

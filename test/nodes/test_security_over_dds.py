@@ -125,7 +125,7 @@ def test_bounds_hold_against_parameters_and_transitions(ros_domain: int) -> None
         one.wait(
             lambda: one.status("joint1") == "stick_slip" and "recommendation" in one.diagnostics["joint1"][2],
             60.0,
-            "stick slip",
+            "stick-slip",
         )
         answer = one.answer("apply_recommendation", 60.0)
         assert not answer.success

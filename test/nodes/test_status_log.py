@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Issue 34, item 14: the log has one line at each change to or from stick slip, and few of a joint that flaps."""
+"""Issue 34, item 14: the log has one line at each change to or from stick-slip, and few of a joint that flaps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def lines_of(statuses: list[tuple[float, str]], joint: str = "joint1") -> list[s
 
 
 def test_a_line_at_each_change() -> None:
-    """Stick slip is a warning, its end is none; rest and smooth motion are no news."""
+    """Stick-slip is a warning, its end is none; rest and smooth motion are no news."""
     words = ["unknown", "at_rest", "smooth", "smooth", "stick_slip", "stick_slip", "smooth", "at_rest", "at_risk"]
     assert lines_of([(100.0 * index, word) for index, word in enumerate(words)]) == [
         "WARN joint1: stick_slip: because (was smooth)",

@@ -60,7 +60,7 @@ def cycles(one: Probe, joint: str = "joint1") -> list[float]:
 
 
 def wait_for_stairs(one: Probe, count: int, joint: str = "joint1") -> None:
-    """So many cycles, and stick slip."""
+    """So many cycles, and stick-slip."""
     one.wait(lambda: len(cycles(one, joint)) >= count and one.status(joint) == "stick_slip", 10.0, f"{count} cycles")
 
 

@@ -135,7 +135,7 @@ def _length(joint: JointComparison) -> float:
 def _motions(
     analysis: BagAnalysis, joints: dict[str, JointAnalysis], lengths: dict[str, float], options: AnalysisOptions
 ) -> dict[str, FloatArray]:
-    """Times and positions of each joint from the beginning of what is drawn, forwards upwards."""
+    """Times and positions of each joint from the beginning of the plot; forward motion is up."""
     windows = {name: (begin, begin + lengths[name]) for name, joint in joints.items()
                if math.isfinite(begin := _begin(joint, lengths[name]))}  # fmt: skip
     found = read_windows(Path(analysis.path), windows, options.topics, options.unpacking)
@@ -163,7 +163,7 @@ def _begin(joint: JointAnalysis, length: float) -> float:
 def _overlay(joint: JointComparison, before: FloatArray, after: FloatArray) -> Plot:
     from stickslip_ros.analysis.report.plots import BLUE, RED, finish, new_figure
 
-    plot: Any = new_figure("time [s]", "way [rad]")
+    plot: Any = new_figure("time [s]", "distance moved [rad]")
     for label, motion, colour in (("before", before, RED), ("after", after, BLUE)):
         time, way = motion.astype(np.float32)
         plot.line(time, way, color=colour, line_width=2, legend_label=label)
@@ -173,7 +173,7 @@ def _overlay(joint: JointComparison, before: FloatArray, after: FloatArray) -> P
     return Plot(
         plot,
         "Both motions",
-        f"{end:.3g} s of {joint.name} from each recording, each from its own beginning, forwards upwards: "
-        "stairs are stick slip, a straight line is smooth motion, a wavy one swings without a stop. "
+        f"{end:.3g} s of {joint.name} from each recording, each from its own beginning; forward motion is up: "
+        "stairs are stick-slip, a straight line is smooth motion, a wavy one swings without a stop. "
         f"Mean speeds here: {speeds}.",
     )

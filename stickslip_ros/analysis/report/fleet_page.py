@@ -25,7 +25,7 @@ from stickslip_ros.visible import visible
 
 # Plotted of the joint that is chosen: what it is called, and what its values are multiplied by.
 _PLOTS = {
-    "stick_slip": ("Stick slip [% of moving time]", 100.0),
+    "stick_slip": ("Stick-slip [% of moving time]", 100.0),
     "coulomb": ("Coulomb friction, with any load [N·m]", 1.0),
     "reserve": ("Damping reserve [%]", 100.0),
     "stribeck": ("Stribeck friction [N·m]", 1.0),
@@ -96,7 +96,7 @@ def write_fleet_page(
         "fleet.html",
         plots,
         own_script="fleet.js",
-        title=f"Stick slip in {counted(len(answers), 'recording')}",
+        title=f"Stick-slip in {counted(len(answers), 'recording')}",
         robots=len({joint.robot for joint in joints}),
         lines=[_line(index, joint, links) for index, joint in enumerate(joints)],
         statuses=[status for status in Status if any(joint.status is status for joint in joints)],

@@ -74,7 +74,7 @@ def _small(values: FloatArray) -> Any:
 
 
 def position_plot(joint: JointAnalysis) -> Plot | None:
-    """The whole recording: position in outline, reference, stretches of stick slip, breakaways."""
+    """The whole recording: position in outline, reference, stretches of stick-slip, breakaways."""
     if joint.traces is None:
         return None
     time, low, high = joint.traces.position.points()
@@ -116,7 +116,7 @@ def position_plot(joint: JointAnalysis) -> Plot | None:
         plot,
         "Position and reference",
         f"Position of {joint.name} over {joint.duration:.4g} s; {len(joint.cycles)} breakaways marked by triangles, "
-        f"{sticking:.3g} s of stick slip shaded red. Drag a box to zoom, the round arrow shows everything again.",
+        f"{sticking:.3g} s of stick-slip shaded red. Drag a box to zoom, the round arrow shows everything again.",
         wide=True,
     )
 
@@ -203,9 +203,9 @@ def phase_plot(joint: JointAnalysis) -> Plot | None:
     return Plot(
         plot,
         "One cycle in the phase plane",
-        "The slip as a loop about the moving equilibrium, beside the circle that it would be without friction's fall "
-        f"(ω = {frequency:.3g} 1/s). It stays outside of the circle where stick slip goes on, and is drawn towards it "
-        "where it dies out.",
+        "The slip as a loop about the moving equilibrium, and the circle that it would be if friction did not fall "
+        f"with speed (ω = {frequency:.3g} 1/s). If the loop stays outside the circle, stick-slip continues; if it "
+        "shrinks to the circle, it dies out.",
     )
 
 
@@ -273,7 +273,7 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
         plot,
         "Friction against speed",
         f"{caption[:1].upper()}{caption[1:]}. The dotted line is at {joint.velocity:.3g} rad/s. "
-        "Friction that falls with speed is what feeds stick slip.",
+        "Friction that falls with speed is what feeds stick-slip.",
     )
 
 

@@ -80,7 +80,7 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         path,
         "report.html",
         [plot for section in sections for plot in section.plots],
-        title=f"Stick slip in {Path(analysis.path).name}",
+        title=f"Stick-slip in {Path(analysis.path).name}",
         when=datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ")
         if start > YEAR_2001
         else "",

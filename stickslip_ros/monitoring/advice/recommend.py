@@ -158,7 +158,7 @@ class _Case:
             present=present,
         )
         if search.reaches_margin(self._gains) and self._verified(self._gains):
-            kept = [replace(present, kind=kind, reason="keep the gains: the wanted margin is reached") for kind in Kind]
+            kept = [replace(present, kind=kind, reason="keep the gains: they have the wanted reserve") for kind in Kind]
             lowest = self._slowest_smooth(self._gains)
             return replace(answer, variants=tuple(kept), keep=True, slowest_smooth_velocity=lowest)
         variants = []
@@ -175,9 +175,7 @@ class _Case:
             lowest = self._slowest_smooth(variants[0].gains)
             return replace(answer, variants=tuple(variants), slowest_smooth_velocity=lowest)
         if self._beyond_paper:
-            text = (
-                "no gains tried within the bounds are smooth with the integral action and sampled control as they are"
-            )
+            text = "no gains tried within the limits give smooth motion with this integral action and sampled control"
             variants[0] = replace(variants[0], reason=text)
             return replace(answer, variants=tuple(variants))
         obstruction = search.obstruction()
@@ -277,8 +275,8 @@ class _Case:
             return f"no {kind.value.split('_')[0]} alone was found"
         word = kind.value.split("_")[0]
         names = search.bounds_blocking_damping() if kind is Kind.DAMPING_ONLY else search.bounds_blocking_stiffness()
-        text = f"no {word} alone reaches the wanted margin"
-        return f"{text}; in the way: {', '.join(names)}" if names else text
+        text = f"no {word} alone gives the wanted reserve"
+        return f"{text} within these limits: {', '.join(names)}" if names else text
 
     def _integration_agrees(self, gains: Gains) -> bool:
         """Whether the integration agrees: the joint is smooth, or steady, at every speed, with the margin if exact."""
@@ -387,18 +385,18 @@ class _Case:
         return float((exact_lowest_smooth_velocity if self._exact else lowest_smooth_velocity)(self._joint, gains))
 
     def _obstruction_text(self, obstruction: Obstruction, lowest: float) -> str:
-        text = f"no gains reach the wanted margin at {self._slowest:.3g} rad/s: {obstruction.text}"
+        text = f"no gains within the limits give the wanted reserve at {self._slowest:.3g} rad/s: {obstruction.text}"
         if obstruction.best is None:
             return text
         best = obstruction.best
         if self._gains_known:
-            text += f"; the best within reach is stiffness {float(best.stiffness):.4g} N·m/rad with damping "
+            text += f"; the best within the limits is stiffness {float(best.stiffness):.4g} N·m/rad with damping "
             text += f"{float(best.damping):.4g} N·m·s/rad"
         else:
-            text += f"; the best within reach is {self._change_text(best) or 'what there is'}"
+            text += f"; the best within the limits is {self._change_text(best) or 'the present gains'}"
         text += f", {_percent(obstruction.reserve)}"
         if 0 < lowest < math.inf:
-            text += f", smooth from {lowest:.3g} rad/s on"
+            text += f", smooth at {lowest:.3g} rad/s and faster"
         return text
 
 

@@ -63,7 +63,7 @@ class Variant:
 
     @property
     def exactly_smooth(self) -> bool | None:
-        """Whether stick slip dies out, integrated from the worst start; None without an answer."""
+        """Whether stick-slip dies out, integrated from the worst start; None without an answer."""
         return None if self.outcome is None else self.outcome is not Outcome.STICKS
 
     @property

@@ -185,13 +185,12 @@ class AdviceSearch:
         texts = {name: f"{name} ({bound.text})" for name, bound in bounds.items()}
         names, together = _blocking_bounds(bounds, lambda least, largest: _any_feasible(least, largest, needed))
         if together:
-            text = " and ".join(texts[name] for name in names) + " are in the way together"
+            text = "these limits together exclude them: " + " and ".join(texts[name] for name in names)
         elif names:
-            text = ", or ".join(texts[name] for name in names) + (
-                " is in the way" if len(names) == 1 else ": each is in the way"
-            )
+            text = ", or ".join(texts[name] for name in names)
+            text = f"the limit {text} excludes them" if len(names) == 1 else f"relax one of these limits: {text}"
         else:
-            text = "no stiffness and damping would do, whatever the bounds"
+            text = "no stiffness and damping give it, with any limits"
         best, reserve = self._best(places, bounds, needed)
         return Obstruction(bounds=names, together=together, text=text, best=best, reserve=reserve)
 
@@ -282,7 +281,7 @@ class AdviceSearch:
         bounds = bounds_at(self._stiffness(places), self._joint, self._gains, self._limits, self._loop)
         if self._learnt:
             bounds[_LEARNT] = Bound(
-                text=f"it does not answer for gains × {_LEARNT_REACH:g}",
+                text=f"not valid for gains more than {_LEARNT_REACH:g} times the present ones",
                 least=np.full(places.shape, -math.inf),
                 largest=_LEARNT_REACH * self._before - self._own(places),
             )

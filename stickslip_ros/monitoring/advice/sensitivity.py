@@ -87,7 +87,8 @@ def in_words(found: tuple[Sensitivity, ...]) -> str:
         for one in sorted(found, key=lambda one: abs(math.log(one.factor)) if one.factor > 0 else math.inf)
         if math.isfinite(one.factor) and one.factor != 1.0
     ]
-    return f"with the gains as they are: {', or '.join(words)}" if words else ""
+    one = "one friction parameter changed"
+    return f"Without new gains the joint would also be smooth if {one}: {', or '.join(words)}" if words else ""
 
 
 def _groups(joint: Joint, parameter: str, factors: FloatArray, gains: Gains, velocity: float) -> DimensionlessGroups:

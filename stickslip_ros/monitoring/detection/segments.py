@@ -59,13 +59,13 @@ class Segments:
             self._extend(rows[begin:end], STATUS_OF[int(codes[begin])])
 
     def relabel(self, start: float, end: float) -> None:
-        """Let a stretch of time be stick slip after all, as became certain only later."""
+        """Let a stretch of time be stick-slip after all, as became certain only later."""
         reached = self._from + _way(self.all[-1]) if self.all else math.nan
         later: list[Segment] = []
         while self.all and self.all[-1].end > start:
             later.append(self.all.pop())
         for segment in reversed(later):
-            # What is called smooth, or was stick slip before, was judged by itself.
+            # What is called smooth, or was stick-slip before, was judged by itself.
             status = Status.STICK_SLIP if segment.status in _MENDED else segment.status
             for begin, until, which in (
                 (segment.start, start, segment.status),

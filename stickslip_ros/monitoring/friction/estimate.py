@@ -42,6 +42,11 @@ COULOMB_AND_LOAD = "coulomb_and_load"  # what one direction shows of the two
 
 # Misfit, of a slip, and slips set aside, of all slips: an estimate with more is not usable.
 _USABLE, USABLE_ASIDE = 0.02, 0.25
+_KNOWN = {
+    ForceSource.GAINS: "gains and reference known",
+    ForceSource.EFFORT: "effort known",
+    ForceSource.SPEED: "from the motion alone",
+}
 _SEEN = 3.0  # value, standard errors
 _ROUGHLY = 0.3  # standard error, of the value: with less a parameter that is not identified is still no guess
 DRAWS = 128  # draws from the estimate, 1: half of them and their mirror images
@@ -253,37 +258,35 @@ class FrictionEstimate:
     def _not_identified(self) -> str:
         """What is known of it roughly, and what is not known."""
         errors = {name: self[name].std / self[name].value for name in self.unidentified}
-        roughly = [f"{name} to {100.0 * error:.0f} %" for name, error in errors.items() if error < _ROUGHLY]
-        text = f"; {', '.join(roughly)} only" if roughly else ""
+        roughly = [f"{name} ±{100.0 * error:.0f} %" for name, error in errors.items() if error < _ROUGHLY]
+        text = f"; uncertain: {', '.join(roughly)}" if roughly else ""
         unknown = [name for name, error in errors.items() if not error < _ROUGHLY]
-        prior = "the configuration" if self.configured else "a guess"
-        return f"{text}; {', '.join(unknown)} from {prior}" if unknown else text
+        prior = "the configured values" if self.configured else "default values"
+        return f"{text}; not determined, {prior} used: {', '.join(unknown)}" if unknown else text
 
     def summary(self) -> str:
         """One sentence on what the estimate rests on."""
-        text = f"learnt from {self.slips} slips by {self.source.value}"
+        text = f"friction estimated from {self.slips} slips ({_KNOWN[self.source]})"
         if self.unidentified and not self.mismatch:
             text += self._not_identified()
         if self.law != PAPERS_LAW:
-            text += f"; by the {self.law} law"
+            text += f"; law: {self.law}"
         if self.alternatives:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
-            text += f"; the law may be {others} as well"
+            text += f"; the law may also be {others}"
         if self.friction_factor is not None:
             text += f"; {self.friction_factor.text}"
         if self.curvature is not None:
             text += f"; {self.curvature.text}"
         if self.may_be_late:
-            text += "; there is next to no viscous friction, or a controller that acts late takes it away"
+            text += "; viscous friction is nearly zero, or a delay of the controller cancels it"
         elif self.late is not None and self.late.missing_damping > 0.0:
-            text += (
-                f"; the controller acts late, which takes {self.late.missing_damping:.2g} N·m·s/rad more damping than "
-                "friction gives"
-            )
+            missing = self.late.missing_damping
+            text += f"; the controller acts late: that removes {missing:.2g} N·m·s/rad more damping than friction adds"
         elif self.late is not None and self.late.delay > _SEEN * self.late.delay_std:
             text += f"; the controller acts {1000.0 * self.late.delay:.2g} ms late"
         if self.mismatch:
-            text += f"; {self.mismatch}, so that no parameter is certain"
+            text += f"; {self.mismatch}: do not trust the parameters"
         return text
 
 

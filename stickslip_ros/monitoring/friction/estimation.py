@@ -225,15 +225,15 @@ def unexplained(fitted: FittedLaw) -> str:
     aside = int((~problem.noise.usable).sum())
     reasons = []
     if left_over > _LARGEST_UNEXPLAINED:
-        reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
+        reasons.append(f"error {100 * left_over:.2g} % of a slip")
     elif solution.mean_square > FITS:
-        reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
+        reasons.append(f"residuals {math.sqrt(solution.mean_square):.2f} times the errors of the positions")
     if scatter > _SCATTER:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
     if fitted.unsettled:
-        reasons.append("its contact yields, and it slips again before it has come to rest on it")
+        reasons.append("its contact yields, and the joint slips again before it has come to rest")
     if aside > _ASIDE * problem.count:
-        reasons.append(f"{aside} of {problem.count} slips are like nothing it knows")
+        reasons.append(f"{aside} of {problem.count} slips do not fit at all")
     return "; ".join(reasons)
 
 

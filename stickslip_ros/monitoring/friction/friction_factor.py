@@ -88,8 +88,10 @@ class FrictionFactor:
         size = f"Stribeck friction varies by {100.0 * self.share:.2g} ± {100.0 * self.std:.1g} %"
         if self.position_disturbance.with_load:
             way = "least" if self.decreasing else "largest"
-            return f"{size} with the load; as at the {way} load seen, {self.loads[not self.decreasing]:.3g} N·m"
-        return f"{size} with position; as at the worst place seen, {self.worst_position:.3g} rad"
+            return (
+                f"{size} with the load; values are for the {way} load seen, {self.loads[not self.decreasing]:.3g} N·m"
+            )
+        return f"{size} with position; values are for the worst position seen, {self.worst_position:.3g} rad"
 
     @property
     def worst_position(self) -> float:

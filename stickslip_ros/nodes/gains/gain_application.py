@@ -36,7 +36,7 @@ _RETREAT_PERIOD = 0.05  # time between two steps back, s: going back is urgent
 _LONGEST_ADVICE = 10.0  # time until there is advice on the gains in force, s: exact advice takes seconds
 _REST = 10.0  # time at rest after which a ramp ends, s: a joint at rest does not reveal the effect of gains
 _JUDGEMENT = 10.0  # time until the status after a ramp is known, s, beside the cycles below
-_CYCLES = 3.0  # number of cycles until that status is known, 1: stick slip is a repeated motion
+_CYCLES = 3.0  # number of cycles until that status is known, 1: stick-slip is a repeated motion
 _LONGEST_JUDGEMENT = 60.0  # limit of that time, s: somebody waits for the answer
 _RANK = {Status.SMOOTH: 0, Status.AT_RISK: 1, Status.STICK_SLIP: 2}
 
@@ -293,7 +293,7 @@ class GainApplication:
         while self._clock() - begun < patience:
             yield from self._pause(_STEP_PERIOD)
             status = self._watch.status
-            # Two more cycles are stick slip with the new gains, and not with those before.
+            # Two more cycles are stick-slip with the new gains, and not with those before.
             sticks = status is Status.STICK_SLIP and self._watch.cycles >= cycles + 2
             if self._clock() - begun >= 2.0 * WATCH and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
                 return status

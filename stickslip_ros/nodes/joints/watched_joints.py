@@ -125,18 +125,18 @@ class WatchedJoint:
         """Why the advice cannot be applied, or ""; SI units."""
         recommendation, status = assessment.recommendation, assessment.finding.status
         if status not in WORTH_CHANGING:
-            return f"{self.name} is {status.value}, which no gains have to change"
+            return f"{self.name} needs no other gains: its status is {status.value}"
         if recommendation is None:
-            return f"{self.name} has no advice: {assessment.margin_reason or 'it is being worked out'}"
+            return f"{self.name} has no advice: {assessment.margin_reason or 'it is being computed'}"
         if recommendation.keep:
-            return f"{self.name} has the wanted margin already; if it sticks, its friction is not what is believed"
+            return f"{self.name} already has the wanted reserve; if it sticks, the friction estimate is wrong"
         if self.advised(assessment) is None:
             reason = assessment.recommended.reason if assessment.recommended else ""
             return f"{self.name}: " + (reason if assessment.gains_known else "its gains are not known")
         if not has_controller:
             return f"{self.name} has no controller whose parameters could be written (parameter 'controller')"
         if math.isinf(self.bounds("stiffness_range")[1]) or math.isinf(self.bounds("damping_range")[1]):
-            return f"{self.name} has no bounds: set limits.{self.name}.p_max and limits.{self.name}.d_max first"
+            return f"{self.name} has no limits: set limits.{self.name}.p_max and limits.{self.name}.d_max first"
         return ""
 
 
