@@ -137,5 +137,5 @@ def _table(joint: JointComparison) -> Table:
         table.add_row(label, *values, f"[{colour}]{change_text(one)}[/]")
     if any(one.exact.outcome is not None for one in sides):
         outcomes = ("–" if one.exact.outcome is None else OUTCOME_WORDS[one.exact.outcome.value] for one in sides)
-        table.add_row("integrated, it", *outcomes, "")
+        table.add_row("model predicts", *outcomes, "")
     return table

@@ -9,16 +9,15 @@ joint hunt. Exit status 0 only if all three were seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from rclpy.task import Future
 from rich.console import Console
 
 from stickslip_ros.cli.demo_log import DemoListener
 from stickslip_ros.cli.demo_picture import draw
-from stickslip_ros.cli.demo_waiting import Ticker, wait
+from stickslip_ros.cli.demo_waiting import Stage
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
 
@@ -36,14 +35,14 @@ class _Scene:
     """The joint, its monitor, and who looks at them."""
 
     def __init__(self, console: Console, listener: DemoListener, nodes: list[NodeProcess]) -> None:
-        self.listener, self._nodes = listener, nodes
-        self._ticker = Ticker(console, listener, "rad")
+        self.listener = listener
+        self._stage = Stage(console, listener, nodes, "rad")
         self._cycles = 0
 
         def both_heard() -> bool:
             return listener.status != "" and not math.isnan(listener.now)
 
-        wait(listener, nodes, both_heard, _LIMIT, "the nodes to be heard", self._ticker)
+        self._wait(both_heard, "the nodes to be heard")
         self.marks: list[tuple[float, str]] = []
 
     def begin(self, values: Mapping[str, object], called: str = "") -> None:
@@ -56,33 +55,32 @@ class _Scene:
         joint = self.listener.joint
         named = {".".join([kind, joint, *rest]): value for name, value in values.items()
                  for kind, *rest in [name.split(".")]}  # fmt: skip
-        self._done(self.listener.set_parameters(_CONTROLLER, named), "the joint's parameters to be set")
-        self._done(self.listener.trigger(_MONITOR, "reset", "reset it"), "the monitor to answer")
-        # What was told before the monitor forgot is not to be taken for news.
-        forgotten = "the monitor to forget what was before"
-        wait(self.listener, self._nodes, lambda: not self._reversals(), _LIMIT, forgotten, self._ticker)
+        self._wait(self.listener.set_parameters(_CONTROLLER, named).done, "the joint's parameters to be set")
+        self._wait(self.listener.trigger(_MONITOR, "reset", "reset it").done, "the monitor to answer")
+        # What was published before the reset does not count.
+        self._wait(lambda: not self._reversals(), "the monitor to be reset")
         self.listener.listen(0.2)
         if called:
             self.marks.append((self.listener.now, called))
         self._cycles = len(self.listener.data.cycles)
 
-    def _done(self, answer: Future, what: str) -> None:
-        wait(self.listener, self._nodes, answer.done, _LIMIT, what, self._ticker)
+    def _wait(self, reached: Callable[[], bool], what: str) -> None:
+        self._stage.wait(reached, _LIMIT, what)
 
     def _reversals(self) -> float:
-        """As told last."""
+        """Their latest number."""
         return float(self.listener.value("reversals [1]") or 0.0)
 
     def slips(self) -> float:
         """Wait for some; returns the last one's way [rad]."""
         cycles = self.listener.data.cycles
         enough = self._cycles + _CYCLES
-        wait(self.listener, self._nodes, lambda: len(cycles) >= enough, _LIMIT, "stick-slip", self._ticker)
+        self._wait(lambda: len(cycles) >= enough, "stick-slip")
         return abs(cycles[-1]["slip_distance"])
 
     def reversal(self) -> tuple[float, float]:
         """Wait for some; returns how long the joint stands [s], and its peak error [rad]."""
-        wait(self.listener, self._nodes, lambda: self._reversals() >= _TURNS, _LIMIT, "reversals", self._ticker)
+        self._wait(lambda: self._reversals() >= _TURNS, "reversals")
         values = [self.listener.value(f"reversal {what}") for what in ("standing [s]", "peak_error [rad]")]
         return float(values[0]), float(values[1])
 

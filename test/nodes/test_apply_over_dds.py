@@ -88,7 +88,7 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         )
         answer = one.answer("apply_recommendation", 60.0)
         assert answer.success, answer.message
-        assert "it was stick_slip, it is smooth" in answer.message
+        assert "stick_slip before, smooth now" in answer.message
         one.wait(lambda: one.status("a") == "smooth", 20.0, "smooth motion")
         until = max(time.monotonic() + 4.0, begin + 22.0)
         one.wait(lambda: time.monotonic() > until, 30.0, "a while")
@@ -115,7 +115,7 @@ def test_one_of_three_joints_is_cured_and_the_others_are_left_alone(ros_domain: 
         (first,) = (
             number for number, line in enumerate(log) if re.search(r"go from p .* to p .*raise the stiff", line)
         )
-        (last,) = (number for number, line in enumerate(log) if "it was stick_slip, it is smooth" in line)
+        (last,) = (number for number, line in enumerate(log) if "stick_slip before, smooth now" in line)
         between = [line for line in log[first + 1 : last] if "of the way" in line]
         times = [float(re.search(r"\[(\d+\.\d+)\]", line)[1]) for line in [log[first], *between]]  # type: ignore[index]
         assert 0 < len(between) < 0.5 * len(steps)

@@ -306,7 +306,7 @@ class RampMachine(RuleBasedStateMachine):
         elif not self.upset:
             raise AssertionError(f"it does not say what is in force: {message}")
         # Success is what it says.
-        judged = re.search(r"; it was (\w+), it is (\w+)", message)
+        judged = re.search(r"; (\w+) before, (\w+) now", message)
         if outcome.success and judged is not None:
             order = [status.value for status in (Status.SMOOTH, Status.AT_RISK, Status.STICK_SLIP)]
             assert order.index(judged[2]) < order.index(judged[1])

@@ -260,8 +260,8 @@ class GainApplication:
             return True, f"back {way}"
         after = yield from self._judged()
         if after is None:
-            return False, f"{way}; it was {before.value}, and it cannot be judged yet whether it is better"
-        return _RANK[after] < _RANK.get(before, 0), f"{way}; it was {before.value}, it is {after.value}"
+            return False, f"{way}; {before.value} before, and it cannot be judged yet whether that is better"
+        return _RANK[after] < _RANK.get(before, 0), f"{way}; {before.value} before, {after.value} now"
 
     def _climb(self, target: Target) -> Waiting[int]:
         """Write all steps; returns their number."""
