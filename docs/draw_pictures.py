@@ -60,7 +60,9 @@ def draw_running(folder: Path) -> None:
         "gains.elbow_joint.p": 2016.0, "gains.elbow_joint.d": 34.0,
     }  # fmt: skip
     models = {f"model.{name}": "puma560_joint1" for name in _JOINTS}
-    monitor = {"joints": f"[{', '.join(_JOINTS)}]", "controller": "/simulated_joint", "state_file": "none", **models}
+    monitor: dict[str, object] = {
+        "joints": f"[{', '.join(_JOINTS)}]", "controller": "/simulated_joint", "state_file": "none", **models,
+    }  # fmt: skip
     isolate()
     with NodeProcess("simulated_joint", parameters), NodeProcess("monitor", monitor):
         listener = WatchListener()
@@ -76,7 +78,7 @@ def draw_running(folder: Path) -> None:
         while time.monotonic() < until:
             listener.listen(1.0)
         console = Console(record=True, width=112, file=io.StringIO(), force_terminal=True, color_system="truecolor")
-        console.print(view(listener.joints(), listener.header(), duration=10.0, width=112))
+        console.print(view(listener.joints(), listener.header(), console, duration=10.0))
         listener.close()
     (PICTURES / "stability_map.png").write_bytes(images[_JOINTS[0]])
     page = folder / "watch.html"

@@ -231,21 +231,25 @@ def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequenc
     one is known: a joint that sticks before it is told to move, or falls behind, has a lower mean speed.
     """
     if status is Status.STICK_SLIP and cycles:
-        speeds = [
-            cycle.reference_speed if math.isfinite(cycle.reference_speed) and not cycle.hunting else cycle.mean_speed
-            for cycle in cycles
-        ]
-        return _usual(speeds, [cycle.period for cycle in cycles])
+        return sticking_speed(cycles)
     for wanted in dict.fromkeys((status, *SEVERITY[:4])):
         chosen = [segment for segment in segments if segment.status is wanted and segment.velocity != 0.0]
         lengths = [segment.end - segment.start for segment in chosen]
         if sum(lengths) > 0.0:
-            return _usual([abs(segment.velocity) for segment in chosen], lengths)
+            return _quantile([abs(segment.velocity) for segment in chosen], lengths, 0.5)
     return math.nan
 
 
-def _usual(values: Sequence[float], weights: Sequence[float]) -> float:
-    """Weighted median."""
+def sticking_speed(cycles: Sequence[Cycle], share: float = 0.5) -> float:
+    """The speed [rad/s] below which this share of the time of stick-slip was spent; of the reference, where known."""
+    speeds = [
+        cycle.reference_speed if math.isfinite(cycle.reference_speed) and not cycle.hunting else cycle.mean_speed
+        for cycle in cycles
+    ]
+    return _quantile(speeds, [cycle.period for cycle in cycles], share)
+
+
+def _quantile(values: Sequence[float], weights: Sequence[float], share: float) -> float:
     order = np.argsort(values)
     sums = np.cumsum(np.asarray(weights)[order])
-    return float(np.asarray(values)[order][int(np.searchsorted(sums, 0.5 * sums[-1]))])
+    return float(np.asarray(values)[order][int(np.searchsorted(sums, share * sums[-1]))])

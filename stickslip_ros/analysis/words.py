@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stickslip_ros.analysis.joint_analysis import JointAnalysis
+from stickslip_ros.analysis.joint_analysis import JointAnalysis, sticking_speed
 from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
@@ -19,6 +19,8 @@ from stickslip_ros.output.wording import dry_friction_text, presliding_text, rev
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
 _MOST_NAMED = 5  # joints
+_SLOW_SHARE = 0.1  # share of the time of stick-slip, 1: what is shorter may be a start
+_SLOWER = 0.8  # speed, of that of the advice: gains with the wanted reserve are enough to it
 _OTHERWISE = "it moves too little, or reverses too often"
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
@@ -149,7 +151,19 @@ def advice(joint: JointAnalysis) -> str:
             return _sentence(advised.reason.rstrip("."))
         text = f"change {' and '.join(changes)}"
     text = f"perhaps {text}{faster}: {state.misfit_text}" if state.misfit_text else f"{text}{faster}"
-    return _sentence(text)
+    return _sentence(text) + _slower_too(joint)
+
+
+def _slower_too(joint: JointAnalysis) -> str:
+    """That the joint also stuck where the advised gains need not be enough."""
+    slow = sticking_speed(joint.cycles, _SLOW_SHARE) if joint.cycles else math.nan
+    recommendation = joint.assessment.recommendation
+    if recommendation is None or not slow < _SLOWER * recommendation.velocity:
+        return ""
+    return (
+        f" These gains are for {recommendation.velocity:.3g} rad/s. It also stuck at {slow:.3g} rad/s: "
+        f"--slowest-velocity {slow:.3g} advises gains for both."
+    )
 
 
 def _sentence(text: str) -> str:

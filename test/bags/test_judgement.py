@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -173,6 +174,30 @@ def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:
     assert joints["sticking"].transient is None
     assert (joints["smooth"].status, joints["smooth"].stick_slip_share) == (SMOOTH, 0.0)
     assert words.advice(joints["smooth"]) == "Its gains have the wanted reserve: keep them."
+
+
+def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A joint that stuck at 6 mrad/s too was advised 7.5 N·m·s/rad, which end it at 20 mrad/s; 130 end it at both."""
+    path = tmp_path / "a.mcap"
+    options = ["--velocity", "0.006,0.02", "--duration", "40", "--rate", "200"]
+    assert main(["simulate", "--out", str(path), *options]) == 0
+    common = ["analyze", str(path), "--no-learning", "--model", "puma560_joint1"]
+
+    def said(*more: str) -> tuple[float, str]:
+        assert main([*common, *more]) == 0
+        text = capsys.readouterr().out
+        (damping,) = re.findall(r"Change damping from 0 to ([\d.]+)", text)
+        return float(damping), text
+
+    damping, text = said()
+    assert damping < 20.0
+    found = re.search(
+        r"gains are for 0\.02\d* rad/s\. It also stuck at 0\.006\d* rad/s: (--slowest-velocity) (\S+) ad", text
+    )
+    assert found is not None
+    damping, text = said(*found.groups())
+    assert damping > 100.0
+    assert "also stuck" not in text
 
 
 def test_every_output_has_status_share_and_worst(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -97,7 +97,7 @@ def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:
 
 
 def _words(status: str) -> str:
-    return status.replace("_", " ")
+    return status.replace("stick_slip", "stick-slip").replace("_", " ")
 
 
 def _outcome(exact: ExactVerdict | CompensationEffect) -> str:
