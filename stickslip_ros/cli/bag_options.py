@@ -15,6 +15,7 @@ from stickslip_ros.bags.joint_samples import joint_names
 from stickslip_ros.bags.storage.unpacking import OPTION, UnpackLimit
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.monitoring.advice.limits import LIMIT_OPTIONS
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.nearest_name import nearest_name
 from stickslip_ros.settings.parameter_file import Parameters
@@ -24,13 +25,13 @@ GAINS_FORM = "[JOINT=]P[,D[,I]]"
 GAINS_RULE = "finite and >= 0 (without the sign, if the motor counts against its joint)"
 _EVERY = "*"
 _ORDER = ("p", "d", "i")
-# Options of the advice: the parameter of every joint that each sets, what stands for its value, and its help.
+SLOWEST = "slowest speed at which the joint has to move smoothly [rad/s]"
+# Options of the advice: the parameter of every joint that each sets, and its help.
 _LIMITS = {
-    "largest_stiffness": ("limits.*.p_max", "X", "largest stiffness k_p [N·m/rad]"),
-    "largest_damping": ("limits.*.d_max", "X", "largest damping k_v [N·m·s/rad]"),
-    "bandwidth": ("limits.*.bandwidth", "W", "largest crossover frequency of the position loop [rad/s]"),
-    "slowest_velocity": ("slowest_velocity.*", "V", "slowest speed at which the joint has to move smoothly [rad/s]"),
-}
+    one.name: (f"limits.*.{one.parameter}", f"{one.help} [{one.unit}]")
+    for one in LIMIT_OPTIONS
+    if one.name in ("largest_stiffness", "largest_damping", "bandwidth")
+} | {"slowest_velocity": ("slowest_velocity.*", SLOWEST)}
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,8 +79,8 @@ def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
     limits = parser.add_argument_group(
         "limits of the advised gains (others, and limits of single joints, by --parameters)"
     )
-    for name, (_, metavar, text) in _LIMITS.items():
-        limits.add_argument(f"--{name.replace('_', '-')}", type=float, metavar=metavar, help=text)
+    for name, (_, text) in _LIMITS.items():
+        limits.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
 
 
 def add_unpack_argument(parser: Any) -> None:
@@ -127,7 +128,7 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
             given |= _gains(option, text)
     if options.no_learning:
         given["learn"] = False
-    for name, (parameter, _, _) in _LIMITS.items():
+    for name, (parameter, _) in _LIMITS.items():
         value = getattr(options, name, None)
         if value is not None:
             if not value > 0 or (name == "slowest_velocity" and value == math.inf):

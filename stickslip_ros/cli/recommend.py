@@ -18,7 +18,7 @@ from typing import Any
 
 from rich.table import Table
 
-from stickslip_ros.cli.bag_options import gain_numbers
+from stickslip_ros.cli.bag_options import SLOWEST, gain_numbers
 from stickslip_ros.cli.compensation_table import (
     CompensationTable,
     compensation_table,
@@ -35,9 +35,15 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.model.compensation import USUAL_FILTER
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.advice.compensations import compensations
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
+from stickslip_ros.monitoring.advice.limits import (
+    LIMIT_OPTIONS,
+    AdviceLimits,
+    Criterion,
+    ObservedLoop,
+    by_field,
+    limits_from,
+)
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
@@ -46,12 +52,6 @@ from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
-# Ranges of the limits, and the options that they are made of.
-_RANGES = {
-    "stiffness_range": ("--least-stiffness", "--largest-stiffness"),
-    "damping_range": ("--least-damping", "--largest-damping"),
-    "damping_ratio_range": ("--least-damping-ratio", "--largest-damping-ratio"),
-}
 _WHAT_IF = {"p": "stiffness", "d": "damping", "i": "integral"}
 
 
@@ -74,43 +74,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--steady-sliding", action=argparse.BooleanOptionalAction, default=defaults.steady_sliding,
         help="the speed must not oscillate about the commanded one either (the default)",
     )  # fmt: skip
-    wanted.add_argument(
-        "--slowest-velocity",
-        type=float,
-        metavar="V",
-        help="slowest speed at which the joint has to move smoothly [rad/s]",
-    )
+    wanted.add_argument("--slowest-velocity", type=float, metavar="V", help=SLOWEST)
     bounds = parser.add_argument_group("limits of the advised gains")
-    for field, (lower, upper) in _RANGES.items():
-        (least, largest), unit = getattr(defaults, field), unit_of(AdviceLimits, field)
-        default = f" (default {least:g})" if least > 0 else ""
-        for option, limit, text in ((lower, least, default), (upper, largest, "")):
-            what = option.removeprefix("--").replace("-", " ")
-            bounds.add_argument(option, type=float, metavar="X", default=limit, help=f"{what} [{unit}]{text}")
-    bounds.add_argument(
-        "--bandwidth",
-        type=float,
-        metavar="W",
-        default=math.inf,
-        help="largest crossover frequency of the position loop [rad/s]",
-    )
-    bounds.add_argument(
-        "--sample-rate",
-        type=float,
-        metavar="F",
-        help="sample rate of the controller [Hz]; limits the crossover frequency",
-    )
+    for one in LIMIT_OPTIONS:
+        default = f" (default {one.default:g})" if 0 < one.default < math.inf else ""
+        bounds.add_argument(
+            f"--{one.name.replace('_', '-')}", type=float, metavar="X", default=one.default,
+            help=f"{one.help} [{one.unit}]{default}",
+        )  # fmt: skip
+    bounds.add_argument("--sample-rate", type=float, metavar="F", help="sample rate of the controller [Hz]")
     bounds.add_argument(
         "--samples-per-period", type=float, metavar="N",
         help=f"least samples in a period of the crossover frequency (default {defaults.samples_per_period:g})",
     )  # fmt: skip
-    bounds.add_argument(
-        "--effort",
-        type=float,
-        metavar="T",
-        default=math.inf,
-        help="largest torque allowed at the present tracking error [N·m]",
-    )
     bounds.add_argument("--tracking-error", type=float, metavar="X", help="present tracking error [rad]; for --effort")
     beyond = parser.add_argument_group("the controller, for the exact condition")
     beyond.add_argument(
@@ -153,7 +129,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"time constant of the filter on the speed that compensation uses [s] (default {USUAL_FILTER:g})",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run, made_of={**_RANGES, "wanted_margin": ("--wanted-reserve",)})
+    made_of = by_field(lambda one: f"--{one.name.replace('_', '-')}")
+    parser.set_defaults(run=run, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
 
 
 def run(options: argparse.Namespace) -> int:
@@ -271,12 +248,8 @@ def _limits(options: argparse.Namespace) -> AdviceLimits:
         condition=Criterion(options.condition),
         steady_sliding=options.steady_sliding,
         slowest_velocity=options.slowest_velocity,
-        stiffness_range=(options.least_stiffness, options.largest_stiffness),
-        damping_range=(options.least_damping, options.largest_damping),
-        damping_ratio_range=(options.least_damping_ratio, options.largest_damping_ratio),
-        bandwidth=options.bandwidth,
         **({} if options.samples_per_period is None else {"samples_per_period": options.samples_per_period}),
-        effort=options.effort,
+        **limits_from(lambda one: getattr(options, one.name)),
     )
 
 

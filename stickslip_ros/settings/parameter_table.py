@@ -13,7 +13,7 @@ from typing import Any
 
 from stickslip_ros.model.friction import INERTIA, JOINT_PARAMETERS, PRESLIDING_PARAMETERS, Gains
 from stickslip_ros.model.units import in_ascii, unit_of
-from stickslip_ros.monitoring.advice.limits import AdviceLimits
+from stickslip_ros.monitoring.advice.limits import LIMIT_OPTIONS, AdviceLimits
 from stickslip_ros.monitoring.assessment import MonitorOptions
 
 GAINS = {"p": "stiffness", "i": "integral", "d": "damping"}  # a controller's words, and ours
@@ -96,20 +96,14 @@ PER_JOINT = (
         for key, unit in GAIN_UNITS.items()
     ),
     *(
-        spec
+        _row(f"trial.{{joint}}.{key}", _NOT_SET, GAIN_UNITS[key],
+             f"{word} on trial: its margin is published, and nothing is set")
         for key, word in RECOMMENDED.items()
-        for spec in (
-            _row(f"trial.{{joint}}.{key}", _NOT_SET, GAIN_UNITS[key],
-                 f"{word} on trial: its margin is published, and nothing is set"),
-            _row(f"limits.{{joint}}.{key}_min", 0.0, GAIN_UNITS[key], "least gain to recommend"),
-            _row(f"limits.{{joint}}.{key}_max", math.inf, GAIN_UNITS[key], "largest gain to recommend"),
-        )
     ),
-    _row("limits.{joint}.damping_ratio_min", _LIMITS.damping_ratio_range[0], "1", "least damping ratio to recommend"),
-    _row("limits.{joint}.damping_ratio_max", _LIMITS.damping_ratio_range[1], "1",
-         "largest damping ratio to recommend"),
-    _row("limits.{joint}.bandwidth", math.inf, "rad/s", "largest crossover frequency to recommend"),
-    _row("limits.{joint}.effort", math.inf, "N*m", "largest effort that advised gains may ask for now"),
+    *(
+        _row(f"limits.{{joint}}.{one.parameter}", one.default, in_ascii(one.unit), one.help)
+        for one in LIMIT_OPTIONS
+    ),
     _row("slowest_velocity.{joint}", _NOT_SET, "rad/s",
          "the joint shall be smooth from this speed on, instead of at the present"),
     _row("gain_scale.{joint}", 1.0, "1", "N*m/rad in one unit of the controller's p, and so on for d"),

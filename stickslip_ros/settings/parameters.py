@@ -17,7 +17,7 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS, Friction, Gains, Joint
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, by_field, limits_from
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.samples import FloatArray
@@ -25,6 +25,7 @@ from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 from stickslip_ros.settings.parameter_table import GAINS, RECOMMENDED
 
 _NO_FRICTION = Friction(stribeck=0.0, stribeck_velocity=1.0)
+_GAIN_LIMITS = ("stiffness_range", "damping_range")  # in the controller's units, of which one is gain_scale
 _FRICTION = tuple(parameter.name for parameter in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS))
 
 Choice = TypeVar("Choice", bound=Enum)
@@ -113,11 +114,7 @@ def _made_of(name: str) -> dict[str, tuple[str, ...]]:
     """The parameters that fields are made of, where they have other names."""
     return {
         "slowest_velocity": (f"slowest_velocity.{name}",),
-        "stiffness_range": (f"limits.{name}.p_min", f"limits.{name}.p_max"),
-        "damping_range": (f"limits.{name}.d_min", f"limits.{name}.d_max"),
-        "damping_ratio_range": (f"limits.{name}.damping_ratio_min", f"limits.{name}.damping_ratio_max"),
-        "bandwidth": (f"limits.{name}.bandwidth",),
-        "effort": (f"limits.{name}.effort",),
+        **by_field(lambda one: f"limits.{name}.{one.parameter}"),
         "load": (f"load.{name}",),
         "feedforward_share": (f"feedforward.{name}.share",),
         "feedforward_largest": (f"feedforward.{name}.largest",),
@@ -139,15 +136,10 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
         condition=choice(Criterion, "condition", values["condition"]),
         steady_sliding=values.flag("steady_sliding"),
         slowest_velocity=values.number_if_set(f"slowest_velocity.{name}"),
-        stiffness_range=(scale * value(f"limits.{name}.p_min"), scale * value(f"limits.{name}.p_max")),
-        damping_range=(scale * value(f"limits.{name}.d_min"), scale * value(f"limits.{name}.d_max")),
-        damping_ratio_range=(
-            value(f"limits.{name}.damping_ratio_min"),
-            value(f"limits.{name}.damping_ratio_max"),
-        ),
-        bandwidth=value(f"limits.{name}.bandwidth"),
         samples_per_period=value("samples_per_period"),
-        effort=value(f"limits.{name}.effort"),
+        **limits_from(
+            lambda one: value(f"limits.{name}.{one.parameter}") * (scale if one.field in _GAIN_LIMITS else 1.0)
+        ),
     )
     conditions = OperatingConditions(
         load=value(f"load.{name}"),

@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,7 +17,10 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.samples import FloatArray
+
+Value = TypeVar("Value")
 
 _ANY = (0.0, math.inf)  # range of a gain without bounds
 _SAMPLES_TO_WATCH = 8.0  # samples a natural period: with fewer, rests and slips cannot be distinguished
@@ -99,6 +104,58 @@ class AdviceLimits:
     def per_inertia(self) -> AdviceLimits:
         """The limits that still mean something where gains are known per inertia only: frequencies and ratios."""
         return replace(self, stiffness_range=_ANY, damping_range=_ANY, effort=math.inf)
+
+
+class LimitOption(NamedTuple):
+    """A limit that users set, by an option of commands or a parameter of the node.
+
+    ``name`` is the option's, with underscores; ``parameter`` the last word of the node's parameter; ``field`` that of
+    :class:`AdviceLimits`, of which it is one end, 0 or 1, where the field is a range.
+    """
+
+    name: str
+    parameter: str
+    help: str
+    field: str
+    end: int | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit of the limit."""
+        return unit_of(AdviceLimits, self.field)
+
+    @property
+    def default(self) -> float:
+        """Value where users give none."""
+        value = getattr(AdviceLimits(), self.field)
+        return float(value if self.end is None else value[self.end])
+
+
+LIMIT_OPTIONS = (
+    LimitOption("least_stiffness", "p_min", "least stiffness k_p to advise", "stiffness_range", 0),
+    LimitOption("largest_stiffness", "p_max", "largest stiffness k_p to advise", "stiffness_range", 1),
+    LimitOption("least_damping", "d_min", "least damping k_v to advise", "damping_range", 0),
+    LimitOption("largest_damping", "d_max", "largest damping k_v to advise", "damping_range", 1),
+    LimitOption("least_damping_ratio", "damping_ratio_min", "least damping ratio to advise", "damping_ratio_range", 0),
+    LimitOption(
+        "largest_damping_ratio", "damping_ratio_max", "largest damping ratio to advise", "damping_ratio_range", 1
+    ),
+    LimitOption("bandwidth", "bandwidth", "largest crossover frequency of the position loop", "bandwidth"),
+    LimitOption("effort", "effort", "largest effort allowed at the present tracking error", "effort"),
+)
+
+
+def by_field(value_of: Callable[[LimitOption], Value]) -> dict[str, tuple[Value, ...]]:
+    """What each field of :class:`AdviceLimits` that users limit is made of: one value, or the ends of a range."""
+    found: dict[str, tuple[Value, ...]] = {}
+    for one in LIMIT_OPTIONS:
+        found[one.field] = (*found.get(one.field, ()), value_of(one))
+    return found
+
+
+def limits_from(value_of: Callable[[LimitOption], float]) -> dict[str, Any]:
+    """Arguments of :class:`AdviceLimits` for what users limit."""
+    return {name: values if len(values) > 1 else values[0] for name, values in by_field(value_of).items()}
 
 
 @dataclass(frozen=True, kw_only=True)
