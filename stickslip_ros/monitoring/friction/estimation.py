@@ -42,14 +42,19 @@ from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
 from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
 from stickslip_ros.monitoring.friction.friction_factor import friction_factor_of, with_position_disturbance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.late_controller import at_the_latest_gains, delay_estimate, may_hide_a_delay
+from stickslip_ros.monitoring.friction.late_controller import (
+    at_the_latest_gains,
+    delay_estimate,
+    may_hide_a_delay,
+    model_of,
+)
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipModel, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
-from stickslip_ros.monitoring.friction.trend import TREND
+from stickslip_ros.monitoring.friction.trend import TREND, Trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -103,19 +108,19 @@ def fitted_laws(
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
     known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
-    problem = SlipProblem(windows, SlipModel.of(windows, known=known), budget=budget)
+    problem = SlipProblem(windows, model_of(windows, known=known), budget=budget)
     solution = fit_with_contact(problem, start) if yields and start is not None else None
     if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.problem.noise.usable)
         if len(kept) < len(windows):
-            solution = search(SlipProblem(kept, SlipModel.of(kept, known=known), budget=budget), start)
+            solution = search(SlipProblem(kept, model_of(kept, known=known), budget=budget), start)
     if solution is None:
         return []
     plain = FittedLaw(solution=solution)
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
-    trend = first.problem.model.trend
+    trend = first.problem.model.term(Trend) is not None
     why = unexplained(first) or ("kinetic friction varies" if trend else "")
     if why and not first.problem.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_equations import robust
-from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
     FITS,
     GOOD,
@@ -50,23 +50,21 @@ class FittedLaw:
     ----------
     weight : from 0 to 1; those of all laws add up to 1.
     position_disturbance : force subtracted from that of the problem's slips, None if none is.
-    decreasing : whether friction falls where the disturbance grows.
     rejected : names of the laws that screening has rejected for good.
     unsettled : whether the joint's contact yields, and the joint slips again before it has come to rest on the contact.
     by_optional_terms : covariance of parameters and kinetic friction that :mod:`.optional_terms` which were not fitted
         may cause, shape (p + k, p + k), or 0.
-    late : root mean square of the controller's delay where it is not fitted [sample intervals]: of its prior, or of
-        its posterior where the slips show it.
+    late : root mean square of the controller's delay where it is not fitted [sample intervals], by its posterior; None
+        where the slips say nothing of it.
     """
 
     solution: Solution
     weight: float = 1.0
     position_disturbance: PositionDisturbance | None = None
-    decreasing: bool = False
     rejected: tuple[str, ...] = ()
     unsettled: bool = False
     by_optional_terms: FloatArray = field(default_factory=lambda: np.zeros(()))
-    late: float = LATE
+    late: float | None = None
 
     @property
     def law(self) -> str:
@@ -85,7 +83,7 @@ class FittedLaw:
 
     def refitted(self, solution: Solution) -> FittedLaw:
         """The same with another fit of the slips, of which the optional terms are not known yet."""
-        return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+        return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=None)
 
     @property
     def may_lack_terms(self) -> bool:
@@ -151,9 +149,11 @@ class ScoredTerm(ModelTerm):
     """
 
     name: str
-    reported_change: Callable[[SlipProblem, FloatArray], FloatArray]
-    lower: float
-    explains_misfit: bool
+    reported_change: Callable[[SlipProblem, FloatArray], FloatArray] = lambda problem, parameters: np.zeros(
+        len(parameters)
+    )
+    lower: float = -math.inf
+    explains_misfit: bool = False
 
 
 def _worth_the_parameters(first: FittedLaw, problem: SlipProblem, more: int) -> bool:

@@ -30,7 +30,7 @@ from stickslip_ros.monitoring.friction.fitted_law import (
     misfit_of,
     residuals_per_observation,
 )
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
+from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, model_of
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_solution import fit_near, truncated_fit, usual_level
@@ -96,8 +96,10 @@ def _beside(law: str, first: FittedLaw) -> FittedLaw | None:
     screening = _screen_law(law, first)
     if screening is None or screening.rejected or not (first.fits or screening.better):
         return None
+    problem = first.problem
+    plain = problem.changed(model=model_of(problem.windows, LAWS[law], problem.model.known))
     try:
-        solution = fit_near(first.problem.plain(LAWS[law]), screening.start, first.solution.fit)
+        solution = fit_near(plain, screening.start, first.solution.fit)
     except LinAlgError:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.

@@ -242,8 +242,8 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
     duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
-    lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.terms.values()])
-    upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.terms.values()])
+    lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.term_parameters.values()])
+    upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.term_parameters.values()])
     mass = 1.0 if problem.normalised else inertia
     # Not so little that it makes no difference any more: what makes none has no error that could be told.
     lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)
