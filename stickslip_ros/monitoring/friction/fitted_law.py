@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
-from stickslip_ros.monitoring.friction.slip_equations import robust
+from stickslip_ros.monitoring.friction.slip_fit import robust
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
     FITS,
