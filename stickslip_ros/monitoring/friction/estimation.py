@@ -39,7 +39,7 @@ from stickslip_ros.monitoring.friction.estimate import (
     ParameterEstimate,
 )
 from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
-from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, of_law
 from stickslip_ros.monitoring.friction.friction_factor import friction_factor_of, with_position_disturbance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
 from stickslip_ros.monitoring.friction.late_controller import (
@@ -208,7 +208,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         slips=problem.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
-        left_over=solution.tolerance / float(np.median(problem.distances)),
+        left_over=solution.left_over,
         scatter=solution.balance_error,
         mismatch="; ".join(filter(None, reservations)),
         configured=configured,
@@ -225,12 +225,11 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
 def unexplained(fitted: FittedLaw) -> str:
     """What a fit does not explain, "" if it explains all."""
     problem, solution = fitted.problem, fitted.solution
-    left_over = solution.tolerance / float(np.median(problem.distances))
     scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
     aside = int((~problem.noise.usable).sum())
     reasons = []
-    if left_over > _LARGEST_UNEXPLAINED:
-        reasons.append(f"positions stray by {100 * left_over:.2g} % of a slip")
+    if solution.left_over > _LARGEST_UNEXPLAINED:
+        reasons.append(f"positions stray by {100 * solution.left_over:.2g} % of a slip")
     elif solution.mean_square > FITS:
         reasons.append(f"positions stray by {math.sqrt(solution.mean_square):.2f} times their errors")
     if scatter > _SCATTER:
@@ -265,17 +264,12 @@ def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
     """
     size = len(first.solution.fit.parameters)
     off = np.zeros(size + len(first.solution.fit.kinetic))
-    off[:PARAMETERS] = _comparable(other) - _comparable(first)
+    # The Stribeck velocity is each law's own.
+    mine, theirs = (of_law(PAPERS_LAW, one.solution.fit.parameters, one.law) for one in (first, other))
+    off[:PARAMETERS] = theirs - mine
     both = min(len(one.problem.without_drift[1]) for one in (first, other))
     off[size : size + both] = other.solution.fit.kinetic[:both] - first.solution.fit.kinetic[:both]
     return off
-
-
-def _comparable(fit: FittedLaw) -> FloatArray:
-    """Parameters, with the speed at half the Stribeck friction for the Stribeck velocity, which is each law's own."""
-    parameters = fit.solution.fit.parameters[:PARAMETERS].copy()
-    parameters[STRIBECK_VELOCITY] += math.log(HALF_SPEED[fit.law])
-    return np.asarray(parameters)
 
 
 def _alternative(fit: FittedLaw) -> LawAlternative:

@@ -14,13 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import LAWS
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.slip_fit import robust
-from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
     FITS,
     GOOD,
@@ -39,7 +39,7 @@ _LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual level: no model
 CLEARLY_BETTER = 10.0
 _WHITE = 2.0  # residuals in a run of one sign, if they are independent
 # Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
-HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
+_HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,9 +125,8 @@ class ModelTerm:
             return first
         if not first.fits and not self.prior_evidence and not _worth_the_parameters(first, problem, self.parameters):
             return first
-        try:
-            found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
-        except LinAlgError:
+        found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
+        if found is None:
             return first
         gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
         if found.mean_square >= GOOD or gain < self.parameters * math.log(problem.count):
@@ -199,3 +198,10 @@ def residuals_per_observation(solution: Solution) -> float:
     ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
     runs = 1 + int(np.count_nonzero(ends[used[1:]]))
     return max(float(used.sum()) / runs / _WHITE, 1.0)
+
+
+def of_law(law: str, parameters: FloatArray, own_law: str) -> FloatArray:
+    """Logarithms of the parameters, shape (6,), with the Stribeck velocity at which a law has fallen to half too."""
+    changed = parameters[:PARAMETERS].copy()
+    changed[STRIBECK_VELOCITY] += math.log(_HALF_SPEED[own_law] / _HALF_SPEED[law])
+    return np.asarray(changed)

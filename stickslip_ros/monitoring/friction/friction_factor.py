@@ -201,9 +201,8 @@ def _with_friction_factor(even: FittedLaw) -> FittedLaw | None:
         growing = problem.changed(model=problem.model.with_term(growth))
         if growing.covariate is None or not growing.covariate.any():
             return None
-        try:
-            solution = fit_near(growing, fit.parameters, fit)
-        except LinAlgError:
+        solution = fit_near(growing, fit.parameters, fit)
+        if solution is None:
             return None
         if solution.fit.parameters[growing.column["factor"]] >= 0.0:
             return replace(even, solution=solution)

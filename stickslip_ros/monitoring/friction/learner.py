@@ -21,17 +21,17 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK, STRIBECK_VELOCITY
+from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import best_known, estimate_from
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
-from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
+from stickslip_ros.monitoring.friction.fitted_law import of_law
 from stickslip_ros.monitoring.friction.friction_factor import KnownFactor
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit, Tolerances, fit_at_fixed_parameters
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -180,9 +180,7 @@ class FrictionLearner:
             return None
         if windows[-1].source is not state.last_window.source:
             return None
-        start = state.parameters[:PARAMETERS].copy()
-        start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[state.estimate.law] / HALF_SPEED[PAPERS_LAW])
-        return np.asarray(start)
+        return of_law(PAPERS_LAW, state.parameters, state.estimate.law)
 
     @property
     def study_is_due(self) -> bool:

@@ -134,9 +134,7 @@ def _most_significant(fitted: FittedLaw, left: Mapping[ScoredTerm, TermScore | N
     if gains:
         return max(gains, key=lambda term: gains[term])
     # A term could explain the misfit that a wrong effort makes; and where residuals are large no term is enough.
-    problem = fitted.problem
-    little = 0.0 < fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
-    if not little or not problem.may_be_late:
+    if not (0.0 < fitted.solution.left_over < _LITTLE and fitted.problem.may_be_late):
         return None
     return next((term for term, score in left.items() if score is None and term.explains_misfit), None)
 

@@ -38,6 +38,7 @@ PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: s
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
 _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
+_SPREAD_SLIPS, _SPREAD_OBSERVATIONS = 12, 60  # slips from everywhere, and observations of each, 1: at most
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # steps in a slip, 1: at least, and at most
 
 Term = TypeVar("Term", bound="SlipTerm")
@@ -326,11 +327,11 @@ class SlipProblem(ObservedSlips):
         """The problem with at most so many observations of each slip."""
         return self.changed([window.thinned(most) for window in self.windows])
 
-    def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
-        """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
+    def spread(self) -> SlipProblem:
+        """The problem of a dozen usable slips from everywhere at most, with some observations of each."""
         usable = np.flatnonzero(self.noise.usable)
-        chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(slips, len(usable)))).astype(int))
-        return self.only(usable[chosen].tolist()).thinned(observations)
+        chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(_SPREAD_SLIPS, len(usable)))).astype(int))
+        return self.only(usable[chosen].tolist()).thinned(_SPREAD_OBSERVATIONS)
 
     @property
     def may_be_late(self) -> bool:

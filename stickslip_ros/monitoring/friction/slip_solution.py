@@ -79,6 +79,11 @@ class Solution:
         return _mean_square(self.fit)
 
     @property
+    def left_over(self) -> float:
+        """The tolerance as a share of a slip."""
+        return self.tolerance / float(np.median(self.problem.distances))
+
+    @property
     def tolerance(self) -> float:
         """Standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all."""
         return self.problem.noise.tolerance
@@ -92,29 +97,23 @@ def _mean_square(fit: SlipFit) -> float:
     return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
 
 
-def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solution:
-    """The fit next to a start, loosened if it is not as good as a fit should be.
+def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solution | None:
+    """The fit next to a start, loosened if it is not as good as it should be; None if nothing can be simulated there.
 
     Parameters
     ----------
     start : logarithms, of shape (p,). shape : fit of the same slips, perhaps under another law, which has their levels.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If nothing near the start can be simulated.
     """
-    solution = fit_from(problem, start)
+    try:
+        solution = fit_from(problem, start)
+    except LinAlgError:
+        return None
     if solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
     return solution.reweighed()
 
 
-def fit_from(
-    problem: SlipProblem,
-    start: FloatArray,
-    patience: int = _LAST_ITERATIONS,
-) -> Solution:
+def fit_from(problem: SlipProblem, start: FloatArray, patience: int = _LAST_ITERATIONS) -> Solution:
     """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
     return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
 
