@@ -9,12 +9,12 @@ in a slip.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
-from stickslip_ros.monitoring.friction.estimate import Curvature
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, ScoredTerm
 from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem, SlipTerm, TermParameter, Variants
@@ -47,6 +47,40 @@ class CurvedViscous(SlipTerm):
         squared = variants.parameters[:, problem.column["curvature"]] * variants.plants[:, VISCOUS]
         variants.drags = np.repeat(squared[:, None] / self.speed, problem.count, axis=1)
         variants.plants[:, VISCOUS] -= squared
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curvature:
+    """Viscous friction F_v y˙ (1 - c + c y˙/v) as it was fitted.
+
+    Attributes
+    ----------
+    value, std : c, the share that goes with the square of the speed, and its standard error; negative where friction
+        grows ever less. speed : v [rad/s], at which F_v is told.
+    """
+
+    value: float
+    std: float
+    speed: float
+
+    def drawn(self, joint: Joint) -> Joint:
+        """Joints as one of arrays, each with the viscous friction of another speed between none and v.
+
+        A verdict is about a motion that is slower than the slips from which friction was learnt, by what is not known.
+        """
+        viscous = np.asarray(joint.friction.viscous)
+        slower = np.random.default_rng(43).permutation((np.arange(len(viscous)) + 0.5) / len(viscous))  # share of v
+        viscous = viscous * (1.0 - self.value * slower)
+        return replace(joint, friction=replace(joint.friction, viscous=viscous))
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        way = "more" if self.value > 0.0 else "less"
+        return (
+            f"viscous friction grows {way} than in proportion to the speed (curvature {self.value:+.2g} ± "
+            f"{self.std:.1g}); it is told at {self.speed:.2g} rad/s"
+        )
 
 
 def curvature_of(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:

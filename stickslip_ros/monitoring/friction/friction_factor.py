@@ -82,16 +82,16 @@ class FrictionFactor:
     coulomb: float
     coulomb_std: float
 
+    def _covariate(self, positions: FloatArray) -> FloatArray:
+        return self.position_disturbance.covariate(positions, decreasing=self.decreasing)
+
     def factor(self, position: float) -> float:
         """Stribeck friction at a position [rad] over that at the worst place seen."""
-        return 1.0 + self.share * float(
-            self.position_disturbance.covariate(np.array([position]), decreasing=self.decreasing)[0]
-        )
+        return 1.0 + self.share * float(self._covariate(np.array([position]))[0])
 
     def applied(self, window: SlipWindow) -> SlipWindow:
         """The slip without the disturbance, and with the Coulomb friction of the worst place."""
-        here = self.position_disturbance.covariate(np.array([window.rest_position]), decreasing=self.decreasing)
-        less = window.direction * self.coulomb * float(here[0])
+        less = window.direction * self.coulomb * float(self._covariate(np.array([window.rest_position]))[0])
         window = self.position_disturbance.applied(window)
         return replace(window, forces=window.forces - less)
 
@@ -131,7 +131,7 @@ class FrictionFactor:
     def worst_position(self) -> float:
         """Where among the slips it is largest [rad]."""
         positions = self.position_disturbance.dry.position
-        return float(positions[np.argmax(self.position_disturbance.covariate(positions, decreasing=self.decreasing))])
+        return float(positions[np.argmax(self._covariate(positions))])
 
 
 def friction_factor_of(fitted: FittedLaw, covariance: FloatArray) -> FrictionFactor | None:
