@@ -104,36 +104,32 @@ def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solutio
     ----------
     start : logarithms, of shape (p,). shape : fit of the same slips, perhaps under another law, which has their levels.
     """
-    try:
-        solution = fit_from(problem, start)
-    except LinAlgError:
-        return None
-    if solution.mean_square >= GOOD:
+    solution = _fit_from(problem, start)
+    if solution is not None and solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
-    return solution.reweighed()
-
-
-def fit_from(problem: SlipProblem, start: FloatArray, patience: int = _LAST_ITERATIONS) -> Solution:
-    """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
-    return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
+    return None if solution is None else solution.reweighed()
 
 
 def truncated_fit(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """Fit of a few slips in few iterations; None if nothing near the start can be simulated."""
-    try:
-        return fit_from(problem, start, patience=_ROUND).reweighed()
-    except LinAlgError:
-        return None
+    solution = _fit_from(problem, start, patience=_ROUND)
+    return None if solution is None else solution.reweighed()
 
 
 def fit_again(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
+    solution = _fit_from(problem, start)
+    if solution is None or not solution.mean_square < GOOD:
+        return None
+    return solution if solution.problem.noise.usable.mean() > _MOST_USABLE else None
+
+
+def _fit_from(problem: SlipProblem, start: FloatArray, patience: int = _LAST_ITERATIONS) -> Solution | None:
+    """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
     try:
-        solution = fit_from(problem, start)
+        return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
     except LinAlgError:
         return None
-    good = solution.mean_square < GOOD and solution.problem.noise.usable.mean() > _MOST_USABLE
-    return solution if good else None
 
 
 def fit_all(
