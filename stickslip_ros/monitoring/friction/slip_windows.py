@@ -210,10 +210,6 @@ def slip_window(
     gaps = part.time[indices] - part.time[indices - 1]
     stops = samples.position[after]
     reach = _CREEPS * max(resolution, noise)
-
-    def stands_in(which: slice) -> Standing | None:
-        return _standing(samples.where(which), reach, source, in_force, speed, forces)
-
     return SlipWindow(
         direction=1 if cycle.slip_distance > 0 else -1,
         rest_begin=left - dwell,
@@ -233,14 +229,14 @@ def slip_window(
         resolution=resolution if not analog else 0.0,
         noise=noise if analog else 0.0,
         sample_interval=float(np.median(np.diff(part.time))),
-        arrived=stands_in(arriving),
-        before=stands_in(resting),
-        after=stands_in(after),
+        arrived=standing(samples.where(arriving), reach, source, in_force, speed, forces),
+        before=standing(samples.where(resting), reach, source, in_force, speed, forces),
+        after=standing(samples.where(after), reach, source, in_force, speed, forces),
         effort_stiffness=shown if source is ForceSource.GAINS else (math.nan, math.nan),
     )
 
 
-def _standing(
+def standing(
     rest: Batch, reach: float, source: ForceSource, gains: Gains | None, speed: float, beside: FloatArray
 ) -> Standing | None:
     """Means over samples of a joint that stands; None where the force is not known.
