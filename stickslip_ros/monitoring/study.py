@@ -10,11 +10,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
+from stickslip_ros.monitoring.friction.curved_viscous import CurvedViscous
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
@@ -26,10 +28,12 @@ from stickslip_ros.monitoring.friction.estimation import (
     unexplained,
 )
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
+from stickslip_ros.monitoring.friction.late_controller import Delay
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.friction.slip_problem import ContactKnowledge, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.friction.trend import knowledge_without_drift
+from stickslip_ros.monitoring.friction.trend import Trend, knowledge_without_drift
+from stickslip_ros.monitoring.friction.yielding_contact import YieldingContact
 from stickslip_ros.monitoring.samples import FloatArray
 
 OUTLIERS_IN_A_ROW = 3  # slips that a study has to explain beside those of before, 1
@@ -71,11 +75,23 @@ class Learnt:
     spread: FloatArray
     drifts: bool = False
     position_disturbance: PositionDisturbance | None = field(default=None, metadata={"key": "surroundings"})
-    contact: ContactKnowledge | None = None
+    contact: YieldingContact | None = None
     curved_at: float | None = None
     explains: bool = True
     explains_latest: bool = True
     rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
+
+    @property
+    def model(self) -> SlipModel:
+        """What was fitted, as it is at the last slip: the parameters are of this model."""
+        model = SlipModel(law=LAWS[self.estimate.law])
+        if self.estimate.late is not None:
+            model = model.with_term(Delay())
+        if self.contact is not None:
+            model = model.with_term(self.contact)
+        if self.curved_at is not None:
+            model = model.with_term(CurvedViscous(speed=self.curved_at))
+        return model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +163,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
     if not fits:
         return None
     problem, solution = fits[0].problem, fits[0].solution
-    fit = solution.fit
+    fit, curved = solution.fit, problem.model.term(CurvedViscous)
     information, prior = knowledge_without_drift(problem, fit.information, solution.prior)
     narrow = spread_of(covariance_of(information, prior))
     covariance = covariance_over_laws(fits)
@@ -170,10 +186,10 @@ def _study(question: StudyQuestion) -> Learnt | None:
         stribeck_fraction=_stribeck_fraction(fit),
         error_inflation=spread / np.maximum(narrow, TINY),
         spread=spread,
-        drifts=problem.model.trend,
+        drifts=problem.model.term(Trend) is not None,
         position_disturbance=fits[0].position_disturbance,
-        contact=problem.model.contact,
-        curved_at=problem.model.curved_at,
+        contact=problem.model.term(YieldingContact),
+        curved_at=None if curved is None else curved.speed,
         explains=not unexplained(fits[0]),
         explains_latest=_explains_latest(problem, fit),
         rejected=fits[0].rejected,

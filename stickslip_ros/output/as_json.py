@@ -15,8 +15,9 @@ from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
+from stickslip_ros.monitoring.friction.curved_viscous import Curvature
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
-from stickslip_ros.monitoring.friction.estimate import Curvature, FrictionEstimate, ParameterEstimate
+from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, ParameterEstimate
 from stickslip_ros.output import published as published
 from stickslip_ros.output.published import number, numbers
 from stickslip_ros.output.wording import dry_friction_text

@@ -8,6 +8,7 @@ The machines are the tests' own, integrated apart from the package.
 from __future__ import annotations
 
 import math
+import pkgutil
 from dataclasses import replace
 
 import numpy as np
@@ -153,3 +154,30 @@ def test_more_than_all_static_friction_held_no_slip() -> None:
     """A slip after a long rest began at twice what F_s∞ was taken for, half of the true one, with an error of 1 %."""
     machine, estimate = learnt_from("drag", 8)
     assert not estimate["stribeck"].identified or off(estimate, "stribeck", machine.stribeck) < 2.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("delay", "curvature"), [(1e-3, 0.5), (4e-3, 0.0)])
+def test_the_order_of_optional_terms_does_not_matter(
+    puma: Joint, delay: float, curvature: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Issue 38: the same terms and estimates, whichever stands first in the table of the terms that are tried."""
+    straight, gains = Machine.of(puma), replace(GAINS, damping=10.0)
+    drag = straight.viscous * curvature / 0.05
+    machine = replace(
+        straight, sampled=True, control_delay=delay, viscous=straight.viscous * (1.0 - curvature), drag=drag
+    )
+    windows, _ = cut_slips(recording(machine, gains, RESOLUTION), gains)
+    room, table = "stickslip_ros.monitoring.friction.optional_terms", "SCORED_TERMS"
+    terms = pkgutil.resolve_name(f"{room}:{table}")
+    assert len(terms) > 1
+    found = []
+    for order in (terms, tuple(reversed(terms))):
+        monkeypatch.setattr(f"{room}.{table}", order)
+        estimate = estimate_friction(windows)
+        assert estimate is not None
+        found.append(estimate)
+    assert found[0].summary() == found[1].summary()
+    assert (found[0].curvature is not None) == (curvature != 0.0)
+    np.testing.assert_allclose(found[0].logarithms, found[1].logarithms, rtol=1e-9)
+    np.testing.assert_allclose(found[0].covariance, found[1].covariance, rtol=1e-6, atol=1e-12)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Compiled residuals, slopes and Gauss-Newton equations of many slips; :mod:`.slip_equations` is their face.
+"""Compiled residuals, slopes and Gauss-Newton equations of many slips; :mod:`.slip_fit` is their face.
 
 Each of these would be some dozens of numpy's functions on short arrays, whose calls take longer than the work.
 """

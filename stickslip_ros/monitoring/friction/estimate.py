@@ -27,6 +27,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.curved_viscous import Curvature
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
 from stickslip_ros.monitoring.friction.late_controller import LEAST_VISCOUS, SPREAD_LIMIT, DelayEstimate
@@ -50,7 +51,6 @@ _KNOWN = {
 _SEEN = 3.0  # value, standard errors
 _ROUGHLY = 0.3  # standard error, of the value: with less a parameter that is not identified is still no guess
 DRAWS = 128  # draws from the estimate, 1: half of them and their mirror images
-_SLOWER = np.random.default_rng(43).permutation((np.arange(DRAWS) + 0.5) / DRAWS)  # than v, as a share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,38 +82,6 @@ class LawAlternative:
     weight: float
     logarithms: FloatArray
     covariance: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Curvature:
-    """Viscous friction that is no straight line over speed: F_v y˙ (1 - c + c y˙/v), as :mod:`.curved_viscous` fits.
-
-    Attributes
-    ----------
-    value, std : c, the share that goes with the square of the speed, and its standard error; negative where friction
-        grows ever less. speed : v [rad/s], at which F_v is told.
-    """
-
-    value: float
-    std: float
-    speed: float
-
-    def drawn(self, joint: Joint) -> Joint:
-        """Joints as one of arrays, each with the viscous friction of another speed between none and v.
-
-        A verdict is about a motion that is slower than the slips from which friction was learnt, by what is not known.
-        """
-        viscous = np.asarray(joint.friction.viscous) * (1.0 - self.value * _SLOWER)
-        return replace(joint, friction=replace(joint.friction, viscous=viscous))
-
-    @property
-    def text(self) -> str:
-        """In words."""
-        way = "more" if self.value > 0.0 else "less"
-        return (
-            f"viscous friction grows {way} than in proportion to the speed (curvature {self.value:+.2g} ± "
-            f"{self.std:.1g}); it is told at {self.speed:.2g} rad/s"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

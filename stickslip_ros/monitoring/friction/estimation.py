@@ -39,17 +39,22 @@ from stickslip_ros.monitoring.friction.estimate import (
     ParameterEstimate,
 )
 from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
-from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED, FittedLaw
+from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, of_law
 from stickslip_ros.monitoring.friction.friction_factor import friction_factor_of, with_position_disturbance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
-from stickslip_ros.monitoring.friction.late_controller import at_the_latest_gains, delay_estimate, may_hide_a_delay
+from stickslip_ros.monitoring.friction.late_controller import (
+    at_the_latest_gains,
+    delay_estimate,
+    may_hide_a_delay,
+    model_of,
+)
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipModel, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
-from stickslip_ros.monitoring.friction.trend import TREND
+from stickslip_ros.monitoring.friction.trend import TREND, Trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -103,19 +108,19 @@ def fitted_laws(
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
     known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
-    problem = SlipProblem(windows, SlipModel.of(windows, known=known), budget=budget)
+    problem = SlipProblem(windows, model_of(windows, known=known), budget=budget)
     solution = fit_with_contact(problem, start) if yields and start is not None else None
     if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.problem.noise.usable)
         if len(kept) < len(windows):
-            solution = search(SlipProblem(kept, SlipModel.of(kept, known=known), budget=budget), start)
+            solution = search(SlipProblem(kept, model_of(kept, known=known), budget=budget), start)
     if solution is None:
         return []
     plain = FittedLaw(solution=solution)
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
-    trend = first.problem.model.trend
+    trend = first.problem.model.term(Trend) is not None
     why = unexplained(first) or ("kinetic friction varies" if trend else "")
     if why and not first.problem.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.
@@ -203,7 +208,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         slips=problem.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
-        left_over=solution.tolerance / float(np.median(problem.distances)),
+        left_over=solution.left_over,
         scatter=solution.balance_error,
         mismatch="; ".join(filter(None, reservations)),
         configured=configured,
@@ -220,12 +225,11 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
 def unexplained(fitted: FittedLaw) -> str:
     """What a fit does not explain, "" if it explains all."""
     problem, solution = fitted.problem, fitted.solution
-    left_over = solution.tolerance / float(np.median(problem.distances))
     scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
     aside = int((~problem.noise.usable).sum())
     reasons = []
-    if left_over > _LARGEST_UNEXPLAINED:
-        reasons.append(f"error {100 * left_over:.2g} % of a slip")
+    if solution.left_over > _LARGEST_UNEXPLAINED:
+        reasons.append(f"error {100 * solution.left_over:.2g} % of a slip")
     elif solution.mean_square > FITS:
         reasons.append(f"residuals {math.sqrt(solution.mean_square):.2f} times the errors of the positions")
     if scatter > _SCATTER:
@@ -260,17 +264,12 @@ def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
     """
     size = len(first.solution.fit.parameters)
     off = np.zeros(size + len(first.solution.fit.kinetic))
-    off[:PARAMETERS] = _comparable(other) - _comparable(first)
+    # The Stribeck velocity is each law's own.
+    mine, theirs = (of_law(PAPERS_LAW, one.solution.fit.parameters, one.law) for one in (first, other))
+    off[:PARAMETERS] = theirs - mine
     both = min(len(one.problem.without_drift[1]) for one in (first, other))
     off[size : size + both] = other.solution.fit.kinetic[:both] - first.solution.fit.kinetic[:both]
     return off
-
-
-def _comparable(fit: FittedLaw) -> FloatArray:
-    """Parameters, with the speed at half the Stribeck friction for the Stribeck velocity, which is each law's own."""
-    parameters = fit.solution.fit.parameters[:PARAMETERS].copy()
-    parameters[STRIBECK_VELOCITY] += math.log(HALF_SPEED[fit.law])
-    return np.asarray(parameters)
 
 
 def _alternative(fit: FittedLaw) -> LawAlternative:

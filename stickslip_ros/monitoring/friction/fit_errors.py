@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RISE_TIME, STRIBECK, VISCOUS
+from stickslip_ros.monitoring.friction.late_controller import LATE, Delay
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
-from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import stiffness_difference
+from stickslip_ros.monitoring.friction.trend import Trend
 from stickslip_ros.monitoring.samples import FloatArray
 
 _FEW = 8  # slips beyond the number of parameters, 1: with fewer their scatter says nothing
@@ -54,12 +56,12 @@ def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
     return np.asarray(np.linalg.pinv(total * scales, rcond=1e-13, hermitian=True) * scales)
 
 
-def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: float = LATE) -> FloatArray:
+def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: float | None) -> FloatArray:
     """Robust covariance: that of least squares, inflated by misfit, scatter and discrepancy; shape (p + k, p + k).
 
     Parameters
     ----------
-    late : root mean square of a controller's delay that is not fitted [sample intervals], by its prior or posterior.
+    late : root mean square of a controller's delay that is not fitted [sample intervals]; by its prior if None.
     """
     narrow = covariance_of(fit.information, prior)
     mean_square = float(np.mean(fit.residuals[problem.noise.counted] ** 2)) if problem.noise.usable.any() else 1.0
@@ -74,7 +76,7 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
     return np.asarray(
         covariance
         + _by_discrepancy(problem, fit, narrow)
-        + _by_sampling(problem, fit, late)
+        + _by_sampling(problem, fit, LATE if late is None else late)
         + _by_steps(problem, fit, narrow)
         + _by_trend(problem, fit)
         + _by_effort(problem, fit)
@@ -132,7 +134,7 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
         angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
         variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
-    if problem.may_be_late and not problem.model.delay_shows:
+    if problem.may_be_late and problem.model.term(Delay) is None:
         lighter = late * problem.sample_interval * problem.latest_gains[1]
         variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
@@ -146,7 +148,7 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     act late is known to act in steps; of another it is not known.
     """
     size = fit.information.shape[0]
-    if not problem.model.delay_shows or not problem.noise.usable.any():
+    if problem.model.term(Delay) is None or not problem.noise.usable.any():
         return np.zeros((size, size))
     surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
@@ -161,8 +163,8 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
 def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     """Covariance of what a trend of viscous friction unlike that of the Stribeck friction makes of the former."""
     variances = np.zeros(fit.information.shape[0])
-    if problem.model.trend:
-        variances[VISCOUS] = float(fit.parameters[-1] ** 2 * np.mean(problem.since**2))
+    if problem.model.term(Trend) is not None:
+        variances[VISCOUS] = float(fit.parameters[problem.column["trend"]] ** 2 * np.mean(problem.since**2))
     return np.diag(variances)
 
 

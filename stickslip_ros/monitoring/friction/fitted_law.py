@@ -14,13 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import LAWS
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
-from stickslip_ros.monitoring.friction.slip_equations import robust
-from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
+from stickslip_ros.monitoring.friction.slip_fit import robust
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
     FITS,
     GOOD,
@@ -39,7 +39,7 @@ _LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual level: no model
 CLEARLY_BETTER = 10.0
 _WHITE = 2.0  # residuals in a run of one sign, if they are independent
 # Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
-HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
+_HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,23 +50,21 @@ class FittedLaw:
     ----------
     weight : from 0 to 1; those of all laws add up to 1.
     position_disturbance : force subtracted from that of the problem's slips, None if none is.
-    decreasing : whether friction falls where the disturbance grows.
     rejected : names of the laws that screening has rejected for good.
     unsettled : whether the joint's contact yields, and the joint slips again before it has come to rest on the contact.
     by_optional_terms : covariance of parameters and kinetic friction that :mod:`.optional_terms` which were not fitted
         may cause, shape (p + k, p + k), or 0.
-    late : root mean square of the controller's delay where it is not fitted [sample intervals]: of its prior, or of
-        its posterior where the slips show it.
+    late : root mean square of the controller's delay where it is not fitted [sample intervals], by its posterior; None
+        where the slips say nothing of it.
     """
 
     solution: Solution
     weight: float = 1.0
     position_disturbance: PositionDisturbance | None = None
-    decreasing: bool = False
     rejected: tuple[str, ...] = ()
     unsettled: bool = False
     by_optional_terms: FloatArray = field(default_factory=lambda: np.zeros(()))
-    late: float = LATE
+    late: float | None = None
 
     @property
     def law(self) -> str:
@@ -85,7 +83,7 @@ class FittedLaw:
 
     def refitted(self, solution: Solution) -> FittedLaw:
         """The same with another fit of the slips, of which the optional terms are not known yet."""
-        return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=LATE)
+        return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=None)
 
     @property
     def may_lack_terms(self) -> bool:
@@ -127,9 +125,8 @@ class ModelTerm:
             return first
         if not first.fits and not self.prior_evidence and not _worth_the_parameters(first, problem, self.parameters):
             return first
-        try:
-            found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
-        except LinAlgError:
+        found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
+        if found is None:
             return first
         gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
         if found.mean_square >= GOOD or gain < self.parameters * math.log(problem.count):
@@ -151,9 +148,11 @@ class ScoredTerm(ModelTerm):
     """
 
     name: str
-    reported_change: Callable[[SlipProblem, FloatArray], FloatArray]
-    lower: float
-    explains_misfit: bool
+    reported_change: Callable[[SlipProblem, FloatArray], FloatArray] = lambda problem, parameters: np.zeros(
+        len(parameters)
+    )
+    lower: float = -math.inf
+    explains_misfit: bool = False
 
 
 def _worth_the_parameters(first: FittedLaw, problem: SlipProblem, more: int) -> bool:
@@ -199,3 +198,10 @@ def residuals_per_observation(solution: Solution) -> float:
     ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
     runs = 1 + int(np.count_nonzero(ends[used[1:]]))
     return max(float(used.sum()) / runs / _WHITE, 1.0)
+
+
+def of_law(law: str, parameters: FloatArray, own_law: str) -> FloatArray:
+    """Logarithms of the parameters, shape (6,), with the Stribeck velocity at which a law has fallen to half too."""
+    changed = parameters[:PARAMETERS].copy()
+    changed[STRIBECK_VELOCITY] += math.log(_HALF_SPEED[own_law] / _HALF_SPEED[law])
+    return np.asarray(changed)

@@ -18,14 +18,50 @@ from numpy.linalg import LinAlgError
 
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance, dry_friction_of
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, misfit_of
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem, TermParameter, Variants
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import fit_near
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
+from stickslip_ros.monitoring.friction.trend import FrictionGrowth
 from stickslip_ros.monitoring.samples import FloatArray
 
 _ROUNDS = 2  # estimates of the disturbance: the second one rests on a better fit
+_STD = 0.5  # prior standard deviation of the Stribeck friction that the covariate scales, of it
 _PARAMETERS = 2  # parameters of a friction factor, 1
 _OF_DISTURBANCE = 5  # parameters that a load over position and a ripple have at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionGrowth(FrictionGrowth):
+    """Friction that grows from the best place to the worst, in proportion to the covariate of a disturbance.
+
+    Attributes
+    ----------
+    disturbance : which was subtracted. decreasing : whether friction falls where that grows.
+    """
+
+    disturbance: PositionDisturbance
+    decreasing: bool
+
+    @property
+    def parameters(self) -> dict[str, TermParameter]:
+        """The share by which Stribeck friction grows."""
+        return {"factor": TermParameter(std=_STD)}
+
+    def covariate(self, problem: SlipProblem) -> FloatArray:
+        """Of the places where the slips began."""
+        return self.disturbance.covariate(problem.rests, decreasing=self.decreasing)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownFactor(FrictionGrowth):
+    """A known factor of the Stribeck friction."""
+
+    factor: float
+
+    def share(self, variants: Variants, problem: SlipProblem) -> FloatArray:
+        """The same in every slip."""
+        return np.array([[self.factor - 1.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,16 +82,16 @@ class FrictionFactor:
     coulomb: float
     coulomb_std: float
 
+    def _covariate(self, positions: FloatArray) -> FloatArray:
+        return self.position_disturbance.covariate(positions, decreasing=self.decreasing)
+
     def factor(self, position: float) -> float:
         """Stribeck friction at a position [rad] over that at the worst place seen."""
-        return 1.0 + self.share * float(
-            self.position_disturbance.covariate(np.array([position]), decreasing=self.decreasing)[0]
-        )
+        return 1.0 + self.share * float(self._covariate(np.array([position]))[0])
 
     def applied(self, window: SlipWindow) -> SlipWindow:
         """The slip without the disturbance, and with the Coulomb friction of the worst place."""
-        here = self.position_disturbance.covariate(np.array([window.rest_position]), decreasing=self.decreasing)
-        less = window.direction * self.coulomb * float(here[0])
+        less = window.direction * self.coulomb * float(self._covariate(np.array([window.rest_position]))[0])
         window = self.position_disturbance.applied(window)
         return replace(window, forces=window.forces - less)
 
@@ -97,20 +133,21 @@ class FrictionFactor:
     def worst_position(self) -> float:
         """Where among the slips it is largest [rad]."""
         positions = self.position_disturbance.dry.position
-        return float(positions[np.argmax(self.position_disturbance.covariate(positions, decreasing=self.decreasing))])
+        return float(positions[np.argmax(self._covariate(positions))])
 
 
 def friction_factor_of(fitted: FittedLaw, covariance: FloatArray) -> FrictionFactor | None:
     """Factor of friction between best and worst place; None where no fit has one."""
-    if fitted.position_disturbance is None or fitted.problem.covariate is None:
+    growth = fitted.problem.model.term(PositionGrowth)
+    if growth is None:
         return None
-    fit = fitted.solution.fit
+    fit, column = fitted.solution.fit, fitted.problem.column["factor"]
     errors = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
     return FrictionFactor(
-        position_disturbance=fitted.position_disturbance,
-        decreasing=fitted.decreasing,
-        share=float(fit.parameters[-1]),
-        std=float(errors[len(fit.parameters) - 1]),
+        position_disturbance=growth.disturbance,
+        decreasing=growth.decreasing,
+        share=float(fit.parameters[column]),
+        std=float(errors[column]),
         coulomb=float(fit.kinetic[-1]),
         coulomb_std=float(errors[-1]),
     )
@@ -162,14 +199,13 @@ def _with_friction_factor(even: FittedLaw) -> FittedLaw | None:
     disturbance, problem, fit = even.position_disturbance, even.problem, even.solution.fit
     assert disturbance is not None
     for decreasing in (False, True):
-        covariate = disturbance.covariate(problem.rests, decreasing=decreasing)
-        if not covariate.any():
+        growth = PositionGrowth(disturbance=disturbance, decreasing=decreasing)
+        growing = problem.changed(model=problem.model.with_term(growth))
+        if growing.covariate is None or not growing.covariate.any():
             return None
-        growing = problem.changed(covariate=covariate)
-        try:
-            solution = fit_near(growing, np.append(fit.parameters, 0.0), fit)
-        except LinAlgError:
+        solution = fit_near(growing, fit.parameters, fit)
+        if solution is None:
             return None
-        if solution.fit.parameters[-1] >= 0.0:
-            return replace(even, solution=solution, decreasing=decreasing)
+        if solution.fit.parameters[growing.column["factor"]] >= 0.0:
+            return replace(even, solution=solution)
     return None

@@ -12,22 +12,77 @@ damping than friction gives, no friction can take it up: there it is fitted. Whe
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.model.friction import Joint
-from stickslip_ros.monitoring.friction._window_kernel import VISCOUS
+from stickslip_ros.monitoring.friction._window_kernel import HOLDING_FORCE, INERTIA, LEVEL, VISCOUS
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, ModelTerm, ScoredTerm
-from stickslip_ros.monitoring.friction.slip_problem import LATE, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import SlipModel, SlipProblem, SlipTerm, TermParameter, Variants
+from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
 SPREAD_LIMIT = 4.0  # standard error of a logarithm, 1: a wider one means nothing
 # Viscous friction, of its standard error: less is no friction to speak of, and its logarithm needs some.
 LEAST_VISCOUS = 0.3
 _LEAST = 1e-9  # viscous friction that is left, of all of it: at least
+LATE = 1.5  # prior standard deviation of a controller's delay, sample intervals
 _LATEST = 2.0  # longest delay, of `LATE`
+_LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
+_LEAST_INERTIA = 0.1  # inertia that a delay leaves, of the inertia: at least
 _NEXT_TO_NONE = math.log(3.0)  # above the least viscous friction that can be fitted: there may be less than none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delay(SlipTerm):
+    """The controller's delay τ: the force of a time ago is that of now less its rate."""
+
+    @property
+    def parameters(self) -> dict[str, TermParameter]:
+        """τ in sample intervals."""
+        return {"delay": TermParameter(std=LATE, lower=0.0, upper=_LONGEST_DELAY)}
+
+    def apply(self, variants: Variants, problem: SlipProblem) -> None:
+        """k_p τ less damping, and k_v τ less inertia, by which all that is per inertia grows."""
+        lighter, stiffness = _inertia_left(variants, problem), problem.gains[:, 0]
+        taken = _delays(variants, problem) * stiffness
+        viscous = variants.plants[:, VISCOUS, None]
+        damping = (variants.gains[:, :, 1] - taken + viscous) / lighter - viscous
+        variants.gains = np.stack(np.broadcast_arrays(stiffness / lighter, damping), axis=2)
+        late = taken[:, problem.slip_of_node] * problem.rates
+        variants.drives = (variants.drives - late) / lighter[:, problem.slip_of_node]
+        variants.starts[:, :, LEVEL] /= lighter
+        variants.drags = variants.drags / lighter
+        variants.contacts = variants.contacts * np.stack([lighter, 1.0 / lighter], axis=2)
+        variants.standing = (variants.standing - late[:, problem.edges[:-1]]) / lighter
+        variants.stopped = variants.stopped / lighter
+
+    def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
+        """Forces are what they are, not per share of the inertia."""
+        found[:, :, HOLDING_FORCE] *= _inertia_left(variants, problem)
+
+
+def _delays(variants: Variants, problem: SlipProblem) -> FloatArray:
+    """τ of each variant [s], shape (variants, 1)."""
+    return np.asarray(variants.parameters[:, problem.column["delay"], None] * problem.sample_interval)
+
+
+def _inertia_left(variants: Variants, problem: SlipProblem) -> FloatArray:
+    """Share of the inertia that the delay leaves in each slip, shape (variants, slips)."""
+    taken = _delays(variants, problem) * problem.gains[:, 1]
+    return np.asarray(np.maximum(1.0 - taken / variants.plants[:, INERTIA, None], _LEAST_INERTIA))
+
+
+def model_of(
+    windows: list[SlipWindow], law: int = HESS_SOOM, known: Mapping[int, tuple[float, float]] | None = None
+) -> SlipModel:
+    """The law alone, with the delay where gains change: else a delay τ is as good as less damping and inertia."""
+    changing = len({window.gains for window in windows}) > 1
+    shows = changing and windows[0].source is ForceSource.GAINS
+    return SlipModel(law=law, known=known or {}, terms=(Delay(),) if shows else ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +152,7 @@ def delay_estimate(problem: SlipProblem, parameters: FloatArray, covariance: Flo
     ----------
     parameters : logarithms and what comes after them, shape (p,). covariance : shape (p + k, p + k).
     """
-    if not problem.model.delay_shows:
+    if problem.model.term(Delay) is None:
         return None
     viscous, slopes = math.exp(parameters[VISCOUS]), _slopes_of_what_is_left(problem, parameters, len(covariance))
     return DelayEstimate(
@@ -147,15 +202,15 @@ def may_hide_a_delay(fitted: FittedLaw) -> bool:
     problem, solution = fitted.problem, fitted.solution
     viscous = float(solution.fit.parameters[VISCOUS])
     next_to_none = viscous <= solution.prior.lower[VISCOUS] + _NEXT_TO_NONE
-    return problem.may_be_late and not problem.model.delay_shows and next_to_none
+    return _may_be_late(problem) and next_to_none
+
+
+def _may_be_late(problem: SlipProblem) -> bool:
+    return problem.may_be_late and problem.model.term(Delay) is None
 
 
 def _added(problem: SlipProblem) -> SlipProblem:
-    return problem.changed(model=replace(problem.model, delay_shows=True))
-
-
-def _may_be_late(fitted: FittedLaw) -> bool:
-    return fitted.may_lack_terms and fitted.problem.may_be_late and not fitted.problem.model.delay_shows
+    return problem.changed(model=problem.model.with_term(Delay()))
 
 
 def _less_viscous(problem: SlipProblem, parameters: FloatArray) -> FloatArray:
@@ -170,8 +225,7 @@ HIDDEN_DELAY = ModelTerm(added=lambda fitted: _added(fitted.problem) if may_hide
 # speed by another amount less.
 LATE_CONTROLLER = ScoredTerm(
     name="delay",
-    added=lambda fitted: _added(fitted.problem) if _may_be_late(fitted) else None,
+    added=lambda fitted: _added(fitted.problem) if fitted.may_lack_terms and _may_be_late(fitted.problem) else None,
     reported_change=_less_viscous,
     lower=0.0,
-    explains_misfit=False,
 )

@@ -15,22 +15,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
-from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS, stribeck_friction
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK, STRIBECK_VELOCITY, VISCOUS
 from stickslip_ros.monitoring.friction.fitted_law import (
     CLEARLY_BETTER,
-    HALF_SPEED,
     FittedLaw,
     misfit_of,
+    of_law,
     residuals_per_observation,
 )
-from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay
+from stickslip_ros.monitoring.friction.late_controller import may_hide_a_delay, model_of
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
 from stickslip_ros.monitoring.friction.slip_solution import fit_near, truncated_fit, usual_level
@@ -92,13 +91,14 @@ def _beside(law: str, first: FittedLaw) -> FittedLaw | None:
     """Another law's fit of the same slips; None if it would be far worse, or there is none."""
     if first.position_disturbance is not None:
         # The same position-dependent forces are subtracted for both laws.
-        return _near(first, law, _same_parameters(law, first), first)
-    screening = _screen_law(law, first)
-    if screening is None or screening.rejected or not (first.fits or screening.better):
+        return _near(first, law, of_law(law, first.solution.fit.parameters, first.law), first)
+    start, worse = _screened(law, first)
+    if worse > _WORSE or not (first.fits or worse < -CLEARLY_BETTER):
         return None
-    try:
-        solution = fit_near(first.problem.plain(LAWS[law]), screening.start, first.solution.fit)
-    except LinAlgError:
+    problem = first.problem
+    plain = problem.changed(model=model_of(problem.windows, LAWS[law], problem.model.known))
+    solution = fit_near(plain, start, first.solution.fit)
+    if solution is None:
         return None
     # Delay, yielding contact, trend and optional terms are selected for each law by itself.
     other = with_shown_terms(FittedLaw(solution=solution))
@@ -115,56 +115,30 @@ def _again(first: FittedLaw, better: FittedLaw) -> FittedLaw | None:
 
 def _near(first: FittedLaw, law: str, start: FloatArray, shape: FittedLaw) -> FittedLaw | None:
     """A law fitted to the slips as the first fit has them, from a start and the levels of another fit."""
-    try:
-        problem = first.problem.changed(model=replace(first.problem.model, law=LAWS[law]))
-        solution = fit_near(problem, start, shape.solution.fit)
-    except LinAlgError:
-        return None
-    return first.refitted(solution)
+    problem = first.problem.changed(model=replace(first.problem.model, law=LAWS[law]))
+    solution = fit_near(problem, start, shape.solution.fit)
+    return None if solution is None else first.refitted(solution)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Screening:
-    """Result of the screening of a law.
+def _screened(law: str, first: FittedLaw) -> tuple[FloatArray, float]:
+    """Screening of a law against the one fitted first, both on the same few slips.
 
-    Attributes
-    ----------
-    start : logarithms from which to fit it to all slips, shape (6,).
-    worse : twice the logarithm of the likelihood ratio of the fitted law and the screened one, on the same few slips.
+    Returns the logarithms from which to fit the law to all slips, shape (6,), and twice the logarithm of the likelihood
+    ratio of the first law and this one; infinite if no slip can be simulated.
     """
-
-    start: FloatArray
-    worse: float
-
-    @property
-    def rejected(self) -> bool:
-        """Whether the law stays worse however many slips are fitted."""
-        return self.worse > _WORSE
-
-    @property
-    def better(self) -> bool:
-        """Whether the law is clearly better: where no law fits, only such a one is worth a full fit."""
-        return self.worse < -CLEARLY_BETTER
-
-
-def _screen_law(law: str, first: FittedLaw) -> _Screening | None:
-    """Screen a law against the one fitted first; None if no slip can be simulated by it."""
-    some = first.problem.spread()
+    some, start = first.problem.spread(), _same_curve(law, first)
     theirs = truncated_fit(some, first.solution.fit.parameters)
-    if theirs is None:
-        return None
-    other = some.changed(model=replace(some.model, law=LAWS[law]))
-    found = truncated_fit(other, _same_curve(law, first))
-    if found is None:
-        return None
+    found = truncated_fit(some.changed(model=replace(some.model, law=LAWS[law])), start) if theirs is not None else None
+    if theirs is None or found is None:
+        return start, math.inf
     worse = (misfit_of(found) - misfit_of(theirs)) / residuals_per_observation(theirs)
-    return _Screening(start=found.fit.parameters[:PARAMETERS], worse=worse)
+    return found.fit.parameters[:PARAMETERS], worse
 
 
 def _same_curve(law: str, first: FittedLaw) -> FloatArray:
     """Logarithms of the parameters of a law with which friction over speed is most nearly what the first fit has."""
     fit, problem = first.solution.fit, first.problem
-    start = _same_parameters(law, first)
+    start = of_law(law, fit.parameters, first.law)
     level, unit = usual_level(fit), math.exp(fit.parameters[STRIBECK_VELOCITY])
     speeds = np.abs(fit.velocities)
     speeds = np.quantile(speeds[speeds > 0.0], np.linspace(0.0, 1.0, _SPEEDS))
@@ -184,10 +158,3 @@ def _same_curve(law: str, first: FittedLaw) -> FloatArray:
             start[[VISCOUS, STRIBECK_VELOCITY]] = math.log(viscous / usual), math.log(scale)
             start[STRIBECK] = fit.parameters[STRIBECK] + math.log(stribeck / level)
     return start
-
-
-def _same_parameters(law: str, first: FittedLaw) -> FloatArray:
-    """Logarithms of the first fit's parameters, with the Stribeck velocity at which the law has fallen to half too."""
-    start = first.solution.fit.parameters[:PARAMETERS].copy()
-    start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[first.law] / HALF_SPEED[law])
-    return np.asarray(start)

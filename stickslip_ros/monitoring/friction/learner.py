@@ -16,21 +16,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW, risen_level
+from stickslip_ros.model._friction_law import PAPERS_LAW, risen_level
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK, STRIBECK_VELOCITY
+from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import best_known, estimate_from
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
-from stickslip_ros.monitoring.friction.fitted_law import HALF_SPEED
+from stickslip_ros.monitoring.friction.fitted_law import of_law
+from stickslip_ros.monitoring.friction.friction_factor import KnownFactor
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
 from stickslip_ros.monitoring.friction.observed_slips import follows_on
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit, Tolerances, fit_at_fixed_parameters
-from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipModel, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -179,9 +180,7 @@ class FrictionLearner:
             return None
         if windows[-1].source is not state.last_window.source:
             return None
-        start = state.parameters[:PARAMETERS].copy()
-        start[STRIBECK_VELOCITY] += math.log(HALF_SPEED[state.estimate.law] / HALF_SPEED[PAPERS_LAW])
-        return np.asarray(start)
+        return of_law(PAPERS_LAW, state.parameters, state.estimate.law)
 
     @property
     def study_is_due(self) -> bool:
@@ -250,28 +249,23 @@ class FrictionLearner:
             self._studied = 0
             return
         follows = follows_on(state.last_window, window)
-        observed = window
+        observed, model = window, state.model
         disturbance, friction_factor = state.position_disturbance, state.estimate.friction_factor
         # Of friction that varies from place to place each slip is made one at the worst.
-        known_factor = None
         if friction_factor is not None:
-            known_factor, window = (
-                np.array([friction_factor.factor(window.rest_position)]),
-                friction_factor.applied(window),
-            )
+            model = model.with_term(KnownFactor(factor=friction_factor.factor(window.rest_position)))
+            window = friction_factor.applied(window)
         elif disturbance is not None:
             window = disturbance.applied(window)
         if state.contact is not None:
             if window.before is None or window.after is None:
                 return
             window = window.between_creep()
-        model = SlipModel(law=LAWS[state.estimate.law], contact=state.contact, curved_at=state.curved_at)
         problem = SlipProblem(
             [window],
-            replace(model, delay_shows=len(state.parameters) > PARAMETERS + len(model.terms)),
+            model,
             before=(state.last_window.arrest, state.stribeck_fraction) if follows else None,
             both_directions=len(state.kinetic) > 1,
-            known_factor=known_factor,
         ).weighed(jitter=state.jitter, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.stribeck_fraction if follows else 0.5

@@ -93,6 +93,9 @@ class ObservedSlips:
         self.distances = np.array([abs(window.slip_distance) for window in windows])
         self.rests = np.array([window.rest_position for window in windows])
         self.rest_errors = np.array([window.rest_error for window in windows])
+        # The controller's force where the joint stood before and after, NaN if that is not known [N·m].
+        self.drives_before = np.array([window.before.drive if window.before else math.nan for window in windows])
+        self.drives_after = np.array([window.after.drive if window.after else math.nan for window in windows])
         sizes = [len(window.times) for window in windows]
         self.edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.times = np.concatenate([window.times - origin for window in windows])
@@ -113,6 +116,7 @@ class ObservedSlips:
         self.observed = offsets + np.concatenate([window.observed for window in windows])
         self.slip_of = np.repeat(np.arange(self.count), sizes)
         self.observation_edges = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        self.last_observed = self.observed[self.observation_edges[1:] - 1]
         self.values = np.concatenate([window.values for window in windows])
         self.gaps = np.concatenate([window.gaps for window in windows])
         self._at_edge = np.isfinite(self.gaps)

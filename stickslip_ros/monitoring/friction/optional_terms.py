@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from stickslip_ros.monitoring.friction.curved_viscous import CURVED_VISCOUS
+from stickslip_ros.monitoring.friction.curved_viscous import CURVED_VISCOUS, CurvedViscous
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import (
     CLEARLY_BETTER,
@@ -27,7 +27,7 @@ from stickslip_ros.monitoring.friction.fitted_law import (
 )
 from stickslip_ros.monitoring.friction.late_controller import HIDDEN_DELAY, LATE_CONTROLLER
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
-from stickslip_ros.monitoring.friction.slip_problem import LATE, PARAMETERS, SlipProblem
+from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.yielding_contact import YIELDING_CONTACT
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -93,7 +93,7 @@ def with_optional_terms(first: FittedLaw, beside: FittedLaw | None = None) -> Fi
         with a curve explains much.
     """
     fitted = first
-    straight = beside is not None and beside.problem.model.curved_at is None
+    straight = beside is not None and beside.problem.model.term(CurvedViscous) is None
     tried: set[ScoredTerm] = {CURVED_VISCOUS} if straight else set()
     moves: list[FloatArray] = []
     scores = _score_tests(fitted)
@@ -112,7 +112,7 @@ def with_optional_terms(first: FittedLaw, beside: FittedLaw | None = None) -> Fi
         covariance = covariance + _ANOTHER * np.outer(all_of_it, all_of_it)
     late = scores.get(LATE_CONTROLLER)
     return replace(
-        fitted, by_optional_terms=np.asarray(covariance), late=LATE if late is None else math.sqrt(late.mean_square)
+        fitted, by_optional_terms=np.asarray(covariance), late=None if late is None else math.sqrt(late.mean_square)
     )
 
 
@@ -134,9 +134,7 @@ def _most_significant(fitted: FittedLaw, left: Mapping[ScoredTerm, TermScore | N
     if gains:
         return max(gains, key=lambda term: gains[term])
     # A term could explain the misfit that a wrong effort makes; and where residuals are large no term is enough.
-    problem = fitted.problem
-    little = 0.0 < fitted.solution.tolerance < _LITTLE * float(np.median(problem.distances))
-    if not little or not problem.may_be_late:
+    if not (0.0 < fitted.solution.left_over < _LITTLE and fitted.problem.may_be_late):
         return None
     return next((term for term, score in left.items() if score is None and term.explains_misfit), None)
 
@@ -155,7 +153,7 @@ def _score_test(fitted: FittedLaw, term: ScoredTerm, more: SlipProblem) -> TermS
         return None
     fit, prior, noise = solution.fit, solution.prior, problem.noise
     more = more.weighed(fit.velocities, jitter=noise.jitter, usable=noise.usable)
-    column, prior_std = more.column[term.name], more.terms[term.name].std
+    column, prior_std = more.column[term.name], more.term_parameters[term.name].std
     try:
         fixed_fit = fit_at_fixed_parameters(
             more, Tolerances(balance=solution.balance_error, level=solution.link_error),

@@ -1,21 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Least squares on a :class:`SlipProblem`: Levenberg-Marquardt with each slip's own unknowns eliminated."""
+"""Least squares on a :class:`SlipProblem`: Levenberg-Marquardt with each slip's own unknowns eliminated.
+
+The unknowns of the slips form a band in the matrix of the Gauss-Newton equations.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import risen_level
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import BREAKAWAY, HOLDING_FORCE, LEVEL, RISE_TIME, SHAPE
-from stickslip_ros.monitoring.friction.slip_equations import NormalEquations, Point, Slopes
+from stickslip_ros.monitoring.friction._equations_kernel import HUBER, LARGEST_RESIDUAL, UNKNOWNS
+from stickslip_ros.monitoring.friction._window_kernel import (
+    BREAKAWAY,
+    HOLDING_FORCE,
+    LEVEL,
+    POSITION,
+    RISE_TIME,
+    SHAPE,
+)
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -64,34 +75,82 @@ class Tolerances:
 
 @dataclass(frozen=True, kw_only=True)
 class SlipFit:
-    """Where a fit ended.
+    """A point of a fit, at the end the one where it ended.
 
     Attributes
     ----------
     parameters : logarithms, shape (p,). unknowns : of each slip, shape (slips, 3).
     kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
+    residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
+    link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
+    balance, links : these two in their tolerances. ties : columns of the equations' kernel.
+    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
     information, gradient : of the data on parameters and kinetic together, shapes (p + k, p + k) and (p + k,).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
     bias_sensitivity : gradient by a systematic discrepancy of one slip distance in each part of the slips, shape
-        (parts, p + k). Information, gradient, scores and this are empty unless `scored`.
-    residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
-    link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
-    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
+        (parts, p + k). Information, gradient, scores and this are empty unless the fit is scored.
     """
 
     parameters: FloatArray
     unknowns: FloatArray
     kinetic: FloatArray
-    information: FloatArray
-    gradient: FloatArray
-    scores: FloatArray
-    bias_sensitivity: FloatArray
     residuals: FloatArray
     misfits: FloatArray
     link_misfits: FloatArray
+    balance: FloatArray
+    links: FloatArray
+    ties: FloatArray
     cost: float
     velocities: FloatArray
     found: FloatArray
+    information: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    gradient: FloatArray = field(default_factory=lambda: np.empty(0))
+    scores: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    bias_sensitivity: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Equations:
+    """Equations for the steps of parameters (with kinetic friction) and of the slips' unknowns, at a point.
+
+    Attributes
+    ----------
+    moving : parameters by which the slopes of the observations are not zero.
+    slopes, by_shared, by_own : slopes of the residuals, as :func:`._equations_kernel.fill_slopes` has them.
+    matrix, gradient : of parameters and kinetic friction, shapes (p + k, p + k) and (p + k,).
+    mixed, band, step : of the slips' unknowns, 3 each, with these; band of their matrix; and their gradient.
+    """
+
+    moving: NDArray[np.int64]
+    slopes: FloatArray
+    by_shared: FloatArray
+    by_own: FloatArray
+    matrix: FloatArray
+    gradient: FloatArray
+    mixed: FloatArray
+    band: FloatArray
+    step: FloatArray
+
+    def eliminate(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Schur complement and gradient of the parameters; solutions for the unknowns of ``mixed`` and ``step``.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the unknowns' part of the matrix is not positive definite.
+        """
+        band = self.band.copy()
+        band[0] *= 1.0 + damping
+        solved = np.column_stack([self.mixed, self.step])
+        if not kernel.solve_band(band, solved):
+            raise LinAlgError("the equations of the slips are not positive definite")
+        by_parameters, by_slope = solved[:, :-1], solved[:, -1]
+        return (
+            self.matrix - self.mixed.T @ by_parameters,
+            self.gradient - self.mixed.T @ by_slope,
+            by_parameters,
+            by_slope,
+        )
 
 
 class _Fit:
@@ -118,7 +177,7 @@ class _Fit:
         self._before = np.array(problem.before or (0.0, 0.0))
         self._scale = problem.noise.counted / problem.noise.errors
 
-    def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> Point:
+    def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> SlipFit:
         problem = self.problem
         positions, velocities, found = problem.simulate(parameters, unknowns)
         observed, balance, links = np.empty(len(problem.observed)), np.empty(problem.count), np.empty(problem.count)
@@ -128,10 +187,20 @@ class _Fit:
             parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance,
             problem.noise.targets, self._scale, problem.observed, observed, balance, links, ties,
         )  # fmt: skip
-        return Point(
-            parameters, unknowns, kinetic, observed, balance, links, ties, found, velocities,
-            cost if math.isfinite(cost) else math.inf,
-        )  # fmt: skip
+        return SlipFit(
+            parameters=parameters,
+            unknowns=unknowns,
+            kinetic=kinetic,
+            residuals=observed,
+            misfits=found[:, HOLDING_FORCE] - np.exp(unknowns[:, LEVEL]) - problem.balance @ kinetic,
+            link_misfits=unknowns[:, LEVEL] - ties[:, kernel.EXPECTED],
+            balance=balance,
+            links=links,
+            ties=ties,
+            cost=cost if math.isfinite(cost) else math.inf,
+            velocities=velocities,
+            found=found,
+        )
 
     def best_kinetic(self, unknowns: FloatArray, found: FloatArray) -> FloatArray:
         """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
@@ -150,8 +219,8 @@ class _Fit:
             weights /= weights.max()
         return kinetic
 
-    def slopes(self, point: Point, active: Collection[int]) -> Slopes:
-        """Slopes of the residuals by the active parameters, and by each slip's unknowns; by others they are zero."""
+    def equations(self, point: SlipFit, active: Collection[int]) -> _Equations:
+        """Equations by the active parameters, and by each slip's unknowns; slopes by other parameters are zero."""
         problem, count = self.problem, self.problem.count
         moving = np.array([k for k in active if not len(SHAPE) <= k < PARAMETERS], dtype=np.int64)
         steps = np.empty((len(moving) + 2, count))
@@ -164,43 +233,52 @@ class _Fit:
         positions, _, found = problem.simulate_variants(parameters, unknowns)
         is_active = np.zeros(len(point.parameters), dtype=bool)
         is_active[list(active)] = True
-        slopes = Slopes(
+        new = _Equations(
             moving=moving,
-            terms=np.empty((len(steps) + 2, len(problem.observed))),
+            slopes=np.empty((len(steps) + 2, len(problem.observed))),
             by_shared=np.zeros((2, count, self.columns)),
-            by_own=np.zeros((3, count, kernel.UNKNOWNS)),
+            by_own=np.zeros((3, count, UNKNOWNS)),
+            matrix=np.zeros((self.columns, self.columns)),
+            gradient=np.zeros(self.columns),
+            mixed=np.zeros((count * UNKNOWNS, self.columns)),
+            band=np.zeros((2 * UNKNOWNS, count * UNKNOWNS)),
+            step=np.zeros(count * UNKNOWNS),
         )
         kernel.fill_slopes(
             positions, found, steps, moving, is_active, point.unknowns, problem.stiffness(point.parameters), self.slips,
             problem.balance, problem.noise.targets, self._scale, problem.observed, problem.observation_edges,
-            point.observed, point.found, point.ties, slopes.terms, slopes.by_shared, slopes.by_own,
+            point.residuals, point.found, point.ties, new.slopes, new.by_shared, new.by_own,
         )  # fmt: skip
-        return slopes
+        kernel.collect(
+            new.slopes, problem.observation_edges, moving, new.by_shared, new.by_own, point.balance, point.links,
+            point.unknowns, self.slips, new.matrix, new.gradient, new.mixed, new.band, new.step,
+        )  # fmt: skip
+        return new
 
-    def equations(self, point: Point, slopes: Slopes) -> NormalEquations:
-        return NormalEquations.assemble(self.problem, self.slips, point, slopes)
-
-    def result(self, point: Point, *, scored: bool) -> SlipFit:
-        information = gradient = scores = bias_sensitivity = np.empty((0, self.columns))
-        if scored:
-            slopes = self.slopes(point, self.free)
-            information, gradient, by_parameters, _ = self.equations(point, slopes).eliminate(0.0)
-            scores, bias_sensitivity = NormalEquations.shares(self.problem, point, slopes, by_parameters)
-        held = point.found[:, HOLDING_FORCE] - np.exp(point.unknowns[:, LEVEL])
-        return SlipFit(
-            parameters=point.parameters,
-            unknowns=point.unknowns,
-            kinetic=point.kinetic,
-            information=information,
-            gradient=gradient,
-            scores=scores,
-            bias_sensitivity=bias_sensitivity,
-            residuals=point.observed,
-            misfits=np.asarray(held - self.problem.balance @ point.kinetic),
-            link_misfits=point.unknowns[:, LEVEL] - point.ties[:, kernel.EXPECTED],
-            cost=point.cost,
-            velocities=point.velocities,
-            found=point.found,
+    def scored(self, point: SlipFit) -> SlipFit:
+        """The point with information, gradient, scores and bias sensitivity, the slips' own unknowns eliminated."""
+        problem, equations = self.problem, self.equations(point, self.free)
+        information, gradient, by_parameters, _ = equations.eliminate(0.0)
+        balance, links = equations.by_shared
+        own_balance, own_link, next_link = equations.by_own
+        shared = len(equations.moving)
+        follow = by_parameters.reshape(problem.count, UNKNOWNS, -1)
+        projected = -np.einsum("am,mac->mc", equations.slopes[shared:-1], follow[problem.slip_of])
+        projected[:, equations.moving] += equations.slopes[:shared].T
+        projected *= _weights(point.residuals)[:, None]
+        way = (problem.directions * problem.distances)[problem.slip_of] / problem.noise.errors
+        bias_sensitivity = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
+        np.add.at(bias_sensitivity, problem.parts_of_slips, projected * way[:, None])
+        scores = np.add.reduceat(projected * point.residuals[:, None], problem.observation_edges[:-1], axis=0)
+        projected = balance - np.einsum("na,nac->nc", own_balance, follow)
+        scores += projected * (_weights(point.balance) * point.balance)[:, None]
+        projected = links - np.einsum("na,nac->nc", own_link, follow)
+        projected[1:] -= np.einsum("na,nac->nc", next_link[:-1], follow[:-1])
+        scores += projected * (_weights(point.links) * point.links)[:, None]
+        rest = (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
+        scores -= rest[:, None] * follow[:, POSITION]
+        return replace(
+            point, information=information, gradient=gradient, scores=-scores, bias_sensitivity=bias_sensitivity
         )
 
 
@@ -240,7 +318,7 @@ def fit_slips(
     for _ in range(iterations):
         if problem.budget.spent:
             break
-        equations = fit.equations(point, fit.slopes(point, fit.free))
+        equations = fit.equations(point, fit.free)
         pull = np.zeros(fit.columns)
         pull[:size] = prior.information @ (prior.mean - point.parameters)
         before = point
@@ -254,7 +332,7 @@ def fit_slips(
                 damping = max(damping, 1e-6) * 10.0
                 continue
             step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step[:size]))), TINY))
-            own = (by_slope - by_parameters @ step).reshape(-1, kernel.UNKNOWNS)
+            own = (by_slope - by_parameters @ step).reshape(-1, UNKNOWNS)
             candidate = fit.evaluate(
                 np.clip(point.parameters + step[:size], prior.lower, prior.upper),
                 _moved(problem, point.unknowns, own),
@@ -270,7 +348,7 @@ def fit_slips(
         gain = before.cost - point.cost
         if gain < enough * max(1.0, 1e-3 * point.cost):
             break
-    return fit.result(point, scored=scored)
+    return fit.scored(point) if scored else point
 
 
 def fit_at_fixed_parameters(
@@ -297,10 +375,10 @@ def fit_at_fixed_parameters(
         raise LinAlgError("the slips cannot be simulated")
     damping = 1e-4
     for _ in range(iterations):
-        equations = fit.equations(point, fit.slopes(point, active=()))
+        equations = fit.equations(point, active=())
         before = point.cost
         while damping < 1.0:
-            own = equations.eliminate(damping)[3].reshape(-1, kernel.UNKNOWNS)
+            own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
             candidate = fit.evaluate(parameters, _moved(problem, point.unknowns, own), kinetic)
             if candidate.cost < point.cost:
                 point = candidate
@@ -309,7 +387,7 @@ def fit_at_fixed_parameters(
         damping = max(damping / 10.0, 1e-9)
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
-    return fit.result(point, scored=True)
+    return fit.scored(point)
 
 
 def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> FloatArray:
@@ -319,3 +397,14 @@ def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> Floa
     latest = problem.last_times - 0.2 * problem.durations
     moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], problem.first_times, latest)
     return moved
+
+
+def robust(residuals: FloatArray) -> float:
+    """Sum of squares, linear beyond the Huber limit."""
+    size = np.minimum(np.abs(residuals), LARGEST_RESIDUAL)
+    return float(np.where(size < HUBER, size * size, 2.0 * HUBER * size - HUBER**2).sum())
+
+
+def _weights(residuals: FloatArray) -> FloatArray:
+    """Weights that make squares of them :func:`robust`."""
+    return np.minimum(1.0, HUBER / np.maximum(np.abs(residuals), 1e-12))

@@ -4,17 +4,18 @@
 
 The logarithms of six parameters are unknown, and for each slip where the joint rested, when it broke away
 and with what Stribeck friction. Each slip is simulated on its own from these; what ties the slips together
-are Eq. (6), from one slip's end to the next one's beginning, and the balance of forces at every breakaway.
+are Eq. (6), from one slip's end to the next one's beginning, and the balance of forces at every breakaway. What an
+optional term does to a simulated slip stands with the term, which is a :class:`SlipTerm` in a file of its own.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import HESS_SOOM
 from stickslip_ros.model.bounds import TINY
@@ -37,18 +38,10 @@ PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: s
 # Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
 _OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
 _SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
+_SPREAD_SLIPS, _SPREAD_OBSERVATIONS = 12, 60  # slips from everywhere, and observations of each, 1: at most
 _LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # steps in a slip, 1: at least, and at most
-LATE = 1.5  # prior standard deviation of a controller's delay, sample intervals
-_LONGEST_DELAY = 20.0  # longest delay of a controller, sample intervals
-_MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
-_MOST_CURVED = 0.95  # quadratic part of viscous friction, of it, or what is missing there: at most
-_FACTOR_STD = 0.5  # prior standard deviation of the Stribeck friction that the covariate scales, of it
-_TREND = 0.1  # prior standard deviation of a trend from the first slip to the last, of the Stribeck friction
-_DAMPING_RATIO = 0.5  # damping ratio of a contact that yields, 1: prior mean and standard deviation
-CURVATURE = 0.5  # prior standard deviation of the quadratic part of viscous friction, of it
-# Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
-MOST_COMPLIANCE, LEAST_COMPLIANCE = 0.2, 1e-4
-_LEAST_INERTIA = 0.1  # inertia that a delay leaves, of the inertia: at least
+
+Term = TypeVar("Term", bound="SlipTerm")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,18 +54,64 @@ class TermParameter:
     upper: float = math.inf
 
 
-@dataclass(frozen=True, kw_only=True)
-class ContactKnowledge:
-    """Compliance of a contact.
+@dataclass
+class Variants:
+    """The same slips with several parameters, each a row of what the windows' kernel simulates; terms change them.
+
+    Where all variants share a value it has one row.
 
     Attributes
     ----------
-    mean, std : in ``unit``. unit : compliance of the spring that the slips are pulled by [rad/(N·m)].
+    parameters : logarithms and the parameters of terms, shape (variants, p). plants : values of the law's parameters,
+        shape (variants, 6).
+    levels : Stribeck friction of each slip at breakaway by Eq. (6), shape (variants, slips) [N·m].
+    starts : columns of the kernel, shape (variants, slips, 3). gains : stiffness and damping, shape (…, slips, 2).
+    drives : force at the nodes that would be on a joint at zero, without its velocity's part, shape (…, nodes) [N·m].
+    drags : of the square of the velocity, shape (…, slips) [N·m·s²/rad²].
+    contacts : compliance and damping of the contact at rest, shape (…, slips, 2).
+    standing : mean force where the joint was seen to rest, shape (…, slips) [N·m]. stopped : the same after the slip,
+        less the drive at the last observation.
     """
 
-    mean: float
-    std: float
-    unit: float
+    parameters: FloatArray
+    plants: FloatArray
+    levels: FloatArray
+    starts: FloatArray
+    gains: FloatArray
+    drives: FloatArray
+    drags: FloatArray
+    contacts: FloatArray
+    standing: FloatArray
+    stopped: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipTerm:
+    """Optional effect on slips: its parameters with their priors, and what it changes of a simulation.
+
+    Terms stand in the order of ``place``, and so do their parameters. They are applied from the last to the first, each
+    to what those after it have made of the variants.
+    """
+
+    place: ClassVar[int] = 0
+
+    @property
+    def parameters(self) -> dict[str, TermParameter]:
+        """Parameters by name, in their order."""
+        return {}
+
+    def covariate(self, problem: SlipProblem) -> FloatArray | None:
+        """Regressor in [-1, 0] by which friction grows, shape (slips,); None where friction does not grow.
+
+        Parameters and kinetic friction are reported at covariate = 0. Of one model's terms at most one has a covariate.
+        """
+        return None
+
+    def apply(self, variants: Variants, problem: SlipProblem) -> None:
+        """Change what is simulated."""
+
+    def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
+        """Change what was simulated: positions at the nodes, and what is found of each slip."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,48 +122,24 @@ class SlipModel:
     ----------
     law : number in ``model._friction_law``.
     known : mean and standard deviation of the logarithms of the law's parameters of which something is known, by index.
-    delay_shows : whether the controller's delay is unknown too.
-    contact : what is known of the compliance of a contact that yields, None if it does not. All slips have to be
-        between creep, see :meth:`.SlipWindow.between_creep`.
-    curved_at : speed at which the viscous friction is reported [rad/s] if it may be a curve over speed, of which a
-        share goes with the square of the speed; None if it is a straight line, as where only speeds are known.
-    trend : whether friction changes steadily from the first slip to the last; parameters and kinetic friction are then
-        those at the last one. Where only speeds are known there is none.
+    terms : in the order of their places, one of each kind.
     """
 
     law: int = HESS_SOOM
     known: Mapping[int, tuple[float, float]] = field(default_factory=dict)
-    delay_shows: bool = False
-    contact: ContactKnowledge | None = None
-    curved_at: float | None = None
-    trend: bool = False
+    terms: tuple[SlipTerm, ...] = ()
 
-    @staticmethod
-    def of(
-        windows: list[SlipWindow], law: int = HESS_SOOM, known: Mapping[int, tuple[float, float]] | None = None
-    ) -> SlipModel:
-        """The law alone, with the delay where gains change: else a delay τ is as good as less damping and inertia."""
-        changing = len({window.gains for window in windows}) > 1
-        delay_shows = changing and windows[0].source is ForceSource.GAINS
-        return SlipModel(law=law, known=known or {}, delay_shows=delay_shows)
+    def term(self, kind: type[Term]) -> Term | None:
+        """The term of a kind; None where the model has none."""
+        return next((term for term in self.terms if isinstance(term, kind)), None)
 
-    @property
-    def terms(self) -> dict[str, TermParameter]:
-        """Parameters of the terms by name, in their order: delay in sample intervals, compliance in `contact.unit`."""
-        terms = {}
-        if self.delay_shows:
-            terms["delay"] = TermParameter(std=LATE, lower=0.0, upper=_LONGEST_DELAY)
-        if self.contact is not None:
-            mean, std = self.contact.mean, self.contact.std
-            terms["compliance"] = TermParameter(mean=mean, std=std, lower=LEAST_COMPLIANCE, upper=MOST_COMPLIANCE)
-            terms["damping_ratio"] = TermParameter(
-                mean=_DAMPING_RATIO, std=_DAMPING_RATIO, lower=0.0, upper=_MOST_DAMPING
-            )
-        if self.curved_at is not None:
-            terms["curvature"] = TermParameter(std=CURVATURE, lower=-_MOST_CURVED, upper=_MOST_CURVED)
-        if self.trend:
-            terms["trend"] = TermParameter(std=_TREND)
-        return terms
+    def with_term(self, term: SlipTerm) -> SlipModel:
+        """The model with one more term."""
+        return replace(self, terms=tuple(sorted((*self.terms, term), key=lambda one: one.place)))
+
+    def without(self, kind: type[SlipTerm]) -> SlipModel:
+        """The model without the terms of a kind."""
+        return replace(self, terms=tuple(term for term in self.terms if not isinstance(term, kind)))
 
 
 @dataclass
@@ -148,20 +163,16 @@ class SlipProblem(ObservedSlips):
     Parameters
     ----------
     windows : in order of time, all with the force from one source; at least one.
-    model : law and terms; by default as :meth:`SlipModel.of` has it.
+    model : law and terms; the paper's law alone by default.
     before : arrest before the first slip [s] and the share of F_s∞ that was left then, if known.
     both_directions : whether the load is told from the Coulomb friction even if these slips are all of one direction,
         because slips of both are known; where the reference's speeds are all that is known it means nothing.
     subtracted_force : known disturbance that was subtracted from each slip's force, shape (slips,) [N·m].
-    covariate : regressor in [-1, 0] that scales friction (position or load), shape (slips,). Parameters and kinetic
-        friction are reported at covariate = 0. With a trend it is the time.
-    known_factor : factor of the Stribeck friction of each slip, where that is known, shape (slips,).
     budget : of the simulations of this problem and of all that are made of it; None for no bound.
 
-    ``terms`` are the parameters beyond those of the law: the reference's speeds, where only they are known, relative;
-    those of the model's terms; last the share by which Stribeck friction grows with the covariate, and with a trend
-    viscous friction too. ``column`` is their index, ``term_means`` and ``term_stds`` are their priors. Growth of the
-    kinetic friction is the last column of ``balance``.
+    ``term_parameters`` are the parameters beyond those of the law: the reference's speeds, where only they are known,
+    relative; then those of the model's terms. ``column`` is their index, ``term_means`` and ``term_stds`` are their
+    priors. Growth of the kinetic friction with a term's covariate is the last column of ``balance``.
     """
 
     def __init__(
@@ -172,15 +183,11 @@ class SlipProblem(ObservedSlips):
         before: tuple[float, float] | None = None,
         both_directions: bool = False,
         subtracted_force: FloatArray | None = None,
-        covariate: FloatArray | None = None,
-        known_factor: FloatArray | None = None,
         budget: Budget | None = None,
     ) -> None:
         super().__init__(windows)
-        self.model = model = model or SlipModel.of(windows)
+        self.model = model = model or SlipModel()
         self.budget = budget or Budget()
-        # Factor on the levels of Eq. (6).
-        self._known_factor = known_factor
         self.subtracted_force = np.zeros(self.count) if subtracted_force is None else subtracted_force
         self.before = (before[0] - self.origin, before[1]) if before else None
         self._usual_duration = float(np.median(self.durations))
@@ -188,39 +195,32 @@ class SlipProblem(ObservedSlips):
         self._most_rate = _MOST_STEPS / float(self.durations.max())
         self.references = np.concatenate([window.references for window in windows])
         self.forces = np.concatenate([window.forces for window in windows])
-        self._slip_of_node = np.repeat(np.arange(self.count), np.diff(self.edges))
-        self._gains = np.array(
+        self.slip_of_node = np.repeat(np.arange(self.count), np.diff(self.edges))
+        self.gains = np.array(
             [
                 (float(window.gains.stiffness), float(window.gains.damping)) if window.gains else (0.0, 0.0)
                 for window in windows
             ]
         )
-        self._largest_gains = self._gains.max(axis=0)[None]
-        self._rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
-        stiffness, damping = self._gains[self._slip_of_node].T
+        self.rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
+        stiffness, damping = self.gains[self.slip_of_node].T
         # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
-        self._drives = stiffness * self.references + damping * self._rates + self.forces
-        self._none = np.zeros((1, self.count))
-        self._rigid = np.zeros((1, self.count, 2))
-        self._standing = self._none
-        if model.contact is not None:
-            self._last_observed = self.observed[self.observation_edges[1:] - 1]
-            # Where it was not seen to stand there is nothing to correct.
-            rested = [window.before.drive if window.before else math.nan for window in windows]
-            stopped = [window.after.drive if window.after else math.nan for window in windows]
-            begins, ends = self._drives[self.edges[:-1]], self._drives[self._last_observed]
-            self._standing = np.where(np.isfinite(rested), rested, begins)[None]
-            self._stopped = np.where(np.isfinite(stopped), stopped, ends)
+        self.drives = stiffness * self.references + damping * self.rates + self.forces
+        self._none, self._rigid = np.zeros((1, self.count)), np.zeros((1, self.count, 2))
         # Of the time of the slips, from -1 to 0.
-        self.since = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), TINY)
-        self.covariate = self.since if model.trend else covariate
-        self.terms = {f"speed {k}": TermParameter(std=float(error)) for k, error in enumerate(self.speed_errors)}
-        self.terms |= model.terms
-        if self.covariate is not None and not model.trend:
-            self.terms["factor"] = TermParameter(std=_FACTOR_STD)
-        self.term_means = np.array([term.mean for term in self.terms.values()])
-        self.term_stds = np.array([term.std for term in self.terms.values()])
-        self.column = {name: PARAMETERS + k for k, name in enumerate(self.terms)}
+        self.since: FloatArray = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), TINY)
+        self.term_parameters = {
+            f"speed {k}": TermParameter(std=float(error)) for k, error in enumerate(self.speed_errors)
+        }
+        self.covariate: FloatArray | None = None
+        growing: set[str] = set()
+        for term in model.terms:
+            self.term_parameters |= term.parameters
+            if (covariate := term.covariate(self)) is not None:
+                self.covariate, growing = covariate, set(term.parameters)
+        self.term_means = np.array([one.mean for one in self.term_parameters.values()])
+        self.term_stds = np.array([one.std for one in self.term_parameters.values()])
+        self.column = {name: PARAMETERS + k for k, name in enumerate(self.term_parameters)}
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
         if self.normalised:
             self.balance = np.eye(len(self.speeds))[self.groups]
@@ -228,12 +228,15 @@ class SlipProblem(ObservedSlips):
             self.balance = np.stack([np.ones(self.count), self.directions], axis=1)
         else:
             self.balance = np.ones((self.count, 1))
+        # Indices of the parameters, and of the kinetic friction, without those of drift or covariate.
+        parameters, kinetic = np.arange(PARAMETERS + len(self.column)), np.arange(self.balance.shape[1])
+        self.without_drift = np.delete(parameters, [self.column[name] for name in growing]), kinetic
         if self.covariate is not None:
             self.balance = np.column_stack([self.balance, self.covariate])
 
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
-        return np.full(self.count, math.exp(parameters[INERTIA])) if self.normalised else self._gains[:, 0].copy()
+        return np.full(self.count, math.exp(parameters[INERTIA])) if self.normalised else self.gains[:, 0].copy()
 
     def natural_frequency(self, parameters: FloatArray) -> float:
         """ω [1/s] with the largest gain; that of the slips' duration where there is no stiffness."""
@@ -272,88 +275,44 @@ class SlipProblem(ObservedSlips):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What :meth:`simulate` gives for several parameters and unknowns at once, each with its row."""
         surpluses = self._none[0] if surpluses is None else surpluses
+        variants = self._variants(parameters, unknowns)
+        for term in reversed(self.model.terms):
+            term.apply(variants, self)
+        positions, velocities = np.empty((2, len(parameters), len(self.times)))
+        found = np.empty((len(parameters), self.count, kernel.FOUND_COLUMNS))
+        plants, gains = variants.plants, variants.gains
+        # What was chosen by slip lies the other way round in memory, and would have the kernel compiled once more.
+        drags, standing, drives = map(np.ascontiguousarray, (variants.drags, variants.standing, variants.drives))
+        self.budget.steps -= kernel.simulate_windows(
+            plants, self.model.law, self.directions, variants.starts, surpluses, gains, drags, variants.contacts,
+            standing, self.edges, self.times, drives, self._steps(plants, gains), positions, velocities, found,
+        )  # fmt: skip
+        for term in self.model.terms:
+            term.correct(variants, self, positions, found)
+        return positions, velocities, found
+
+    def _variants(self, parameters: FloatArray, unknowns: FloatArray) -> Variants:
+        """What is simulated without terms."""
         plants = np.exp(parameters[:, :PARAMETERS])
-        gains, drives, drags = self._gains[None], self._drives[None], self._none
-        if self.model.curved_at is not None:
-            # What goes with the square of the speed is no part of the damping.
-            squared = parameters[:, self.column["curvature"]] * plants[:, VISCOUS]
-            drags = np.repeat(squared[:, None] / self.model.curved_at, self.count, axis=1)
-            plants[:, VISCOUS] -= squared
+        gains, drives = self.gains[None], self.drives[None]
         if self.normalised:
             stiffness = plants[:, INERTIA].copy()
             plants[:, INERTIA] = 1.0
             gains = np.zeros((len(plants), self.count, 2))
             gains[:, :, 0] = stiffness[:, None]
             speeds = stiffness[:, None] * self.speeds * np.exp(parameters[:, PARAMETERS:])
-            drives = speeds[:, self.groups[self._slip_of_node]] * (self.times - self.times[0])
-        starts = unknowns.copy()
-        starts[:, :, LEVEL] = levels = np.exp(unknowns[:, :, LEVEL])
-        lighter = None
-        more = None
-        if self.covariate is not None:
-            # Levels are those that Eq. (6) would have without it.
-            more = parameters[:, -1:] * self.covariate
-        elif self._known_factor is not None:
-            more = (self._known_factor - 1.0)[None]
-        if more is not None:
-            starts[:, :, LEVEL] *= 1.0 + more
-            if self.model.trend:
-                gains = np.repeat(gains, len(plants), axis=0)
-                gains[:, :, 1] += more * plants[:, VISCOUS, None]
-                drags = drags * (1.0 + more)
-        if self.model.delay_shows:
-            # The force of a time ago is that of now less its rate: k_p τ less damping, k_v τ less inertia. By the
-            # inertia left, all that is per inertia grows.
-            delay = parameters[:, self.column["delay"], None] * self.sample_interval
-            stiffness, damping = self._gains.T
-            lighter = np.maximum(1.0 - delay * damping / plants[:, INERTIA, None], _LEAST_INERTIA)
-            viscous = plants[:, VISCOUS, None]
-            damping = gains[:, :, 1]
-            gains = np.stack(
-                np.broadcast_arrays(stiffness / lighter, (damping - delay * stiffness + viscous) / lighter - viscous),
-                axis=2,
-            )
-            late = (delay * stiffness)[:, self._slip_of_node] * self._rates
-            drives = (self._drives - late) / lighter[:, self._slip_of_node]
-            starts[:, :, LEVEL] /= lighter
-            drags = drags / lighter
-        contacts, standing = self._rigid, self._standing
-        if self.model.contact is not None:
-            inertia = plants[:, INERTIA]
-            compliances = np.maximum(parameters[:, self.column["compliance"]], LEAST_COMPLIANCE)
-            compliances *= self.model.contact.unit
-            dampings = 2.0 * parameters[:, self.column["damping_ratio"]] * np.sqrt(inertia / compliances)
-            contacts = np.repeat(np.stack([compliances, dampings], axis=1)[:, None], self.count, axis=1)
-            stopped = self._stopped - self._drives[self._last_observed]
-            if lighter is not None:
-                contacts *= np.stack([lighter, 1.0 / lighter], axis=2)
-                stopped, standing = stopped / lighter, (standing - late[:, self.edges[:-1]]) / lighter
-        positions, velocities = np.empty((2, len(plants), len(self.times)))
-        found = np.empty((len(plants), self.count, kernel.FOUND_COLUMNS))
-        # What was chosen by slip lies the other way round in memory, and would have the kernel compiled once more.
-        drives, standing = np.ascontiguousarray(drives), np.ascontiguousarray(standing)
-        drags = np.ascontiguousarray(drags)
-        self.budget.steps -= kernel.simulate_windows(
-            plants, self.model.law, self.directions, starts, surpluses, gains, drags, contacts, standing, self.edges,
-            self.times, drives, self._steps(plants, gains), positions, velocities, found,
+            drives = speeds[:, self.groups[self.slip_of_node]] * (self.times - self.times[0])
+        levels, starts = np.exp(unknowns[:, :, LEVEL]), unknowns.copy()
+        starts[:, :, LEVEL] = levels
+        return Variants(
+            parameters, plants, levels, starts, gains, drives,
+            drags=self._none, contacts=self._rigid, standing=self._none, stopped=self._none,
         )  # fmt: skip
-        if self.model.contact is not None:
-            # Where the joint stands after a slip is a mean over a time in which it creeps on.
-            softness = contacts[:, :, kernel.COMPLIANCE]
-            softness = softness / (1.0 + softness * gains[:, :, 0])
-            positions[:, self._last_observed] += softness * stopped
-        if lighter is not None:
-            found[:, :, kernel.HOLDING_FORCE] *= lighter
-        if more is not None:
-            found[:, :, kernel.HOLDING_FORCE] -= more * levels
-        return positions, velocities, found
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
         """Steps of the simulation [s], smooth in the parameters: columns of the kernel, shape (variants, 3)."""
-        # As few calls as can be: they take longer than what they do.
         inertia = plants[:, INERTIA]
-        largest = self._largest_gains if gains.base is self._gains else gains.max(axis=1)
-        stiffness, damping = largest[:, 0], largest[:, 1]
+        stiffness, damping = gains.max(axis=1).T
         frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / self._usual_duration)
         coarse = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
         coarse = 1.0 / np.minimum(np.maximum(coarse, self._least_rate), self._most_rate)
@@ -368,20 +327,11 @@ class SlipProblem(ObservedSlips):
         """The problem with at most so many observations of each slip."""
         return self.changed([window.thinned(most) for window in self.windows])
 
-    def spread(self, slips: int = 12, observations: int = 60) -> SlipProblem:
-        """The problem of at most so many usable slips from everywhere, with at most so many observations of each."""
+    def spread(self) -> SlipProblem:
+        """The problem of a dozen usable slips from everywhere at most, with some observations of each."""
         usable = np.flatnonzero(self.noise.usable)
-        chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(slips, len(usable)))).astype(int))
-        return self.only(usable[chosen].tolist()).thinned(observations)
-
-    def plain(self, law: int) -> SlipProblem:
-        """The problem of the same slips under a law, without what a fit has added."""
-        return SlipProblem(self.windows, SlipModel.of(self.windows, law, self.model.known), budget=self.budget)
-
-    def compliance(self, parameters: FloatArray) -> float:
-        """Of the contact [rad/(N·m)]; 0 of a rigid one."""
-        contact = self.model.contact
-        return 0.0 if contact is None else float(parameters[self.column["compliance"]]) * contact.unit
+        chosen = np.unique(np.round(np.linspace(0, len(usable) - 1, min(_SPREAD_SLIPS, len(usable)))).astype(int))
+        return self.only(usable[chosen].tolist()).thinned(_SPREAD_OBSERVATIONS)
 
     @property
     def may_be_late(self) -> bool:
@@ -391,7 +341,7 @@ class SlipProblem(ObservedSlips):
     @property
     def latest_gains(self) -> tuple[float, float]:
         """Stiffness [N·m/rad] and damping [N·m·s/rad] at the last slip."""
-        return float(self._gains[-1, 0]), float(self._gains[-1, 1])
+        return float(self.gains[-1, 0]), float(self.gains[-1, 1])
 
     def changed(
         self,
@@ -399,24 +349,14 @@ class SlipProblem(ObservedSlips):
         *,
         model: SlipModel | None = None,
         subtracted_force: FloatArray | None = None,
-        covariate: FloatArray | None = None,
     ) -> SlipProblem:
-        """The problem with other windows, model or covariate, within the same budget.
+        """The problem with other windows or another model, within the same budget.
 
-        Subtracted force and covariate are kept as long as the windows are the same.
+        The subtracted force is kept as long as the windows are the same.
         """
         if windows is None:
             windows, subtracted_force = self.windows, self.subtracted_force
-            covariate = self.covariate if covariate is None and not self.model.trend else covariate
-        return SlipProblem(
-            windows, model or self.model, subtracted_force=subtracted_force, covariate=covariate, budget=self.budget
-        )
-
-    @property
-    def without_drift(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Indices of the parameters, and of the kinetic friction, without those of drift or covariate."""
-        parameters, kinetic = PARAMETERS + len(self.terms), self.balance.shape[1]
-        return np.arange(parameters - (self.covariate is not None)), np.arange(kinetic - (self.covariate is not None))
+        return SlipProblem(windows, model or self.model, subtracted_force=subtracted_force, budget=self.budget)
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""

@@ -214,7 +214,6 @@ class _ShapeGuess:
     level: float
     stribeck_velocity: float
     lag: float
-    breakaway: float
 
 
 def _shape_guesses(problem: SlipProblem, slip: int) -> list[_ShapeGuess]:
@@ -248,7 +247,6 @@ def _shape_guesses(problem: SlipProblem, slip: int) -> list[_ShapeGuess]:
                     level=level * unit,
                     stribeck_velocity=float(units[place[0]]),
                     lag=float(lags[place[1]]),
-                    breakaway=float(breakaway),
                 )
             )
     return sorted(guesses, key=lambda guess: guess.misfit)

@@ -79,6 +79,11 @@ class Solution:
         return _mean_square(self.fit)
 
     @property
+    def left_over(self) -> float:
+        """The tolerance as a share of a slip."""
+        return self.tolerance / float(np.median(self.problem.distances))
+
+    @property
     def tolerance(self) -> float:
         """Standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all."""
         return self.problem.noise.tolerance
@@ -92,49 +97,39 @@ def _mean_square(fit: SlipFit) -> float:
     return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
 
 
-def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solution:
-    """The fit next to a start, loosened if it is not as good as a fit should be.
+def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solution | None:
+    """The fit next to a start, loosened if it is not as good as it should be; None if nothing can be simulated there.
 
     Parameters
     ----------
     start : logarithms, of shape (p,). shape : fit of the same slips, perhaps under another law, which has their levels.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If nothing near the start can be simulated.
     """
-    solution = fit_from(problem, start)
-    if solution.mean_square >= GOOD:
+    solution = _fit_from(problem, start)
+    if solution is not None and solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
-    return solution.reweighed()
-
-
-def fit_from(
-    problem: SlipProblem,
-    start: FloatArray,
-    patience: int = _LAST_ITERATIONS,
-) -> Solution:
-    """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
-    return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
+    return None if solution is None else solution.reweighed()
 
 
 def truncated_fit(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """Fit of a few slips in few iterations; None if nothing near the start can be simulated."""
-    try:
-        return fit_from(problem, start, patience=_ROUND).reweighed()
-    except LinAlgError:
-        return None
+    solution = _fit_from(problem, start, patience=_ROUND)
+    return None if solution is None else solution.reweighed()
 
 
 def fit_again(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """The fit next to one of other slips of the joint; None if it is not as good as a fit should be."""
+    solution = _fit_from(problem, start)
+    if solution is None or not solution.mean_square < GOOD:
+        return None
+    return solution if solution.problem.noise.usable.mean() > _MOST_USABLE else None
+
+
+def _fit_from(problem: SlipProblem, start: FloatArray, patience: int = _LAST_ITERATIONS) -> Solution | None:
+    """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
     try:
-        solution = fit_from(problem, start)
+        return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
     except LinAlgError:
         return None
-    good = solution.mean_square < GOOD and solution.problem.noise.usable.mean() > _MOST_USABLE
-    return solution if good else None
 
 
 def fit_all(
@@ -242,8 +237,8 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
     duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
-    lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.terms.values()])
-    upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.terms.values()])
+    lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.term_parameters.values()])
+    upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.term_parameters.values()])
     mass = 1.0 if problem.normalised else inertia
     # Not so little that it makes no difference any more: what makes none has no error that could be told.
     lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)

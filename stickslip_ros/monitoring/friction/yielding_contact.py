@@ -12,29 +12,70 @@ share of how far the controller's spring does, k_p/σ₀.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.monitoring.friction._window_kernel import INERTIA
+from stickslip_ros.monitoring.friction._window_kernel import COMPLIANCE, INERTIA
 from stickslip_ros.monitoring.friction.fitted_law import ModelTerm
-from stickslip_ros.monitoring.friction.slip_problem import (
-    LEAST_COMPLIANCE,
-    MOST_COMPLIANCE,
-    ContactKnowledge,
-    SlipProblem,
-)
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem, SlipTerm, TermParameter, Variants
 from stickslip_ros.monitoring.friction.slip_solution import Solution, fit_again
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
+from stickslip_ros.monitoring.friction.trend import Trend
 from stickslip_ros.monitoring.samples import FloatArray
 
+# Of the controller's spring: a contact that yields more is not one that slips begin on; slips do not show less.
+_MOST_COMPLIANCE, _LEAST_COMPLIANCE = 0.2, 1e-4
+_DAMPING_RATIO = 0.5  # damping ratio of a contact that yields, 1: prior mean and standard deviation
+_MOST_DAMPING = 2.0  # damping ratio of a contact, 1: at most
 LEAST_RESTS = 6  # rests that a compliance is estimated from, 1: at least
 _SHOWN = 2.0  # compliance, standard errors: with less the rests do not show it
 _UNSEEN = 2.0  # creep of all rests together that may pass unseen, counts
 _LEAST_ERROR = 0.3  # error, of the compliance: what is seen at rest is not all that yields when the joint breaks away
 # Dwell, periods of the swing on the contact: after a shorter one the joint has not come to rest.
 _SETTLING_PERIODS = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class YieldingContact(SlipTerm):
+    """Contact that creeps with the force while the joint stands; all slips are :meth:`.SlipWindow.between_creep`.
+
+    Attributes
+    ----------
+    mean, std : of the prior of its compliance, in ``unit``.
+    unit : compliance of the spring that the slips are pulled by [rad/(N·m)].
+    """
+
+    mean: float
+    std: float
+    unit: float
+    place = 1
+
+    @property
+    def parameters(self) -> dict[str, TermParameter]:
+        """Compliance in ``unit``, and damping ratio."""
+        return {
+            "compliance": TermParameter(mean=self.mean, std=self.std, lower=_LEAST_COMPLIANCE, upper=_MOST_COMPLIANCE),
+            "damping_ratio": TermParameter(mean=_DAMPING_RATIO, std=_DAMPING_RATIO, lower=0.0, upper=_MOST_DAMPING),
+        }
+
+    def apply(self, variants: Variants, problem: SlipProblem) -> None:
+        """Compliance and damping of the contact, and where the joint stood: where it was not seen to, at the nodes."""
+        inertia = variants.plants[:, INERTIA]
+        compliances = np.maximum(variants.parameters[:, problem.column["compliance"]], _LEAST_COMPLIANCE) * self.unit
+        dampings = 2.0 * variants.parameters[:, problem.column["damping_ratio"]] * np.sqrt(inertia / compliances)
+        variants.contacts = np.repeat(np.stack([compliances, dampings], axis=1)[:, None], problem.count, axis=1)
+        before, after = problem.drives_before, problem.drives_after
+        ends = problem.drives[problem.last_observed]
+        variants.standing = np.where(np.isfinite(before), before, problem.drives[problem.edges[:-1]])[None]
+        variants.stopped = (np.where(np.isfinite(after), after, ends) - ends)[None]
+
+    def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
+        """Where the joint stands after a slip is a mean over a time in which it creeps on."""
+        softness = variants.contacts[:, :, COMPLIANCE]
+        softness = softness / (1.0 + softness * variants.gains[:, :, 0])
+        positions[:, problem.last_observed] += softness * variants.stopped
 
 
 def fit_with_contact(problem: SlipProblem, start: FloatArray) -> Solution | None:
@@ -47,22 +88,25 @@ def fit_with_contact(problem: SlipProblem, start: FloatArray) -> Solution | None
 def _comes_to_rest(solution: Solution) -> bool:
     """Whether joints on such a contact have come to rest before they slip again: they swing on it for a while."""
     problem, parameters = solution.problem, solution.fit.parameters
-    swing = 2.0 * math.pi * math.sqrt(math.exp(float(parameters[INERTIA])) * problem.compliance(parameters))
+    contact = problem.model.term(YieldingContact)
+    assert contact is not None
+    compliance = float(parameters[problem.column["compliance"]]) * contact.unit
+    swing = 2.0 * math.pi * math.sqrt(math.exp(float(parameters[INERTIA])) * compliance)
     return float(np.median(problem.dwells[problem.noise.usable])) > _SETTLING_PERIODS * swing
 
 
 def _added(problem: SlipProblem) -> SlipProblem | None:
-    if problem.normalised or problem.model.contact is not None:
+    if problem.normalised or problem.model.term(YieldingContact) is not None:
         return None
     contact = contact_of(problem.windows)
     if contact is None:
         return None
     # A trend has to be fitted anew.
-    model = replace(problem.model, contact=contact, trend=False)
+    model = problem.model.without(Trend).with_term(contact)
     return problem.changed([window.between_creep() for window in problem.windows], model=model)
 
 
-def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
+def contact_of(windows: list[SlipWindow]) -> YieldingContact | None:
     """The contact by the rests before the slips; None where they do not show that it yields."""
     ways, forces = [], []
     for window in windows:
@@ -81,9 +125,9 @@ def contact_of(windows: list[SlipWindow]) -> ContactKnowledge | None:
     std = max(math.sqrt(float(off @ off) / (count - 1) / size), unseen)
     unit = spring_compliance(windows)
     mean, std = max(compliance, 0.0) / unit, math.hypot(std, _LEAST_ERROR * compliance) / unit
-    if mean <= _SHOWN * std or not LEAST_COMPLIANCE < mean < MOST_COMPLIANCE:
+    if mean <= _SHOWN * std or not _LEAST_COMPLIANCE < mean < _MOST_COMPLIANCE:
         return None
-    return ContactKnowledge(mean=mean, std=std, unit=unit)
+    return YieldingContact(mean=mean, std=std, unit=unit)
 
 
 def spring_compliance(windows: list[SlipWindow]) -> float:
