@@ -43,6 +43,7 @@ from stickslip_ros.cli.analysis_tables import (
     print_fleet,
 )
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
+from stickslip_ros.cli.options import add_flag
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal, complain
@@ -61,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_limit_arguments(parser)
     output = parser.add_argument_group("output")
     printed = output.add_mutually_exclusive_group()
-    printed.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    printed.add_argument("--brief", action="store_true", help="print one line for each bag and nothing else")
+    add_flag(printed, "--json", "print one JSON object and nothing else")
+    add_flag(printed, "--brief", "print one line for each bag and nothing else")
     output.add_argument("--csv", type=CSV, metavar="FILE", help="write a table of all stick-slip cycles")
     output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")
     output.add_argument(
@@ -71,11 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BAG",
         help="write cycles, margins and diagnostics as a bag",
     )
-    output.add_argument(
-        "--fail-on-stick-slip",
-        action="store_true",
-        help="exit with status 1 if a joint sticks and slips, however briefly",
-    )
+    add_flag(output, "--fail-on-stick-slip", "exit with status 1 if a joint sticks and slips, however briefly")
     fleet = parser.add_argument_group("many bags")
     fleet.add_argument(
         "--jobs", type=int, metavar="N", default=1, help="number of bags analysed at once (default: %(default)s)"

@@ -14,6 +14,7 @@ from stickslip_ros.analysis.analysis import AnalysisOptions
 from stickslip_ros.bags.joint_samples import joint_names
 from stickslip_ros.bags.storage.unpacking import OPTION, UnpackLimit
 from stickslip_ros.bags.topics import TopicChoice
+from stickslip_ros.cli.options import add_flag, add_number
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.monitoring.advice.limits import LIMIT_OPTIONS
 from stickslip_ros.settings.known_joints import load_joint
@@ -44,12 +45,8 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="analyse this joint only (with several robots: left/joint1); may be repeated",
     )
-    what.add_argument(
-        "--start", type=float, metavar="S", default=0.0, help="begin so many seconds after the first sample"
-    )
-    what.add_argument(
-        "--end", type=float, metavar="S", default=math.inf, help="end so many seconds after the first sample"
-    )
+    add_number(what, "--start", "S", "begin so many seconds after the first sample", 0.0)
+    add_number(what, "--end", "S", "end so many seconds after the first sample", math.inf)
     add_unpack_argument(what)
     known = parser.add_argument_group("what is known of the joints")
     known.add_argument(
@@ -63,7 +60,7 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         "--gains", action="append", metavar=GAINS_FORM, default=[],
         help="gains of the controller, used until the bag has others [N·m/rad, N·m·s/rad, N·m/(rad·s)]",
     )  # fmt: skip
-    known.add_argument("--no-learning", action="store_true", help="do not estimate friction from the motion (faster)")
+    add_flag(known, "--no-learning", "do not estimate friction from the motion (faster)")
     topics = parser.add_argument_group("topics, if the bag has several candidates")
     topics.add_argument("--states", metavar="TOPIC", help="joint states of one robot (default: of every robot)")
     topics.add_argument(
@@ -80,16 +77,13 @@ def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
         "limits of the advised gains (others, and limits of single joints, by --parameters)"
     )
     for name, (_, text) in _LIMITS.items():
-        limits.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
+        add_number(limits, f"--{name.replace('_', '-')}", "X", text)
 
 
 def add_unpack_argument(parser: Any) -> None:
     """The option read by :func:`unpack_limit`."""
     usual = UnpackLimit().largest_unpacked
-    parser.add_argument(
-        OPTION, type=float, metavar="MB", default=usual,
-        help="largest decompressed size of a chunk or message, in MB (default: %(default)g)",
-    )  # fmt: skip
+    add_number(parser, OPTION, "MB", "largest decompressed size of a chunk or message, in MB", usual)
 
 
 def unpack_limit(options: argparse.Namespace) -> UnpackLimit:

@@ -37,6 +37,7 @@ from stickslip_ros.bags.table_columns import (
 )
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain, unpack_limit
+from stickslip_ros.cli.options import add_number
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import InvalidParameterError
@@ -70,17 +71,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--column", action="append", metavar="FIELD=COLUMN[:UNIT]", default=[],
         help=f"column of a FIELD, which is one of {', '.join(FIELDS)}; * stands for the joint; may be repeated",
     )  # fmt: skip
-    parser.add_argument(
-        "--first-stamp", type=float, metavar="S", help="time stamp of time zero [s] (default: 1, or as recorded)"
-    )
-    parser.add_argument(
-        "--stiffness",
-        type=float,
-        metavar="KP",
-        help="k_p of the controllers during the recording, to write into the bag [N·m/rad]",
-    )
-    parser.add_argument("--damping", type=float, metavar="KV", help="k_v of the controllers [N·m·s/rad] (default 0)")
-    parser.add_argument("--integral", type=float, metavar="KI", help="k_i of the controllers [N·m/(rad·s)] (default 0)")
+    add_number(parser, "--first-stamp", "S", "time stamp of time zero [s] (default: 1, or as recorded)")
+    add_number(parser, "--stiffness", "KP", "k_p of the controllers in the recording, to write into the bag [N·m/rad]")
+    add_number(parser, "--damping", "KV", "k_v of the controllers [N·m·s/rad] (default: 0)")
+    add_number(parser, "--integral", "KI", "k_i of the controllers [N·m/(rad·s)] (default: 0)")
     add_unpack_argument(parser)
     parser.add_argument(
         "--compression",

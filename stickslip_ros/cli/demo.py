@@ -28,6 +28,7 @@ from stickslip_ros.analysis.comparison import compare_joints
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.compare import print_joints
+from stickslip_ros.cli.options import add_flag, add_number
 from stickslip_ros.cli.outputs import DRAWING
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import Terminal
@@ -72,17 +73,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="replay a recorded joint instead: a table (.csv, .parquet, .npz), or the beginning of a known one's name",
     )
-    parser.add_argument(
-        "--compensation", action="store_true",
-        help="show what compensating the friction does and does not: stick-slip, reversals, too much of it",
-    )  # fmt: skip
-    parser.add_argument(
-        "--speed",
-        type=float,
-        default=None,
-        metavar="X",
-        help="recorded seconds a second (default: so that it takes half a minute)",
+    add_flag(
+        parser,
+        "--compensation",
+        "show what compensating the friction does and does not: stick-slip, reversals, too much of it",
     )
+    add_number(parser, "--speed", "X", "recorded seconds a second (default: so that it takes half a minute)", None)
 
 
 def run(options: argparse.Namespace) -> int:

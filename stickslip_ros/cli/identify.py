@@ -28,6 +28,7 @@ from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, unpack_limit
+from stickslip_ros.cli.options import add_flag, add_json, add_number
 from stickslip_ros.cli.outputs import JOINT_FILE
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
@@ -89,26 +90,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="joint to move, or to read from the bag (default: %(default)s)",
     )
     experiment.add_argument("--speeds", metavar="V,V", help="speeds to move at, slowest first [rad/s]")
-    experiment.add_argument(
-        "--step-time", type=float, metavar="S", default=_STEP_TIME, help="time at each speed [s] (default: %(default)s)"
+    add_number(experiment, "--step-time", "S", "time at each speed [s]", _STEP_TIME)
+    add_number(experiment, "--rest", "S", "rest between speeds [s]", _REST)
+    add_number(
+        experiment,
+        "--largest-distance",
+        "X",
+        "refuse an experiment that moves further from the start than this [rad]",
+        _LARGEST_DISTANCE,
     )
-    experiment.add_argument(
-        "--rest", type=float, metavar="S", default=_REST, help="rest between speeds [s] (default: %(default)s)"
+    add_number(
+        experiment,
+        "--largest-lag",
+        "X",
+        "stop if the joint is further than this from the controller's trajectory [rad]",
+        _LARGEST_LAG,
     )
-    experiment.add_argument(
-        "--largest-distance", type=float, metavar="X", default=_LARGEST_DISTANCE,
-        help="refuse an experiment that moves further from the start than this [rad] (default: %(default)s)",
-    )  # fmt: skip
-    experiment.add_argument(
-        "--largest-lag", type=float, metavar="X", default=_LARGEST_LAG,
-        help="stop if the joint is further than this from the controller's trajectory [rad] (default: %(default)s)",
-    )  # fmt: skip
-    experiment.add_argument("--plan", action="store_true", help="print the steps of the experiment and move nothing")
+    add_flag(experiment, "--plan", "print the steps of the experiment and move nothing")
     parser.add_argument("--name", help="name of the joint in the joint file (default: of the recording or the joint)")
     parser.add_argument(
         "--out", type=JOINT_FILE, metavar="FILE", help="write a joint file (.yaml), which --model reads"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
     parser.set_defaults(made_of={"prior": ("--model",)})
 
 

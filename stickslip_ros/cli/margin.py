@@ -17,6 +17,7 @@ from typing import Any
 
 from rich.table import Table
 
+from stickslip_ros.cli.options import add_flag, add_json, add_number
 from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
@@ -50,23 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser)
     add_conditions(parser, "load and sampled control")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
 
 
 def add_conditions(parser: argparse.ArgumentParser, title: str) -> None:
     """Options of load and sampled control; read by :func:`conditions_from`."""
     beyond = parser.add_argument_group(title)
-    beyond.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m] (default 0)")
-    beyond.add_argument(
-        "--controller-period",
-        type=float,
-        metavar="S",
-        default=0.0,
-        help="period of a sampled controller [s] (default: a continuous one)",
-    )
-    beyond.add_argument(
-        "--control-delay", action="store_true", help="the effort takes effect one controller period late"
-    )
+    add_number(beyond, "--load", "T", "constant torque [N·m]", 0.0)
+    add_number(beyond, "--controller-period", "S", "period of a sampled controller [s]; 0: a continuous one", 0.0)
+    add_flag(beyond, "--control-delay", "the effort takes effect one controller period late")
 
 
 def conditions_from(options: argparse.Namespace) -> OperatingConditions:
@@ -83,17 +76,17 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
         metavar="NAME",
         help="known joint (config/joints), or path of a joint file; other options override its values",
     )
-    parser.add_argument("--inertia", type=float, metavar="M", help=f"inertia [{unit_of(Joint, 'inertia')}]")
-    parser.add_argument("--stiffness", type=float, metavar="KP", help=f"k_p [{unit_of(Gains, 'stiffness')}]")
-    parser.add_argument("--damping", type=float, metavar="KV", help=f"k_v [{unit_of(Gains, 'damping')}] (default 0)")
-    parser.add_argument("--integral", type=float, metavar="KI", help=f"k_i [{unit_of(Gains, 'integral')}] (default 0)")
+    add_number(parser, "--inertia", "M", f"inertia [{unit_of(Joint, 'inertia')}]")
+    add_number(parser, "--stiffness", "KP", f"k_p [{unit_of(Gains, 'stiffness')}]")
+    add_number(parser, "--damping", "KV", f"k_v [{unit_of(Gains, 'damping')}] (default: 0)")
+    add_number(parser, "--integral", "KI", f"k_i [{unit_of(Gains, 'integral')}] (default: 0)")
     if velocity:
-        parser.add_argument("--velocity", type=float, metavar="V", help="commanded velocity [rad/s]")
+        add_number(parser, "--velocity", "V", "commanded velocity [rad/s]")
     else:
         parser.set_defaults(velocity=0.0)
     for one in _FRICTION:
         text = f"{one.help} [{one.unit}]{_NOTES.get(one.name, '')}"
-        parser.add_argument(f"--{one.name.replace('_', '-')}", type=float, metavar="X", help=text)
+        add_number(parser, f"--{one.name.replace('_', '-')}", "X", text)
     parser.add_argument("--law", choices=list(LAWS), help=_LAW)
     parser.add_argument("--contact", choices=list(CONTACTS), help=_CONTACT)
 

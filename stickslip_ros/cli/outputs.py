@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 
+from stickslip_ros.cli.options import add_flag
 from stickslip_ros.errors import InvalidParameterError, optional_packages, reason
 from stickslip_ros.files import check_writable
 
@@ -98,7 +99,7 @@ JOINT_FILE = OutputFile((".yaml", ".yml"), new=True)
 
 def add_force_argument(parser: argparse.ArgumentParser) -> None:
     """The option read by :func:`refuse_to_overwrite`."""
-    parser.add_argument("--force", action="store_true", help="write over a file that is there")
+    add_flag(parser, "--force", "write over a file that is there")
 
 
 def refuse_to_overwrite(option: str, path: Path, *, force: bool) -> None:

@@ -26,6 +26,7 @@ from stickslip_ros.cli.compensation_table import (
     write_feedforward,
 )
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
+from stickslip_ros.cli.options import add_flag, add_json, add_number
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.trajectory import read_trajectory, write_trajectory
@@ -66,44 +67,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=defaults.condition.value,
         help="exact: by the friction model (the default); paper: by Eq. (43), which holds for the paper's friction law",
     )
-    wanted.add_argument(
-        "--wanted-reserve", type=float, metavar="R", default=defaults.wanted_margin,
-        help="damping reserve to reach: damping beyond the critical damping, as a share of it (default %(default)s)",
-    )  # fmt: skip
+    add_number(
+        wanted,
+        "--wanted-reserve",
+        "R",
+        "damping reserve to reach: damping beyond the critical damping, as a share of it",
+        defaults.wanted_margin,
+    )
     wanted.add_argument(
         "--steady-sliding", action=argparse.BooleanOptionalAction, default=defaults.steady_sliding,
         help="the speed must not oscillate about the commanded one either (the default)",
     )  # fmt: skip
-    wanted.add_argument("--slowest-velocity", type=float, metavar="V", help=SLOWEST)
+    add_number(wanted, "--slowest-velocity", "V", SLOWEST)
     bounds = parser.add_argument_group("limits of the advised gains")
     for one in LIMIT_OPTIONS:
-        default = f" (default {one.default:g})" if 0 < one.default < math.inf else ""
-        bounds.add_argument(
-            f"--{one.name.replace('_', '-')}", type=float, metavar="X", default=one.default,
-            help=f"{one.help} [{one.unit}]{default}",
-        )  # fmt: skip
-    bounds.add_argument("--sample-rate", type=float, metavar="F", help="sample rate of the controller [Hz]")
-    bounds.add_argument(
-        "--samples-per-period", type=float, metavar="N",
-        help=f"least samples in a period of the crossover frequency (default {defaults.samples_per_period:g})",
-    )  # fmt: skip
-    bounds.add_argument("--tracking-error", type=float, metavar="X", help="present tracking error [rad]; for --effort")
+        add_number(bounds, f"--{one.name.replace('_', '-')}", "X", f"{one.help} [{one.unit}]", one.default)
+    usual = f" (default: {defaults.samples_per_period:g})"
+    add_number(bounds, "--sample-rate", "F", "sample rate of the controller [Hz]")
+    add_number(bounds, "--samples-per-period", "N", f"least samples in a period of the crossover frequency{usual}")
+    add_number(bounds, "--tracking-error", "X", "present tracking error [rad]; for --effort")
     beyond = parser.add_argument_group("the controller, for the exact condition")
-    beyond.add_argument(
-        "--controller-period", type=float, metavar="S", default=0.0, help="period of a sampled controller [s]"
-    )
-    beyond.add_argument(
-        "--control-delay", action="store_true", help="the effort takes effect one controller period late"
-    )
-    parser.add_argument(
-        "--factors", action="store_true", help="advise factors on the gains; for gains that are known per inertia only"
-    )
+    add_number(beyond, "--controller-period", "S", "period of a sampled controller [s]", 0.0)
+    add_flag(beyond, "--control-delay", "the effort takes effect one controller period late")
+    add_flag(parser, "--factors", "advise factors on the gains; for gains that are known per inertia only")
     parser.add_argument(
         "--what-if", metavar="P[,D[,I]]", help="show the margin with these gains beside the present one"
     )
-    parser.add_argument(
-        "--compensation", action="store_true", help="also show the effect of friction compensation at the advised gains"
-    )
+    add_flag(parser, "--compensation", "also show the effect of friction compensation at the advised gains")
     parser.add_argument(
         "--compensation-out", type=COMPENSATION, metavar="FILE", help="write the feed-forward over speed (.csv, .yaml)"
     )
@@ -118,17 +108,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trajectory-joint", metavar="NAME", help="the joint's name in the controller (default: its name in the table)"
     )
-    parser.add_argument(
-        "--feedforward",
-        type=float,
-        metavar="C",
-        help="share of the friction that the feed-forward compensates (default 1)",
-    )
-    parser.add_argument(
-        "--speed-filter", type=float, metavar="S",
-        help=f"time constant of the filter on the speed that compensation uses [s] (default {USUAL_FILTER:g})",
-    )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_number(parser, "--feedforward", "C", "share of the friction that the feed-forward compensates (default: 1)")
+    usual = f" (default: {USUAL_FILTER:g})"
+    add_number(parser, "--speed-filter", "S", f"time constant of the filter on the speed for compensation [s]{usual}")
+    add_json(parser)
     made_of = by_field(lambda one: f"--{one.name.replace('_', '-')}")
     parser.set_defaults(run=run, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
 

@@ -21,6 +21,7 @@ import numpy as np
 from rich.table import Table
 
 from stickslip_ros.cli.margin import add_conditions, add_joint_arguments, conditions_from, joint_from, judged
+from stickslip_ros.cli.options import add_flag, add_json, add_number
 from stickslip_ros.cli.outputs import PICTURE
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.trajectory import read_trajectory
@@ -58,13 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser, velocity=False)
     motion = parser.add_argument_group("the commanded motion: a sine by default")
-    motion.add_argument(
-        "--amplitude", type=float, metavar="A", help="amplitude of the motion: half of peak to peak [rad]"
-    )
-    motion.add_argument("--frequency", type=float, metavar="F", help="frequency of the motion [Hz]")
-    motion.add_argument(
-        "--triangle", action="store_true", help="triangle in place of the sine: constant speed 4·A·F to and fro"
-    )
+    add_number(motion, "--amplitude", "A", "amplitude of the motion: half of peak to peak [rad]")
+    add_number(motion, "--frequency", "F", "frequency of the motion [Hz]")
+    add_flag(motion, "--triangle", "triangle in place of the sine: constant speed 4·A·F to and fro")
     motion.add_argument(
         "--trajectory",
         type=Path,
@@ -78,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.png",
         help="draw the motion, and how the error depends on speed and amplitude",
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ import numpy as np
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
+from stickslip_ros.cli.options import add_flag, add_number
 from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_to_overwrite
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal
@@ -50,37 +51,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--velocity", metavar="V[,V]", help="speeds, one after the other [rad/s] (default: of the known joint)"
     )
-    parser.add_argument("--stiffness", type=float, metavar="KP", help="k_p [N·m/rad] (default: of the known joint)")
-    parser.add_argument("--damping", type=float, metavar="KV", help="k_v [N·m·s/rad] (default: of the known joint)")
-    parser.add_argument("--load", type=float, metavar="T", default=0.0, help="constant torque [N·m]")
+    add_number(parser, "--stiffness", "KP", "k_p [N·m/rad] (default: of the known joint)")
+    add_number(parser, "--damping", "KV", "k_v [N·m·s/rad] (default: of the known joint)")
+    add_number(parser, "--load", "T", "constant torque [N·m]", 0.0)
     for name, text in _COMPENSATIONS.items():
-        parser.add_argument(f"--{name}", type=float, metavar="C", default=0.0, help=f"{text} (default: 0)")
-    parser.add_argument(
-        "--duration", type=float, metavar="S", default=60.0, help="duration of the recording [s] (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--rate", type=float, metavar="F", default=1000.0, help="sample rate [Hz] (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--resolution", type=float, metavar="X", help="resolution of the encoder [rad] (default: of the known joint)"
-    )
-    parser.add_argument(
-        "--position-noise", type=float, metavar="X", default=0.0, help="standard deviation of the positions [rad]"
-    )
-    parser.add_argument(
-        "--velocity-noise", type=float, metavar="X", default=0.0, help="standard deviation of the velocities [rad/s]"
-    )
-    parser.add_argument(
-        "--jitter", type=float, metavar="S", default=0.0, help="standard deviation of the time stamps [s]"
-    )
+        add_number(parser, f"--{name}", "C", f"{text}", 0.0)
+    add_number(parser, "--duration", "S", "duration of the recording [s]", 60.0)
+    add_number(parser, "--rate", "F", "sample rate [Hz]", 1000.0)
+    add_number(parser, "--resolution", "X", "resolution of the encoder [rad] (default: of the known joint)")
+    add_number(parser, "--position-noise", "X", "standard deviation of the positions [rad]", 0.0)
+    add_number(parser, "--velocity-noise", "X", "standard deviation of the velocities [rad/s]", 0.0)
+    add_number(parser, "--jitter", "S", "standard deviation of the time stamps [s]", 0.0)
     parser.add_argument(
         "--seed", type=int, metavar="N",
         help="seed of the noise and of the first position within an encoder count (default: 1, and on a count)",
     )  # fmt: skip
-    parser.add_argument(
-        "--first-stamp", type=float, metavar="S", help="time stamp of the first sample [s] (default: now)"
-    )
-    parser.add_argument("--no-gains", action="store_true", help="do not record the gains")
+    add_number(parser, "--first-stamp", "S", "time stamp of the first sample [s] (default: now)")
+    add_flag(parser, "--no-gains", "do not record the gains")
     parser.add_argument(
         "--compression",
         choices=sorted(COMPRESSIONS),

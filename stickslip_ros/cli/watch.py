@@ -24,6 +24,7 @@ from rich.console import RenderableType
 from rich.live import Live
 from rich.status import Status
 
+from stickslip_ros.cli.options import add_flag, add_number
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, optional_packages
@@ -40,9 +41,7 @@ _LONGEST = 60.0  # [s] of motion
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
-        "--browser", action="store_true", help="serve a live page instead, with sliders to try other gains"
-    )
+    add_flag(parser, "--browser", "serve a live page instead, with sliders to try other gains")
     parser.add_argument("--port", type=int, metavar="N", default=_PORT, help="port of the page (default: %(default)s)")
     parser.add_argument(
         "--address",
@@ -50,16 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=_HERE,
         help="address that the page is served at (default: %(default)s, for this machine only)",
     )
-    parser.add_argument(
-        "--once", action="store_true", help="print one view and end; also done when the output is a pipe"
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=10.0, metavar="S", help="seconds of motion to show (default: %(default)g)"
-    )
-    parser.add_argument(
-        "--patience", type=float, default=30.0, metavar="S",
-        help="how long to wait for a monitor before giving up (default: %(default)g)",
-    )  # fmt: skip
+    add_flag(parser, "--once", "print one view and end; also done when the output is a pipe")
+    add_number(parser, "--seconds", "S", "seconds of motion to show", 10.0)
+    add_number(parser, "--patience", "S", "how long to wait for a monitor before giving up", 30.0)
 
 
 def run(options: argparse.Namespace) -> int:
