@@ -81,4 +81,4 @@ def test_the_command_says_what_the_reversals_cost(tmp_path: Path, capsys: pytest
     options = ["--stiffness", "6300", "--damping", "200", "--velocity", to_and_fro, "--duration", "40", "--rate", "500"]
     assert main(["simulate", "--out", bag, *options]) == 0
     assert main(["analyze", bag]) == 0
-    assert "joint1 turned round 3 times: it stands for 0.5" in capsys.readouterr().out
+    assert "joint1 reversed 3 times: at a reversal it stands for 0.5" in capsys.readouterr().out
