@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import nightly
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from machines import Machine, drawn, simulate
 from scipy.special import stdtr
@@ -67,7 +67,6 @@ def test_noise_is_no_dependence(count: int, evenly: bool, both: bool, draws: int
     assert max(claims.values()) <= 0.02 * draws, claims
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, amplitude=st.floats(0.3, 1.0), spacings=st.floats(3.0, 12.0), both=st.booleans())
 def test_a_ripple_is_found(seed: int, amplitude: float, spacings: float, both: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -95,7 +94,6 @@ def test_a_ripple_is_within_three_errors() -> None:
     assert inside >= 195
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, rate=st.floats(0.02, 0.2), sign=st.sampled_from([-1.0, 1.0]), both=st.booleans())
 def test_a_drift_is_found(seed: int, rate: float, sign: float, both: bool) -> None:
     """And said to be perhaps a slope over position where the motion goes one way only."""
@@ -132,7 +130,6 @@ def test_a_load_is_told_in_both_directions() -> None:
     assert found(np.full(30, COULOMB), np.ones(30), position, time).load is None
 
 
-@settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, slope=st.sampled_from([0.0, 0.1, 0.3]))
 def test_friction_that_grows_with_the_load(seed: int, slope: float) -> None:
     """An arm's weight changes with position; where friction follows it, the slope is found."""
@@ -176,7 +173,6 @@ def test_even_slips_name_the_periods_that_they_cannot_tell_apart() -> None:
     assert ripple.aliases == ()
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, count=st.integers(0, LEAST_SLIPS - 1), both=st.booleans())
 def test_few_slips_claim_nothing_but_the_direction(seed: int, count: int, both: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -199,7 +195,6 @@ def test_what_is_below_the_error_of_a_slip_is_not_claimed() -> None:
     assert dry.scatter == 0.01
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, count=st.integers(3, 48), both=st.booleans())
 def test_places_hold_every_slip_once(seed: int, count: int, both: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -253,7 +248,7 @@ def test_a_simulated_machine(machine: Machine) -> None:
     velocities = np.where((time // 25.0) % 2 == 0, 0.006, -0.006)
     references = drawn(machine, gains) + np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / rate
     motion = simulate(machine, gains, references, velocities, 1.0 / rate)
-    monitor = JointMonitor(None, gains, studies_at_once=True, at_arrest=True)
+    monitor = JointMonitor(None, gains, at_arrest=True)
     monitor.process(
         Batch(
             time=time,
@@ -264,6 +259,7 @@ def test_a_simulated_machine(machine: Machine) -> None:
         )
     )
     monitor.finish()
+    monitor.learn()
     estimate = monitor.assessment().estimate
     assert estimate is not None
     dry = estimate.dry
@@ -298,8 +294,8 @@ def test_a_drift_is_told_as_at_the_last_slip() -> None:
         assert estimate.dry.time.max() > end - 4.0
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, value=st.floats(-1e3, 1e3), both=st.booleans(), evenly=st.booleans())
+@example(seed=0, value=47.375, both=False, evenly=False)  # had a drift of 1e-15
 def test_values_that_are_all_the_same_have_no_ripple(seed: int, value: float, both: bool, evenly: bool) -> None:
     """What rounding leaves of them is no noise to find one in, on whatever machine."""
     direction, position, time = slips(np.random.default_rng(seed), 30, both=both, evenly=evenly)

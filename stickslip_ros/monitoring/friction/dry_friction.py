@@ -35,6 +35,7 @@ _PARTS, _LEAST_OF_A_PART = 3, 0.1
 _TOGETHER = 0.95  # correlation of time and position, 1: with more they are not distinguished
 # Columns of a load over position, 1: with four an arm's weight over a right angle is exact.
 _PARABOLA, _MOST_BENDS = 2, 4
+_ROUNDING = 1e-10  # scatter of the kinetic friction, of its largest value: less is rounding
 _LOADS = 3  # loads that differ, 1: fewer show no dependence on the load
 
 
@@ -133,6 +134,8 @@ def dry_friction(
     count = len(kinetic)
     if count < LEAST_OF_A_DIRECTION:
         return None
+    # What rounding leaves of values that are all the same is nothing to explain.
+    error = max(standard_error, _ROUNDING * float(np.abs(kinetic).max()))
     fewest = min(int((direction > 0).sum()), int((direction < 0).sum()))
     ones = np.ones((count, 1))
     base = np.column_stack([ones, direction]) if fewest >= LEAST_OF_A_DIRECTION else ones
@@ -140,16 +143,16 @@ def dry_friction(
     varying = np.zeros((count, 0))
     drifts, ripple, bends = False, None, 0
     if count >= LEAST_SLIPS:
-        varying = _varying_load(base, direction, since, kinetic, position, standard_error)
+        varying = _varying_load(base, direction, since, kinetic, position, error)
         bends = varying.shape[1]
         if base.shape[1] > 1:
-            varying = np.column_stack([varying, _size_of_load(base, varying, kinetic, standard_error)])
+            varying = np.column_stack([varying, _size_of_load(base, varying, kinetic, error)])
         spanned = since if _spans(time) else None
-        drifts, ripple = _chosen(np.column_stack([base, varying]), spanned, kinetic, position, standard_error)
+        drifts, ripple = _chosen(np.column_stack([base, varying]), spanned, kinetic, position, error)
     known, size = np.column_stack([base, varying]), base.shape[1] + varying.shape[1]
     columns = np.column_stack([known, since]) if drifts else known
     all_columns = np.column_stack([columns, ripple.columns(position)]) if ripple else columns
-    fit = regression(all_columns, kinetic, standard_error)
+    fit = regression(all_columns, kinetic, error)
     drift = _term(fit, size) if drifts else None
     steady = kinetic - (ripple.at(position) if ripple else 0.0) - (drift.value * since[:, 0] if drift else 0.0)
     numbers = _numbers_of_places(position)

@@ -25,7 +25,6 @@ _SHORTER = 10.0  # range of other periods, of the period found: so much shorter 
 _EQUALLY_LIKELY = 6.0  # twice the logarithm of a likelihood ratio, 1: with less two periods are equally likely
 _MOST_ALIASES = 4  # periods reported that explain as much, 1: at most
 _DIGITS = 6  # decimals in which two likelihoods are compared, 1: the rest is rounding
-_ROUNDING = 1e-10  # scatter of values, of the largest value: less is rounding
 _LEAST_SEEN, _LEAST_ROUND = 0.2, 0.05  # of a sine and cosine: beside what is known otherwise, and beside each other
 _BLOCK = 2000  # frequencies tried at once, 1
 _NARROWED = 4  # refinements of a frequency, 1: by a tenth each
@@ -81,8 +80,6 @@ def find_ripple(
     spacing = spacing_of(position)
     if count < size + 5 or not 0.0 < spacing < extent / 4.0:
         return None
-    # What rounding leaves of values that are all the same is nothing to explain.
-    standard_error = max(standard_error, _ROUNDING * float(np.abs(values).max()))
     about = float(position.mean())
     search = _Search(known, values, position - about)
     lowest, highest = _PERIODS_SEEN / extent, 0.5 / spacing
