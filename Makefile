@@ -13,7 +13,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # Some hundred processes of the tests would each translate the sources to bytecode anew where a shell forbids to keep it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test tests nightly quick check docs bench matrix coverage pictures linkcheck clean
+.PHONY: demo test tests nightly quick quick_tests check docs bench matrix coverage pictures linkcheck clean
 demo: $(STAMP)
 	$(BIN)/stickslip demo $(DEMO)
 
@@ -30,9 +30,12 @@ nightly: check
 	@sh tools/install_test_packages.sh
 	FUZZ_EXAMPLES=300 $(BIN)/python -m pytest $(SIDE_BY_SIDE) --nightly $(TESTS)
 
-# For every save, in less than a minute: what starts no processes and is no long calculation.
-quick: check
-	$(BIN)/python -m pytest $(SIDE_BY_SIDE) --quick $(TESTS)
+# For every save, in less than a minute: what starts no processes and is no long calculation. None of it waits.
+quick: $(STAMP)
+	@$(MAKE) --no-print-directory --jobs=2 check quick_tests
+
+quick_tests: $(STAMP)
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE) -n auto --quick $(TESTS)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

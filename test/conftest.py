@@ -23,6 +23,7 @@ from stickslip_ros.bags.table import load_recording
 from stickslip_ros.cli.processes import free_domains
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.settings.known_joints import load_joint
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,8 +33,9 @@ RECORDINGS = Path(os.environ.get("STICKSLIP_RECORDINGS", ROOT.parent / "shared" 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The same examples every time; more are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
-settings.register_profile("fixed", derandomize=True, database=None, deadline=None)
+# The same examples every time; others are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
+for _profile, _examples in (("fixed", 30), ("nightly", 100)):
+    settings.register_profile(_profile, max_examples=_examples, derandomize=True, database=None, deadline=None)
 settings.load_profile("fixed")
 
 # physics.md, section 4, joint 1: k_p/M [1/s²], ξ˙_d, damping ratio at which the cycle dies.
@@ -56,6 +58,7 @@ WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _tests = itertools.count(os.getpid() * 13)
 _LONG = ("nodes", "test_documents", "test_warm_up", "test_demo", "test_identify_experiment", "test_fleet.py")
 DOMAINS = {"ros_domain", "ros_domain_of_the_file"}  # fixtures of what starts processes
+_SLOW_FILE = "\npytestmark = pytest.mark.slow\n"
 _BEGUN_BY = 0.6  # share of the other files after which they have begun
 
 
@@ -93,6 +96,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of `make quick` and `make nightly`."""
     parser.addoption("--quick", action="store_true", help="leave out what starts processes, and what is marked slow")
     parser.addoption("--nightly", action="store_true", help="also run what is marked nightly")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Draw more examples at night."""
+    if config.getoption("--nightly"):
+        settings.load_profile("nightly")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what is slow as a whole, where that is left out."""
+    slow = config.getoption("--quick") and collection_path.suffix == ".py"
+    return True if slow and _SLOW_FILE in collection_path.read_text(encoding="utf-8") else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -165,8 +180,8 @@ def without_shared_memory(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @contextmanager
 def begun(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[Any]]:
-    """A process that ends with the block, however that ends: a test that fails waits for nothing it has begun."""
-    with subprocess.Popen(command, **options) as process:
+    """A process that ends with the block and with this process, however they end: a failed test waits for nothing."""
+    with subprocess.Popen(command, **{"preexec_fn": die_with_parent, **options}) as process:
         try:
             yield process
         finally:

@@ -93,6 +93,7 @@ def test_rounding_next_to_zero_is_no_difference() -> None:
     assert differences({"a": FLOOR}, {"a": FLOOR * (1.0 + 2e-9)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sections())
 def test_every_section_has_answers(name: str) -> None:
     """Issue 37, item 1: the first answer is computed, has a name and is JSON."""

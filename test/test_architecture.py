@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,7 @@ ROOMS = (
 )  # fmt: skip
 
 
+@cache
 def house() -> dict[str, set[str]]:
     """Every module of the package, and those of the package that it imports, by their names after the package's."""
     paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}

@@ -178,7 +178,6 @@ def test_names_permuted_and_values_missing(tmp_path: Path) -> None:
     assert (read_joint(path, "tool50").position == 7.0).all()
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.text(max_size=12), min_size=0, max_size=6, unique=True),
     st.text(max_size=9),

@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.errors import InvalidParameterError
@@ -45,7 +45,6 @@ def test_every_number_of_a_joint(puma: Joint) -> None:
     assert replace(puma, actuation_delay=0.004).numbers["actuation_delay"] == 0.004
 
 
-@settings(max_examples=50, deadline=None)
 @given(
     stiffness=st.floats(50.0, 5000.0),
     damping=st.floats(0.0, 200.0),

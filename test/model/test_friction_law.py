@@ -196,6 +196,7 @@ def test_cycles_of_the_exponential_law_are_those_of_another_integrator(row: tupl
     assert columns == pytest.approx(expected, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("velocity", [0.4, 1.0, 2.0])
 def test_the_exponential_boundary_is_that_of_another_integrator(velocity: float) -> None:
     """A tenth more damping than the critical one ends the cycle, a tenth less does not; by DOP853."""

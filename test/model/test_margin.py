@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -71,7 +71,6 @@ def test_arrays_mix_applicable_and_not(puma: Joint) -> None:
     assert margin.energy_margin[0] == stability_margin(puma, Gains(stiffness=2016.0), 0.00493).energy_margin
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.floats(0.01, 50.0), st.floats(2.0, 60.0), st.floats(0.0, 0.5), st.floats(0.1, 20.0), st.floats(1e-4, 0.1),
     st.floats(0.3, 5.0), st.floats(0.0, 0.1), st.floats(0.0, 2.0), st.sampled_from([-1.0, 1.0]),

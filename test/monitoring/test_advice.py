@@ -38,6 +38,8 @@ from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
+pytestmark = pytest.mark.slow
+
 STICKING = Gains(stiffness=630.0)
 SPEED = 0.0058
 PAPER = AdviceLimits(condition=Criterion.PAPER, steady_sliding=False)
@@ -50,7 +52,6 @@ def reserve(joint: Joint, gains: Gains, velocity: float) -> float:
     return float(margin.damping_ratio / margin.critical_damping_ratio - 1)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.floats(0.01, 50.0), st.floats(3.0, 50.0), st.floats(0.0, 0.3), st.floats(0.3, 20.0), st.floats(0.3, 4.0),
     st.floats(0.0, 0.08), st.floats(0.0, 1.0), st.sampled_from([0.0, 0.2, 1.0]),
@@ -80,7 +81,6 @@ def test_every_variant_reaches_the_wanted_margin(
     assert advice[Kind.STIFFNESS_ONLY].damping in (gains.damping, pytest.approx(math.nan, nan_ok=True))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("condition", "count"),
     [(Criterion.PAPER, 40), (Criterion.EXACT, 10), nightly(Criterion.PAPER, 120), nightly(Criterion.EXACT, 20)],
@@ -572,7 +572,6 @@ def test_limits_that_cannot_be(values: dict[str, object], text: str) -> None:
         AdviceLimits(**values)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("condition", list(Criterion))
 def test_steady_sliding(condition: Criterion) -> None:
     """Issue 19: no joint is left swinging about its speed; where that is not asked for, it is said."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Gains
@@ -18,7 +18,6 @@ PUMA = load_joint("puma560_joint1").joint
 NUMBER = st.floats(allow_nan=True, allow_infinity=True) | st.sampled_from([0.0, 1e-300, 1e300, -1e18, 1e-9])
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.lists(st.lists(st.tuples(*[NUMBER] * 6), max_size=80), max_size=4), st.floats(), st.floats(), st.floats())
 def test_arbitrary_samples_and_gains(
     batches: list[list[tuple[float, ...]]], stiffness: float, damping: float, integral: float
@@ -34,7 +33,6 @@ def test_arbitrary_samples_and_gains(
 
 
 @pytest.mark.slow
-@settings(max_examples=80, deadline=None)
 @given(
     st.integers(0, 2**32 - 1),
     st.sampled_from([1e-12, 1e-6, 1.0, 1e6, 1e12]),

@@ -42,6 +42,7 @@ def errors(recording: SimulatedRecording, *, period: float) -> tuple[list[float]
     return arrests, breakaways, missed, invented
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_velocity", [False, True])
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
 def test_every_cycle_is_found_and_none_invented(puma: Joint, stiffness: float, with_velocity: bool) -> None:

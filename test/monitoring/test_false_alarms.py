@@ -25,6 +25,8 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
+pytestmark = pytest.mark.slow
+
 _MINUTE = 60.0
 _KINDS = (
     "constant speed", "sine", "minimum-jerk moves, at random", "trapezoids, at random", "commanded steps, at random",

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -16,7 +16,6 @@ positive = st.floats(1e-3, 1e5)
 damping = st.one_of(st.just(0.0), st.floats(1e-3, 1e4))
 
 
-@settings(deadline=None)
 @given(positive, positive, damping, damping, st.floats(0.0, 10.0), st.floats(1e-3, 1e3), st.floats(0.01, 3.0))
 def test_steps_are_small_and_arrive(
     begin: float, end: float, before: float, after: float, viscous: float, inertia: float, rate: float
@@ -40,7 +39,6 @@ def test_steps_are_small_and_arrive(
         assert steps <= ramp.length / min(0.1 * rate, 0.04) + 2
 
 
-@settings(deadline=None)
 @given(st.floats(1e-4, 1.0), st.floats(0.0, 10.0), damping, damping)
 def test_the_step_in_effort_is_small(error: float, velocity_error: float, before: float, after: float) -> None:
     """Issue 5, item 4: k_p times an error is a torque: a step changes the effort by a twentieth at most."""

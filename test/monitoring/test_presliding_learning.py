@@ -18,6 +18,8 @@ from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
+pytestmark = pytest.mark.slow
+
 JOINTS = 8
 NATURAL_PERIOD, CREEP = 0.63, 0.05  # [s]; of a slip
 

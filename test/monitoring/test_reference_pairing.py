@@ -8,13 +8,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(1, 7), st.integers(0, 30), st.randoms(use_true_random=False))
 def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: object) -> None:
     """Issue 2: samples meet the reference of their own stamp, whichever topic is ahead."""
@@ -52,7 +51,6 @@ def test_a_stale_reference_says_nothing() -> None:
     assert math.isnan(batch.reference_position[1])
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.floats(0.001, 0.6), min_size=1, max_size=40),
     st.integers(1, 50),

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.monitoring.sample_buffer import MOST_BYTES, SampleBuffer
 from stickslip_ros.monitoring.samples import Batch
 
 
-@settings(deadline=None)
 @given(
     sizes=st.lists(st.integers(1, 3000), min_size=1, max_size=12),
     seed=st.integers(0, 1000),
@@ -114,7 +113,6 @@ def test_rests_are_thinned_out_and_slips_are_not(rate: float, dwell: float, slip
         )
 
 
-@settings(deadline=None, max_examples=30)
 @given(
     rate=st.sampled_from([100.0, 1000.0, 5000.0]),
     seed=st.integers(0, 1000),

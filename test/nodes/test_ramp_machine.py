@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
@@ -27,6 +28,8 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.settings.known_joints import load_joint
+
+pytestmark = pytest.mark.slow
 
 TICK = 0.02  # [s], that of the monitor
 PATIENCE = 2.0  # [s] for one answer
