@@ -27,6 +27,8 @@ import yaml
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
+from stickslip_ros.parent_death import die_with_parent
+
 ROOT = Path(__file__).resolve().parents[1]
 _WAIT = 120.0  # [s]
 
@@ -234,7 +236,9 @@ def launch(package: str, name: str, *arguments: str) -> int:
         own = [node for node in nodes if node.package == "stickslip_ros"]
         return 0 if all(executable(node.executable) for node in own) else 1
     with tempfile.TemporaryDirectory() as folder:
-        processes = {id(node): subprocess.Popen(command_of(node, Path(folder))) for node in nodes}
+        processes = {
+            id(node): subprocess.Popen(command_of(node, Path(folder)), preexec_fn=die_with_parent) for node in nodes
+        }
         try:
             while any(process.poll() is None for process in processes.values()):
                 if any(processes[one].poll() is not None for one in last):
@@ -250,7 +254,7 @@ def launch(package: str, name: str, *arguments: str) -> int:
 def run(package: str, name: str, *arguments: str) -> int:
     """Run one executable."""
     assert package == "stickslip_ros"
-    return subprocess.call([executable(name), *arguments])
+    return subprocess.call([executable(name), *arguments], preexec_fn=die_with_parent)
 
 
 def param(verb: str, node: str, name: str, value: str = "") -> int:

@@ -16,6 +16,7 @@ from conftest import ROOT
 from nodes.support_ros import probe
 
 from stickslip_ros import __version__
+from stickslip_ros.parent_death import die_with_parent
 
 pytestmark = pytest.mark.slow
 
@@ -120,8 +121,9 @@ def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: 
         workspace / "share" / "stickslip_ros" / "config" / "monitor.yaml",
     ]
     process = subprocess.Popen(
-        command, env=environment, cwd=workspace, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
-    )
+        command, env=environment, cwd=workspace, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        preexec_fn=die_with_parent,
+    )  # fmt: skip
     try:
         with probe() as one:
             # In a new place it compiles first; it is heard meanwhile.

@@ -37,6 +37,7 @@ import yaml
 from conftest import ROOT
 
 from stickslip_ros.cli.main import build_parser, main
+from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT
 
 pytestmark = pytest.mark.slow
@@ -94,8 +95,9 @@ def background(code: str, folder: Path, environment: dict[str, str]) -> Iterator
     """A command that runs meanwhile, and must end well on Ctrl-C."""
     with (folder / "background.log").open("w+") as log:
         process = subprocess.Popen(
-            ["bash", "-c", f"exec {code}"], cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True
-        )
+            ["bash", "-c", f"exec {code}"], cwd=folder, env=environment, stdout=log, stderr=log,
+            start_new_session=True, preexec_fn=die_with_parent,
+        )  # fmt: skip
         try:
             yield
             assert process.poll() is None, (folder / "background.log").read_text()

@@ -22,6 +22,7 @@ import stickslip_ros
 from stickslip_ros.compilation import cache_folder, source_files
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.warm_up import compile_ahead
 
 pytestmark = pytest.mark.slow
@@ -48,7 +49,11 @@ class Monitor:
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
         with log.open("w") as out:
             self.process = subprocess.Popen(
-                [*MONITOR, *arguments], stdout=out, stderr=subprocess.STDOUT, env=environment
+                [*MONITOR, *arguments],
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                preexec_fn=die_with_parent,
             )
 
     def log(self) -> str:

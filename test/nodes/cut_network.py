@@ -16,6 +16,7 @@ import time
 from support_ros import STALE, Probe, probe
 
 from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.parent_death import die_with_parent
 
 NO_RIGHT = 77
 _CUT = 12.0  # [s]
@@ -76,7 +77,7 @@ def main() -> int:
     }
     here = ["ip", "netns", "exec", _NAMES[0], sys.executable, __file__, "watch", _LINKS[0]]
     there = ["ip", "netns", "exec", _NAMES[1], sys.executable, "-m", "stickslip_ros.nodes", "simulated_joint"]
-    robot = subprocess.Popen(there, env=environment)
+    robot = subprocess.Popen(there, env=environment, preexec_fn=die_with_parent)
     try:
         time.sleep(0.5)
         return subprocess.run(here, env=environment, check=False, timeout=240.0).returncode

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from bags.browser import Page, browser
 from bokeh.document import Document
+from conftest import begun
 
 from stickslip_ros.cli.live_joint import Subject, cycle_duration, phase_loop, what_if
 from stickslip_ros.cli.live_listener import Snapshot
@@ -54,7 +55,7 @@ def free_port() -> int:
 @contextmanager
 def served(port: int) -> Iterator[subprocess.Popen[str]]:
     """The page of a process of its own."""
-    with subprocess.Popen([*_COMMAND, "--port", str(port)], stderr=subprocess.PIPE, text=True) as process:
+    with begun([*_COMMAND, "--port", str(port)], stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None
             assert f"http://127.0.0.1:{port}" in process.stderr.readline()
@@ -161,6 +162,7 @@ class Listener:
     look_away = look_at
 
 
+@pytest.mark.slow
 def test_answers_are_of_the_joint_that_is_chosen() -> None:
     """Issue 40, item 6: what gains do to one joint stood under the joint chosen after it until its own came."""
     document = Document()

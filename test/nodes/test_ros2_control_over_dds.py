@@ -24,6 +24,7 @@ from support_ros import Probe, probe
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.cli.processes import NodeProcess
+from stickslip_ros.parent_death import die_with_parent
 
 EXAMPLE = ROOT / "examples" / "ros2_control"
 NEEDED = (
@@ -98,7 +99,9 @@ def demo(folder: Path) -> Iterator[Probe]:
     command = ["ros2", "launch", "stickslip_ros", "ros2_control_demo.launch.py"]
     # A pipe that nobody reads is full soon, and whoever writes to it stands still then: the robot, for one.
     with open(folder / "launch.log", "w") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=die_with_parent
+        )
     try:
         with probe() as one:
             yield one
