@@ -40,7 +40,7 @@ class Creeping:
     creep: float
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _integrate(bristle, speed, static, kinetic, stribeck_velocity, steps, step, turn):  # type: ignore[no-untyped-def]
     positions = np.empty(steps)
     position, velocity, bristles, drawn = -kinetic, 0.0, 0.0, 0.0

@@ -33,7 +33,7 @@ def motor_positions(
                        np.empty(round(duration * rate)))  # fmt: skip
 
 
-@njit
+@njit(cache=True)
 def _integrated(loop, friction, masses, step, steps, positions):  # type: ignore[no-untyped-def]
     coulomb, viscous, stribeck, stribeck_velocity, lag, rise_time = friction
     motor, load, stiffness, damping = masses

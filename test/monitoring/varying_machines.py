@@ -74,9 +74,10 @@ def random_varying(seed: int, kind: str) -> VaryingRecording:
     raise AssertionError
 
 
-def learnt_monitor(recording: VaryingRecording) -> JointMonitor:
-    """A monitor that has seen it all."""
-    monitor = JointMonitor(None, recording.gains, studies_at_once=True, at_arrest=True)
+def learnt_monitor(recording: VaryingRecording, *, as_it_goes: bool = False) -> JointMonitor:
+    """A monitor that has seen it all, and studies the slips at the end, or as they come, which takes longer."""
+    monitor = JointMonitor(None, recording.gains, studies_at_once=as_it_goes, at_arrest=True)
     monitor.process(recording.batch)
     monitor.finish()
+    monitor.learn()
     return monitor

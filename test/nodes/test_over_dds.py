@@ -188,8 +188,8 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
 def test_simulated_joint_profiles_and_faster_time(ros_domain: int) -> None:
     """Issue 2: two joints, hold and reverse, ten times as fast on /clock, with noise."""
     parameters = {
-        "joints": "[a, b]", "time_factor": 10.0, "profile.b": "reverse", "reversal_period.b": 2.0, "profile.a": "hold",
-        "velocity_noise.a": 0.001, "gains.b.p": 6000.0, "gains.b.d": 100.0,
+        "joints": "[a, b]", "rate": 200.0, "time_factor": 10.0, "profile.b": "reverse", "reversal_period.b": 2.0,
+        "profile.a": "hold", "velocity_noise.a": 0.001, "gains.b.p": 6000.0, "gains.b.d": 100.0,
     }  # fmt: skip
     with NodeProcess("simulated_joint", parameters), probe() as one:
         from rosgraph_msgs.msg import Clock
@@ -198,7 +198,7 @@ def test_simulated_joint_profiles_and_faster_time(ros_domain: int) -> None:
         clocks, states = [], []
         one.node.create_subscription(Clock, "/clock", clocks.append, 100)
         one.node.create_subscription(JointState, "joint_states", states.append, 5000)
-        one.wait(lambda: len(states) > 4000, 90.0, "samples")
+        one.wait(lambda: len(states) > 800, 90.0, "samples")
         first, last = states[0].header.stamp, states[-1].header.stamp
         assert clocks
         assert last.sec - first.sec >= 3
