@@ -46,11 +46,17 @@ def test_an_interrupt_in_a_finalizer_is_not_lost() -> None:
     assert done.returncode != 0
 
 
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three recordings that take long enough to be looked at."""
+    folder = tmp_path_factory.mktemp("bags")
+    return [simulated_bag(folder / f"{name}.mcap", names=("a", "b", "c"), duration=60.0) for name in "xyz"]
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_progress_within_a_bag(jobs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_within_a_bag(jobs: int, bags: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """Issue 22, item 6: while a bag is read its part counts; how far it is never goes back, and ends with all."""
     monkeypatch.setattr(fleet, "_LOOKED_EVERY", 0.002)
-    bags = [simulated_bag(tmp_path / f"{name}.mcap", names=("a", "b", "c"), duration=60.0) for name in "xyz"]
     told: list[tuple[float, float]] = []
     fleet.analyze_fleet(bags, WITHOUT_LEARNING, jobs=jobs, progress=lambda done, total: told.append((done, total)))
     parts = [done for done, _ in told]

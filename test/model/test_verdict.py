@@ -69,7 +69,7 @@ def test_meaningless_questions_have_no_answer(puma: Joint, gains: Gains, velocit
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stiffness", [1e-6, 1e-3, 1e6, 1e9])
+@pytest.mark.parametrize("stiffness", [1e-6, 1e-3, 1e6, nightly(1e9)])
 @pytest.mark.parametrize("velocity", [nightly(1e-9), 1e-3, 10.0])
 def test_extreme_joints_are_answered_in_time(puma: Joint, stiffness: float, velocity: float) -> None:
     """Issue 3: no gain or speed makes the integration run away."""

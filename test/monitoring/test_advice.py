@@ -572,12 +572,13 @@ def test_limits_that_cannot_be(values: dict[str, object], text: str) -> None:
         AdviceLimits(**values)
 
 
+@pytest.mark.parametrize("cases", [6, nightly(12)])
 @pytest.mark.parametrize("condition", list(Criterion))
-def test_steady_sliding(condition: Criterion) -> None:
+def test_steady_sliding(condition: Criterion, cases: int) -> None:
     """Issue 19: no joint is left swinging about its speed; where that is not asked for, it is said."""
     rng = np.random.default_rng(11)
     swings, told = [], []
-    for _ in range(12):
+    for _ in range(cases):
         case = random_case(rng, condition)
         limits = AdviceLimits(condition=condition, steady_sliding=False)
         plain = recommend(case.joint, case.gains, case.velocity, limits)[Kind.LEAST_CHANGE]

@@ -337,7 +337,7 @@ def test_stick_slip_ends_in_rest(puma: Joint) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8)
 @given(data=st.data())
 def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
     """Issue 7: within 100 ms of the arrest where steps are fine, the same cycles as in hindsight, however batched."""

@@ -104,7 +104,7 @@ def test_ordinary_days(days: int) -> None:
     assert known.right > 0.9 * known.judged
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.integers(0, 29), st.floats(0.0, 30.0), st.booleans())
 def test_where_a_recording_begins_does_not_matter(seed: int, later: float, with_reference: bool) -> None:
     """Found 2: begun later, what is found a few cycles after the beginning is the same."""

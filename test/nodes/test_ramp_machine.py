@@ -17,6 +17,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from conftest import nightly
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
@@ -342,9 +343,10 @@ def take_steps(count: int, **more: Any) -> None:
     run_state_machine_as_test(RampMachine, settings=patient)
 
 
-def test_a_ramp_keeps_to_its_rules() -> None:
-    """Issue 20: 10,000 steps."""
-    take_steps(10_000, derandomize=True)
+@pytest.mark.parametrize("steps", [3000, nightly(10_000)])
+def test_a_ramp_keeps_to_its_rules(steps: int) -> None:
+    """Issue 20."""
+    take_steps(steps, derandomize=True)
 
 
 def test_going_back_to_gains_that_stick_is_not_stopped_by_sticking() -> None:
