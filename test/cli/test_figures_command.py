@@ -169,7 +169,7 @@ def test_map_without_an_operating_point(tmp_path: Path) -> None:
     [
         ("figures 7", "'figure' must be one of 1, 5, 6, 8, 9, 11, 12, 13, 14: 7"),
         ("map --model puma560_joint1 --points 3", "'--points' must be >= 100: 3"),
-        ("map --stiffness 3", "give --inertia, --velocity, --stribeck, --stribeck-velocity, or a --model"),
+        ("map --stiffness 3", "missing: --inertia, --velocity, --stribeck, --stribeck-velocity, or a --model"),
     ],
 )
 def test_bad_input_is_one_line(capsys: pytest.CaptureFixture[str], command: str, text: str) -> None:
