@@ -34,9 +34,10 @@ def print_analysis(analysis: BagAnalysis) -> None:
     joints = list(analysis.joints.values())
     _print_table(console, [_cells(joint) for joint in joints], _SPARED)
     console.print(
-        "[dim]status: the one that lasted longest; worst: the most severe one seen; stick-slip: share of the time\n"
-        "in which the joint moved or stuck; reserve: damping beyond the critical damping; model predicts: what the\n"
-        "joint does in the end by its friction model, from which the reserve is computed too[/]",
+        "[dim]status: the one that lasted longest; worst: the most severe one seen; sticking: time in stick-slip,\n"
+        "slips included; moving: time in which the joint moved or stuck; stick-slip: share of that time;\n"
+        "reserve: damping in excess of that at which stick-slip ends; model predicts: what the joint does in the\n"
+        "end by the friction model, from which the reserve is computed too[/]",
         soft_wrap=True,
     )
     if len(analysis.robots) > 1:
@@ -105,9 +106,10 @@ def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None
     console = console_of_tables()
     _print_table(console, [_fleet_cells(joint) for joint in joints], _SPARED_OF_FLEET)
     console.print(
-        "[dim]status: in the last bag that shows it; worst: the most severe one seen; sticking in bags: their number\n"
-        "moving: time in which the joint moved or stuck; stick-slip: share of that time, in the last bag with "
-        f"{LEAST_MOVING:g} s of it\nfriction: Coulomb friction identified in the first and in the last such bag[/]",
+        "[dim]status: in the last bag that shows it; worst: the most severe one seen; sticking in bags: how many\n"
+        "sticking: time in stick-slip, slips included; moving: time in which the joint moved or stuck\n"
+        f"stick-slip: share of that time, in the last bag with {LEAST_MOVING:g} s of it\n"
+        "friction: Coulomb friction identified in the first and in the last such bag[/]",
         soft_wrap=True,
     )
     failed = [found["path"] for found in answers if "error" in found]

@@ -98,7 +98,8 @@ def _print(comparison: Comparison) -> None:
     console.print(f"before: [bold]{before}[/]   after: [bold]{after}[/]\n", soft_wrap=True)
     print_joints(console, comparison.joints)
     console.print(
-        "[dim]±: a standard error; significantly: beyond 1.96 times the combined ones (95 %)[/]", soft_wrap=True
+        "[dim]±: standard error; significantly: the change exceeds 1.96 times the combined standard errors (95 %)[/]",
+        soft_wrap=True,
     )
     for name, side in comparison.alone.items():
         console.print(f"[yellow]warning:[/] {escape(visible(name))} is in the recording {side} only", soft_wrap=True)

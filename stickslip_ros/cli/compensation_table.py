@@ -102,8 +102,8 @@ def print_table(found: CompensationTable, velocity: float) -> None:
         f"k_v {float(found.gains.damping):.4g}:"
     )
     table = Table(box=None, padding=(0, 1))
-    for heading in ("", "c", "it", "ρ_c", "error", "swing", "at rest", "turning"):
-        table.add_column(heading, justify="left" if heading in ("", "it") else "right", no_wrap=True)
+    for heading in ("", "share", "model predicts", "ρ_c", "error", "swing", "at rest", "turning"):
+        table.add_column(heading, justify="left" if heading in ("", "model predicts") else "right", no_wrap=True)
     for kind, effects in found.effects.items():
         for share, one in effects.items():
             if share == 0 and kind != next(iter(found.effects)):
@@ -116,9 +116,11 @@ def print_table(found: CompensationTable, velocity: float) -> None:
             )  # fmt: skip
     console.print(table)
     console.print(
-        "[dim]Errors in mrad: the steady one, its swing, the swing while the reference stands, the largest where it "
-        "turns round. Dither stops and starts the joint all the time: its verdict and ρ_c are of the motion between "
-        "like phases of the dither.[/]"
+        "[dim]Feed-forward compensates by the commanded speed, feedback by the measured speed, push by the sign of the "
+        "tracking error, dither by shaking the joint. Share: of the friction that is compensated. ρ_c: damping ratio "
+        "above which stick-slip ends. In mrad: error: tracking error at constant speed; swing: of that error; at rest: "
+        "swing while the reference stands; turning: largest error where the reference turns round. Dither stops and "
+        "starts the joint all the time: prediction and ρ_c then compare the motion at equal phases of the dither.[/]"
     )
     for text in _missing(found):
         console.print(f"[dim]{text}[/]")

@@ -229,7 +229,7 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
     console.print(f"[dim]{judged(joint, gains)}[/]")
     exact = result["exact"]
     if exact["outcome"] is None:
-        console.print(f"[yellow]No prediction: {exact['reason']}.[/]")
+        console.print(f"[yellow]The model gives {exact['reason']}.[/]")
     else:
         does = OUTCOME_WORDS[exact["outcome"]]
         if velocity == 0 and exact["outcome"] == Outcome.STEADY.value:
@@ -245,7 +245,7 @@ def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) 
     if "rigid_contact" in result:
         console.print(_rigid_in_words(result["rigid_contact"], hunts="hunting" in result))
     if not result["applicable"]:
-        console.print(f"[yellow]Eq. (43) is {result['reason']}[/]")
+        console.print(f"[yellow]Eq. (43) is {result['reason']}.[/]")
     if result["applicable"] or exact["critical_damping_ratio"] is not None:
         _print_side_by_side(result)
     if not result["applicable"]:
@@ -296,10 +296,10 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
         ("damping ratio ρ", number(result["damping_ratio"]), "-", "of controller and viscous friction together"),
         (
             "ρ_c", number(exact["critical_damping_ratio"]), number(result["critical_damping_ratio"]),
-            "critical damping: with more, stick-slip ends",
+            "critical damping ratio: above it stick-slip ends",
         ),
-        ("damping reserve", _percent(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping beyond the critical one"),
-        ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "with more, every start ends in steady motion"),
+        ("damping reserve", _percent(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping in excess of ρ_c"),
+        ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "above it every start ends in steady motion"),
         (
             "lowest smooth speed", number(exact["lowest_smooth_velocity"], " rad/s"),
             number(result["lowest_smooth_velocity"], " rad/s"), "no stick-slip at this speed and faster",
@@ -308,7 +308,7 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
             "least smooth stiffness", number(exact["least_smooth_stiffness"], " N·m/rad"), "-",
             "no stick-slip, with the present damping",
         ),
-        ("energy margin", "-", number(result["energy_margin"], " M·x˙_s²"), "of Eq. (43): positive is smooth"),
+        ("energy margin", "-", number(result["energy_margin"], " M·ẋ_s²"), "of a cycle: positive is smooth"),
         ("reduction factor", "-", number(result["reduction_factor"]), "h of Eq. (32)"),
         ("steady Stribeck friction", "-", number(result["steady_stribeck"], " N·m"), "F_s,ss of Eq. (39)"),
     )  # fmt: skip

@@ -99,7 +99,7 @@ JOINT_FILE = OutputFile((".yaml", ".yml"), new=True)
 
 def add_force_argument(parser: argparse.ArgumentParser) -> None:
     """The option read by :func:`refuse_to_overwrite`."""
-    add_flag(parser, "--force", "write over a file that is there")
+    add_flag(parser, "--force", "overwrite an existing file")
 
 
 def refuse_to_overwrite(option: str, path: Path, *, force: bool) -> None:

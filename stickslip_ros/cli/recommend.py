@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         wanted,
         "--wanted-reserve",
         "R",
-        "damping reserve to reach: damping beyond the critical damping, as a share of it",
+        "damping reserve to reach: damping in excess of that at which stick-slip ends, as a share of the latter",
         defaults.wanted_margin,
     )
     wanted.add_argument(
@@ -285,9 +285,9 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -
         if not advice.gains_known:
             units = "Damping: of controller and joint together"
         console.print(
-            f"[dim]{units}; reserve: damping beyond the critical damping; bandwidth: crossover of the position loop in "
-            "rad/s; error: of tracking at constant speed; noise: in the torque, from the measured speed; "
-            "model predicts: what the joint does in the end.[/]"
+            f"[dim]{units}; reserve: damping in excess of that at which stick-slip ends; bandwidth: crossover of the "
+            "position loop in rad/s; error: tracking error at constant speed; noise: in the torque, from "
+            "the measured speed; × 1: as at present; model predicts: what the joint does in the end.[/]"
         )
     if first.slides_steadily is False:
         console.print(
@@ -295,8 +295,9 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -
             "with --steady-sliding the advised gains end that too.[/]"
         )
     if first.found and 0 < advice.slowest_smooth_velocity < math.inf:
+        here = f"{advice.velocity:.3g} rad/s, and at " if advice.slowest_smooth_velocity > advice.velocity else ""
         console.print(
-            f"With these gains the joint moves smoothly at {advice.slowest_smooth_velocity:.3g} rad/s and faster."
+            f"With these gains the joint moves smoothly at {here}{advice.slowest_smooth_velocity:.3g} rad/s and faster."
         )
     elif first.found and advice.slowest_smooth_velocity == 0:
         console.print("With these gains the joint moves smoothly at every speed.")

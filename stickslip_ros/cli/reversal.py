@@ -188,6 +188,11 @@ def _print(found: Sequence[Reversal], words: str, joint: Joint, gains: Gains) ->
             _milli(turn.running_error), str(turn.stops), _seconds(turn.settles_after),
         )  # fmt: skip
     console.print(table)
+    console.print(
+        "[dim]Turns at: time of the reversal; lost motion: distance that the reference moves before the joint follows; "
+        "peak error: largest tracking error until the next reversal; steady error: the usual error before the next "
+        "reversal; further stops: after the first one; follows again after: time until the last stop ends.[/]"
+    )
     if len(found) > _MOST_SHOWN:
         console.print(f"[dim]{len(found) - _MOST_SHOWN} more; --json has all.[/]")
 
@@ -196,7 +201,7 @@ def _in_words(turn: Reversal) -> str:
     if not math.isfinite(turn.standing):
         return "[red]does not move at all[/] before the reference turns again."
     stands = f"stands for {turn.standing:.3g} s" if turn.standing > 0 else "does not stop"
-    then = "then runs" if turn.stops == 0 else f"[red]then stops {turn.stops} times more[/]"
+    then = "then moves without another stop" if turn.stops == 0 else f"[red]then stops {turn.stops} times more[/]"
     return f"{stands}, falls behind by up to {_milli(turn.peak_error)}, {then}."
 
 

@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """`stickslip simulate`: write a bag of simulated joints, as rosbag2 would have recorded it.
 
-Joint n moves at n times the speed, so that of several joints the first stick and the last do not.
+Joint n moves at n times the speed, so that the first of several joints stick and the last ones do not.
 
 Examples:
     stickslip simulate --out robot.mcap

@@ -65,7 +65,7 @@ def map_of(subject: MapSubject, points: int, *, workers: int = 1, progress: Prog
 
 def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "stability_map") -> Figure:
     """The map at the present damping, with the operating point; beside it that at the advised one, with its gains."""
-    notes = f"(4)-(6) integrated at {computed.exact_damping.size} points; "
+    notes = f"Eqs (4)-(6) integrated at {computed.exact_damping.size} points; "
     if subject.joint.friction.of_the_paper:
         share = 100 * computed.conservative
         notes += f"the damping that Eq. (43) asks for is enough at {share:.1f} % of them."

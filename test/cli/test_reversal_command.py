@@ -28,7 +28,7 @@ def test_a_sine(capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         "Where a sine of ±0.02 rad at 0.05 Hz (up to 0.00628 rad/s) turns round, the joint stands for 1.79 s" in output
     )
-    assert "falls behind by up to 1.63 mrad, then runs." in output
+    assert "falls behind by up to 1.63 mrad, then moves without another stop." in output
     assert output.count("mrad") >= 2 * 3
 
 
