@@ -137,7 +137,7 @@ def compare_joints(before: JointAnalysis, after: JointAnalysis) -> JointComparis
     slip = _quantity("usual_slip", "usual slip", "rad", _slip(before), _slip(after), f"fewer than {_LEAST_SLIPS} slips")
     reserve = _quantity(
         "reserve", "damping reserve", "1", _reserve(before), _reserve(after),
-        "the motion does not identify the friction that it rests on",
+        "the motion does not identify the friction from which it is computed",
     )  # fmt: skip
     verdict, reason = _verdict(before, after, share, slip)
     if verdict is Verdict.CANNOT_SAY:

@@ -130,16 +130,20 @@ def advice(joint: JointAnalysis) -> str:
         return "Its gains have the wanted reserve: keep them."
     slowest = joint.exact.lowest_smooth_velocity
     faster = (
-        f", or keep the present gains and move faster than {slowest:.3g} rad/s"
+        f"keep the present gains and move faster than {slowest:.3g} rad/s"
         if math.isfinite(slowest) and slowest > joint.velocity
         else ""
     )
     if not advised.found:
-        return _sentence(f"{advised.reason.rstrip('.')}{faster}")
+        return " ".join(_sentence(text) for text in (advised.reason.rstrip("."), faster) if text)
+    faster = f", or {faster}" if faster else ""
     if state.gains is None or not state.gains_known:
+        kept = abs(advised.stiffness_factor - 1.0) < 1e-3
+        stiffness = "" if kept else f"the stiffness by {advised.stiffness_factor:.3g}, and "
         text = (
-            f"multiply the stiffness by {advised.stiffness_factor:.3g}, and the damping of controller and joint "
-            f"together by {advised.damping_factor:.3g} (the gains themselves are unknown)"
+            f"{'keep the stiffness and ' if kept else ''}multiply {stiffness}the damping of controller and joint "
+            f"together by {advised.damping_factor:.3g} "
+            "(the gains of the controller were not recorded)"
         )
     else:
         changes = []

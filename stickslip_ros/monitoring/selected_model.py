@@ -127,7 +127,7 @@ def select_model(
     mismatch = estimate.mismatch if estimate is not None else ""
     if configured is None:
         if mismatch:
-            return None, f"{mismatch}, and no joint is configured"
+            return None, f"{mismatch}; no joint is configured to take its place"
         return None, "inertia and friction of the joint are neither configured nor estimated yet"
     return _configured(configured, gains, mismatch)
 

@@ -68,7 +68,7 @@ def test_the_page_is_one_file_that_needs_nothing(report: Path) -> None:
     assert "shoulder sticks and slips at 0.00" in text
     assert "Change damping from 0 to" in text
     assert "Friction compensation, with the advised gains" in text
-    assert "Steps: position less its reference" in text
+    assert "Steps: position minus reference" in text
     assert "2026-" in text
     for meaning in ("Coulomb friction", "Stribeck velocity", "Friction estimated from"):
         assert meaning in text

@@ -192,8 +192,8 @@ def test_a_bag_with_effort_and_without_gains(
     assert joint["recommendation"]["gains_known"] is False
     assert joint["recommendation"]["damping_factor"] > 1.0
     text = report.read_text(encoding="utf-8")
-    assert "Multiply the stiffness by" in text
-    assert "the gains themselves are unknown" in text
+    assert "Keep the stiffness and multiply the damping of controller and joint together by" in text
+    assert "the gains of the controller were not recorded" in text
 
 
 def test_a_load_on_a_spring_gets_no_factor_and_damping_enough() -> None:

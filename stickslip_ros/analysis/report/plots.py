@@ -142,7 +142,7 @@ def error_plot(joint: JointAnalysis) -> Plot | None:
             " Each jump is a slip, as a rule of "
             f"{with_prefix(joint.usual_slip, 'rad')}; between them the joint stands while its reference goes on."
         )
-    return Plot(plot, "Steps: position less its reference", caption, wide=True)
+    return Plot(plot, "Steps: position minus reference", caption, wide=True)
 
 
 def close_up_plot(joint: JointAnalysis) -> Plot | None:
@@ -301,7 +301,7 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     if subject is None:
         return None
     where = f"the joint now, at {subject.velocity:.3g} rad/s and {float(subject.gains.stiffness):.4g}"
-    return _map_plot(subject, subject.gains, "Where it sticks", f"Its damping as it is. The dot is {where}.")
+    return _map_plot(subject, subject.gains, "Where it sticks", f"With the present damping. The dot is {where}.")
 
 
 def advised_map_plot(joint: JointAnalysis) -> Plot | None:

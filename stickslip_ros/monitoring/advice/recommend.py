@@ -89,12 +89,12 @@ def recommend(
     bounded = replace(gains, damping=max(float(gains.damping), -float(joint.own_damping(gains.stiffness))))
     if exact:
         present = verdict(joint, bounded, slowest, loop.conditions, detail=Detail.SMOOTH)
-        obstacle = "" if present.smooth is not None or present.unstable else str(present.reason)
+        obstacle = "" if present.smooth is not None or present.unstable else f"the model gives {present.reason}"
         if not obstacle and slowest == 0:
             obstacle = "the commanded velocity is zero, and no slowest velocity is given"
     else:
         margin = stability_margin(joint, bounded, slowest)
-        obstacle = str(margin.reason) if not margin.applicable else ""
+        obstacle = f"Eq. (43) is {margin.reason}" if not margin.applicable else ""
     if obstacle:
         return without_gains(f"no advice: {obstacle}", slowest, limits.condition, gains_known=gains_known)
     case = _Case(joint, gains, slowest, limits, loop, uncertainty, gains_known=gains_known)
@@ -385,7 +385,8 @@ class _Case:
         return float((exact_lowest_smooth_velocity if self._exact else lowest_smooth_velocity)(self._joint, gains))
 
     def _obstruction_text(self, obstruction: Obstruction, lowest: float) -> str:
-        text = f"no gains within the limits give the wanted reserve at {self._slowest:.3g} rad/s: {obstruction.text}"
+        wanted = "steady motion with the wanted reserve" if self._steady is not None else "the wanted reserve"
+        text = f"no gains within the limits give {wanted} at {self._slowest:.3g} rad/s: {obstruction.text}"
         if obstruction.best is None:
             return text
         best = obstruction.best
@@ -396,7 +397,7 @@ class _Case:
             text += f"; the best within the limits is {self._change_text(best) or 'the present gains'}"
         text += f", {_percent(obstruction.reserve)}"
         if 0 < lowest < math.inf:
-            text += f", smooth at {lowest:.3g} rad/s and faster"
+            text += f"; with it there is no stick-slip at {lowest:.3g} rad/s and faster"
         return text
 
 

@@ -190,7 +190,7 @@ class AdviceSearch:
             text = ", or ".join(texts[name] for name in names)
             text = f"the limit {text} excludes them" if len(names) == 1 else f"relax one of these limits: {text}"
         else:
-            text = "no stiffness and damping give it, with any limits"
+            text = "no stiffness and damping do, whatever the limits"
         best, reserve = self._best(places, bounds, needed)
         return Obstruction(bounds=names, together=together, text=text, best=best, reserve=reserve)
 
