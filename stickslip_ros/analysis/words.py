@@ -135,8 +135,8 @@ def advice(joint: JointAnalysis) -> str:
         else ""
     )
     if not advised.found:
-        return " ".join(_sentence(text) for text in (advised.reason.rstrip("."), faster) if text)
-    faster = f", or {faster}" if faster else ""
+        return " ".join(_sentence(text) for text in (advised.reason.rstrip("."), faster and f"or {faster}") if text)
+    faster = faster and f", or {faster}"
     if state.gains is None or not state.gains_known:
         kept = abs(advised.stiffness_factor - 1.0) < 1e-3
         stiffness = "" if kept else f"the stiffness by {advised.stiffness_factor:.3g}, and "

@@ -152,7 +152,7 @@ def _cure(console: Console, out: Path) -> int:
         console.print(
             f"[bold red]Stick-slip[/]: {len(data.cycles)} cycles, the last slip "
             f"{1e3 * data.cycles[-1]['slip_distance']:.2f} mrad after {data.cycles[-1]['dwell']:.2f} s at rest. "
-            f"Damping reserve: [red]{_reserve(data)}[/]: so much of the critical damping, which ends stick-slip, is "
+            f"Damping reserve: [red]{_reserve(data)}[/]: so much of the damping that ends stick-slip is "
             "missing."
         )
         console.print(f"Advice: [bold]{listener.value('recommendation')}[/].")

@@ -16,8 +16,8 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.output.margin_table import RESERVE
 
 _COLUMNS = (
-    "[dim]Once a second: position; number of slips; damping reserve, the damping beyond the critical damping (below 0\n"
-    "the joint sticks); and the monitor's status of the joint.[/]"
+    "[dim]Once a second: position; number of slips; damping reserve, the damping in excess of that at which\n"
+    "stick-slip ends (below 0 the joint sticks); and the monitor's status of the joint.[/]"
 )
 _COLOURS = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}
 

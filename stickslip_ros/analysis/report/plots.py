@@ -300,7 +300,7 @@ def map_plot(joint: JointAnalysis) -> Plot | None:
     subject = subject_of("joint", joint.assessment, joint.velocity)
     if subject is None:
         return None
-    where = f"the joint now, at {subject.velocity:.3g} rad/s and {float(subject.gains.stiffness):.4g}"
+    where = f"the joint now, at {subject.velocity:.3g} rad/s and stiffness {float(subject.gains.stiffness):.4g}"
     return _map_plot(subject, subject.gains, "Where it sticks", f"With the present damping. The dot is {where}.")
 
 
@@ -309,7 +309,7 @@ def advised_map_plot(joint: JointAnalysis) -> Plot | None:
     subject = subject_of("joint", joint.assessment, joint.velocity)
     if subject is None or subject.advised is None:
         return None
-    where = f"where the advice puts the joint, at {float(subject.advised.stiffness):.4g}"
+    where = f"where the advice puts the joint, at stiffness {float(subject.advised.stiffness):.4g}"
     return _map_plot(
         subject, subject.advised, "Where it would stick", f"With the advised damping. The star is {where}."
     )
