@@ -64,7 +64,7 @@ def finding(joint: JointAnalysis) -> str:
         Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but unevenly",
         Status.SMOOTH: f"{joint.name} moves smoothly{'' if matters(joint) else speed}",
         Status.AT_REST: f"{joint.name} is at rest",
-        Status.NOT_JUDGED: f"{joint.name} moves too little, or reverses too often, to be judged",
+        Status.NOT_JUDGED: f"{joint.name} {'is not judged' if joint.reason else f'is not judged: {_OTHERWISE}'}",
         Status.UNKNOWN: f"{joint.name} cannot be judged",
     }
     text = usual[Status.UNKNOWN if lacks_data(joint.status, joint.assessment) else joint.status]

@@ -86,7 +86,8 @@ def dry_friction_text(dry: DryFriction | None) -> str:
 def reversals_text(record: ReversalRecord) -> str:
     """What reversals do to a joint."""
     stands = f"stands for {record.standing:.2g} s" if record.standing > 0.0 else "does not stand still"
-    return f"at a reversal it {stands} and falls behind by {with_prefix(record.peak_error, 'rad')}"
+    differs = "is ahead of its reference" if record.peak_error < 0.0 else "falls behind"
+    return f"at a reversal it {stands} and {differs} by {with_prefix(abs(record.peak_error), 'rad')}"
 
 
 def constant_effort_text(effort: float) -> str:
