@@ -129,11 +129,9 @@ def advice(joint: JointAnalysis) -> str:
             return "By the friction estimate its gains have the wanted reserve. It sticks, so the estimate is wrong."
         return "Its gains have the wanted reserve: keep them."
     slowest = joint.exact.lowest_smooth_velocity
-    faster = (
-        f"keep the present gains and move faster than {slowest:.3g} rad/s"
-        if math.isfinite(slowest) and slowest > joint.velocity
-        else ""
-    )
+    # A model that does not fit is good for no speed.
+    known = math.isfinite(slowest) and slowest > joint.velocity and not state.misfit_text
+    faster = f"keep the present gains and move faster than {slowest:.3g} rad/s" if known else ""
     if not advised.found:
         return " ".join(_sentence(text) for text in (advised.reason.rstrip("."), faster and f"or {faster}") if text)
     faster = faster and f", or {faster}"
@@ -208,7 +206,12 @@ def presliding(joint: JointAnalysis, subject: str = "It") -> str:
 
 
 def rests_on(joint: JointAnalysis) -> str:
-    """Where the friction comes from that margin and advice use."""
-    state = joint.assessment
-    text = state.rests_on or state.margin_reason
+    """Where the friction comes from that margin and advice use; "" without any."""
+    text = joint.assessment.rests_on
     return _sentence(text) if text else ""
+
+
+def smooth(joints: Sequence[JointAnalysis]) -> str:
+    """What is to be said of the joints that move smoothly throughout; "" without any."""
+    names = [joint.name for joint in joints if joint.status is Status.SMOOTH and not matters(joint)]
+    return f"{', '.join(names)}: smooth, nothing has to be done." if names else ""

@@ -52,6 +52,8 @@ def print_analysis(analysis: BagAnalysis) -> None:
         for text in (words.reversals(joint, joint.name), words.presliding(joint, joint.name)):
             if text:
                 console.print(text, soft_wrap=True, markup=False)
+    if words.smooth(joints):
+        console.print(words.smooth(joints), soft_wrap=True, markup=False)
     for reason, names in words.not_judged(joints).items():
         console.print(f"not judged, {reason}: {', '.join(names)}", soft_wrap=True, markup=False)
     for warning in analysis.warnings:

@@ -169,17 +169,19 @@ class Assessment:
 
     @property
     def misfit_text(self) -> str:
-        """Why gains that are recommended are no more than a try: friction that was learnt, and does not fit; or ""."""
-        if self.recommended is None or not self.recommended.found or self.uncertainty is None:
-            return ""
-        return self.estimate.mismatch if self.estimate is not None else ""
+        """Why gains and speeds that are advised are no more than a try: friction that was learnt, and does not fit; or
+        "".
+        """
+        return self.estimate.mismatch if self.estimate is not None and self.uncertainty is not None else ""
 
     @property
     def advice_text(self) -> str:
         """The recommendation as a person reads it; "" without any."""
         if self.recommended is None:
             return ""
-        return f"perhaps {self.recommended.reason}; {self.misfit_text}" if self.misfit_text else self.recommended.reason
+        if not self.recommended.found or not self.misfit_text:
+            return self.recommended.reason
+        return f"perhaps {self.recommended.reason}; {self.misfit_text}"
 
     @property
     def lowest_smooth_velocity(self) -> float:

@@ -174,6 +174,10 @@ def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:
     assert joints["sticking"].transient is None
     assert (joints["smooth"].status, joints["smooth"].stick_slip_share) == (SMOOTH, 0.0)
     assert words.advice(joints["smooth"]) == "Its gains have the wanted reserve: keep them."
+    assert (
+        words.smooth([replace(joints["smooth"], worst=SMOOTH), joints["sticking"]])
+        == "smooth: smooth, nothing has to be done."
+    )
 
 
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,6 +202,21 @@ def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.Cap
     damping, text = said(*found.groups())
     assert damping > 100.0
     assert "also stuck" not in text
+
+
+def test_a_model_that_does_not_fit_is_good_for_no_speed(tmp_path: Path) -> None:
+    """The speed from which on a joint is smooth was advised by a model that the next line said not to trust."""
+    path = tmp_path / "a.mcap"
+    write_simulation(path, {"a": sticking(0.006)}, duration=30.0, rate=200.0)
+    joint = analyze(path).joints["a"]
+    assert re.search(r"^Change .* or keep the present gains and move faster than 0.02\d* rad/s\.", words.advice(joint))
+    state = joint.assessment
+    assert state.estimate is not None
+    off = replace(state, estimate=replace(state.estimate, mismatch="friction model does not fit"))
+    said = words.advice(replace(joint, assessment=off))
+    assert said.startswith("Perhaps change ")
+    assert said.endswith(": friction model does not fit.")
+    assert "faster" not in said
 
 
 def test_every_output_has_status_share_and_worst(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
