@@ -123,8 +123,8 @@ def test_watch_over_dds(ros_domain: int) -> None:
     parameters = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
     space = {"__ns": "/robot1"}
     with (
-        NodeProcess("simulated_joint", {}),
-        NodeProcess("simulated_joint", {"profile.joint1": "hold"}, space),
+        NodeProcess("simulated_joint", {"rate": 250.0}),
+        NodeProcess("simulated_joint", {"rate": 250.0, "profile.joint1": "hold"}, space),
         NodeProcess("monitor", {**parameters, "controller": "/simulated_joint"}),
         NodeProcess("monitor", parameters, space),
     ):

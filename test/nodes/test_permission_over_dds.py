@@ -154,7 +154,7 @@ def test_nothing_is_written_without_permission(ros_domain: int) -> None:
         one.set_parameters(CONTROLLER, {"late_set": 4.0})
         late = time.monotonic()
         message = end(one, asked, 10.0)
-        assert time.monotonic() - late < 3.0
+        assert time.monotonic() - late < 4.0  # before the answer comes
         assert "/late has not answered for 2 s" in message
 
 

@@ -28,7 +28,7 @@ class Viewer:
 
 def test_a_picture_of_a_joint_that_sticks(ros_domain: int) -> None:
     """Issue 8: `~/stability_map` shows a joint that sticks, again on change, and to whoever comes later."""
-    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", KNOWN), probe() as one:
+    with NodeProcess("simulated_joint", {"rate": 250.0}), NodeProcess("monitor", KNOWN), probe() as one:
         one.wait_for_monitor()
         first = Viewer(one, latched=True)
         one.wait(lambda: len(first.images) > 0, 60.0, "a picture")
@@ -47,7 +47,7 @@ def test_a_picture_of_a_joint_that_sticks(ros_domain: int) -> None:
 
 def test_a_joint_that_needs_none_has_none(ros_domain: int) -> None:
     """Issue 8: no picture of a joint that moves smoothly."""
-    smooth = {"gains.joint1.p": 3000.0, "gains.joint1.d": 250.0, "velocity.joint1": 0.05}
+    smooth = {"gains.joint1.p": 3000.0, "gains.joint1.d": 250.0, "velocity.joint1": 0.05, "rate": 250.0}
     with NodeProcess("simulated_joint", smooth), NodeProcess("monitor", KNOWN), probe() as one:
         one.wait_for_monitor()
         viewer = Viewer(one, latched=True)
