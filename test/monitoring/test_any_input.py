@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Gains
@@ -40,6 +42,7 @@ def test_arbitrary_samples_and_gains(
     st.sampled_from([1.0, 30.0, 1e9, 1.8e9]),
     st.floats(),
 )
+@example(0, 1e-12, 1e-3, 1.0, math.inf)  # an error
 def test_wild_motion_on_any_scale(seed: int, scale: float, interval: float, start: float, stiffness: float) -> None:
     """Issue 2, bad input: steps, spikes, stops and turns, on any scale of place and time, with any stiffness."""
     generator = np.random.default_rng(seed)

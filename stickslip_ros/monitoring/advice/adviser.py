@@ -119,7 +119,7 @@ def advise(question: AdviceQuestion) -> Advice:
         gains_known=question.gains_known,
         before=question.before,
     )
-    possible = gains.stiffness > 0 and recommendation.velocity > 0 and math.isfinite(recommendation.velocity)
+    possible = 0 < gains.stiffness < math.inf and 0 < recommendation.velocity < math.inf
     return Advice(
         recommendation=recommendation,
         sensitivities=sensitivities(
