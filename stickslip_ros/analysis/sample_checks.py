@@ -93,7 +93,9 @@ class SampleChecks:
         steps = np.abs(np.diff(values[0]))
         if len(self._steps) <= _FEWEST_RUNS and (steps > 0.0).any():
             least = float(steps[steps > 0.0].min())
-            self._steps |= set(np.round(steps[steps > 0.0] / least, 1).tolist())
+            # Of nonsense one step may be endlessly many times another.
+            with np.errstate(over="ignore"):
+                self._steps |= set(np.round(steps[steps > 0.0] / least, 1).tolist())
         periods = np.diff(block[0])
         if math.isnan(self._period) and len(periods):
             self._period = float(np.median(periods))

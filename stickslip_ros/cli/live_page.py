@@ -36,7 +36,7 @@ from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.output.published_joint import published_joint
-from stickslip_ros.output.wording import OUTCOME_TEXTS, counted
+from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 
 _EVERY = 500  # [ms]
 _SILENT = 3.0  # [s] from when on it is said
@@ -283,7 +283,7 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
         reserve = "–" if math.isnan(one.reserve) else f"{100.0 * min(one.reserve, 10.0):+.0f}"
         rows.append(
             f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
-            f"<td class='{_CLASSES[one.level]}'>{_MARKS[one.level]} {html.escape(one.status.replace('_', ' '))}</td>"
+            f"<td class='{_CLASSES[one.level]}'>{_MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
             f"<td class='number'>{_number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
             f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
             f"<td class='number'>{_number_text(1e3 * one.slip)}</td></tr>"

@@ -42,6 +42,11 @@ _COLOURS = {Outcome.STEADY: "green", Outcome.SWINGS: "yellow", Outcome.STICKS: "
 OUTCOME_WORDS = {outcome.value: f"[{_COLOURS[outcome]}]{text}[/]" for outcome, text in OUTCOME_TEXTS.items()}
 
 
+def status_words(status: str) -> str:
+    """A status as a page writes it."""
+    return status.replace("stick_slip", "stick-slip").replace("_", " ")
+
+
 def counted(count: int, noun: str) -> str:
     """A number of things, in the singular where it is one."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from support_bags import JOINT_STATE, joint_state, write_mcap
 
@@ -171,6 +171,7 @@ _STAMPS = st.sampled_from([0.0, 1e-9, 1.0, 2.0e9, 5.0])
     st.integers(1, 300),
     st.sampled_from([("joint1",), ("",), ("a", "b"), ("a/b", "[red]"), ()]),
 )
+@example(positions=[(1, 1, 1e-300), (2, 1, 1e11)], stamps=[], order="as they are", count=3, names=("joint1",))
 def test_whatever_the_data(
     positions: list[tuple[int, int, float]],
     stamps: list[tuple[int, int, float]],

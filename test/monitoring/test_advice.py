@@ -153,7 +153,7 @@ def test_bounds_are_kept_and_named(puma: Joint, condition: Criterion) -> None:
         "largest stiffness (2000 N·m/rad)",
         "largest damping (10 N·m·s/rad)",
         "best within the limits",
-        "smooth at",
+        "there is no stick-slip at",
     ):
         assert text in reason
     best = none.obstruction.best

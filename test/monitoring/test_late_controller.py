@@ -90,7 +90,7 @@ def test_a_delay_that_takes_away_more_than_friction_gives(seed: int) -> None:
     assert selected.uncertainty is not None
     if estimate.may_be_late:
         # Only that it may be late is known: nothing is sure.
-        assert "acts late" in estimate.summary()
+        assert "a delay of the controller" in estimate.summary()
         for factor in (0.5, 1.0, 2.0):
             tried = replace(gains, stiffness=factor * float(gains.stiffness))
             assert 0.1 <= stick_slip_probability(selected.uncertainty, tried, recording.speeds[0]) <= 0.9

@@ -61,7 +61,7 @@ def test_an_exponential_curve_is_told_from_the_papers(seed: int) -> None:
     """Issue 18, found wrong 4: 6 of 16 verdicts were wrong; the law is learnt with the parameters now."""
     recording, estimate = learnt("exponential", seed)
     assert estimate.law == "exponential"
-    assert "by the exponential law" in estimate.summary()
+    assert "law: exponential" in estimate.summary()
     assert not outside(recording, estimate)
     assert {"inertia", "stribeck_velocity"} <= {name for name in NAMES if estimate[name].identified}
     _, papers = learnt("base", seed)
@@ -110,7 +110,7 @@ def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
             LawAlternative(law=other.law, weight=0.3, logarithms=other.logarithms, covariance=other.covariance),
         ),
     )
-    assert "the law may be exponential (30 %) as well" in undecided.summary()
+    assert "the law may also be exponential (30 %)" in undecided.summary()
     assert [weight for weight, _ in undecided.by_law()] == pytest.approx([0.7, 0.3])
     selected, _ = select_model(undecided, None, recording.gains)
     assert selected is not None

@@ -99,8 +99,8 @@ def test_the_page_lives(ros_domain: int) -> None:
             page.run(f"const one = {_MODEL}('damping'); one.value = one.end; one.value_throttled = one.end")
             page.wait(lambda: "the joint moves steadily" in page.run(_TEXT), "what other gains do", 30.0)
             told = re.search(
-                r"With k_p ([\d.]+) N·m/rad and k_v ([\d.]+) N·m·s/rad at ([\d.]+) rad/s the joint moves steadily"
-                r"; damping reserve ([+-]\d+) %",
+                r"With k_p ([\d.]+) N·m/rad and k_v ([\d.]+) N·m·s/rad at ([\d.]+) rad/s the model predicts: "
+                r"the joint moves steadily; damping reserve ([+-]\d+) %",
                 page.run(_TEXT),
             )
             assert told is not None

@@ -16,7 +16,7 @@ from stickslip_ros.analysis.words import percent
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation_effect import CompensationEffect
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.output.wording import OUTCOME_TEXTS, counted
+from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n\t"
@@ -68,7 +68,7 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
     environment.filters |= {
         "number": number_text,
         "counted": counted,
-        "words": _words,
+        "words": status_words,
         "anchor": _anchor,
         "file_name": _file_name,
         "percent": percent_text,
@@ -94,10 +94,6 @@ def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:
         return "–"
     text = f"{float(value):{form}}"
     return f"{text if float(text) else text.lstrip('+-')}{unit}"
-
-
-def _words(status: str) -> str:
-    return status.replace("stick_slip", "stick-slip").replace("_", " ")
 
 
 def _outcome(exact: ExactVerdict | CompensationEffect) -> str:
