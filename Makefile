@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 # workers than cores; a file stays on one of them, with what it compiled and simulated, in the order of
 # test/conftest.py. The times are kept for `python tools/slowest_tests.py`.
 WORKERS ?= 4
-SIDE_BY_SIDE := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
+SIDE_BY_SIDE = -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # Some hundred processes of the tests would each translate the sources to bytecode anew where a shell forbids to keep it.
@@ -34,8 +34,9 @@ nightly: check
 quick: $(STAMP)
 	@$(MAKE) --no-print-directory --jobs=2 check quick_tests
 
+quick_tests: WORKERS := auto
 quick_tests: $(STAMP)
-	$(BIN)/python -m pytest $(SIDE_BY_SIDE) -n auto --quick $(TESTS)
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE) --quick $(TESTS)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

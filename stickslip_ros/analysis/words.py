@@ -112,7 +112,7 @@ def percent(share: float) -> str:
 
 
 def advice(joint: JointAnalysis) -> str:
-    """What to do, in one sentence."""
+    """What to do, in a few sentences; "" where nothing was judged and nothing is advised."""
     state = joint.assessment
     advised = state.recommended
     keeps = state.recommendation is not None and state.recommendation.keep

@@ -43,7 +43,7 @@ from stickslip_ros.cli.analysis_tables import (
     print_fleet,
 )
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_flag
+from stickslip_ros.cli.options import add_flag, add_json
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal, complain
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_limit_arguments(parser)
     output = parser.add_argument_group("output")
     printed = output.add_mutually_exclusive_group()
-    add_flag(printed, "--json", "print one JSON object and nothing else")
+    add_json(printed)
     add_flag(printed, "--brief", "print one line for each bag and nothing else")
     output.add_argument("--csv", type=CSV, metavar="FILE", help="write a table of all stick-slip cycles")
     output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")

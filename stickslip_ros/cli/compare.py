@@ -35,7 +35,7 @@ from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_flag
+from stickslip_ros.cli.options import add_json
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import console_of_tables
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="gains in the second bag, if they differ from --gains and are not recorded; may be repeated",
     )  # fmt: skip
     output = parser.add_argument_group("output")
-    add_flag(output, "--json", "print one JSON object and nothing else")
+    add_json(output)
     output.add_argument(
         "--html", type=PAGE, metavar="FILE", help="write a page that draws both motions over each other"
     )

@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--compensation",
         "show what compensating the friction does and does not: stick-slip, reversals, too much of it",
     )
-    add_number(parser, "--speed", "X", "recorded seconds a second (default: so that it takes half a minute)", None)
+    add_number(parser, "--speed", "X", "recorded seconds a second (default: so that it takes half a minute)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 from rich.console import Console
 
+from stickslip_ros.cli.analysis_tables import status_text
 from stickslip_ros.cli.demo_log import DemoListener
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
@@ -19,7 +20,6 @@ _COLUMNS = (
     "[dim]Once a second: position; number of slips; damping reserve, the damping in excess of that at which\n"
     "stick-slip ends (below 0 the joint sticks); and the monitor's status of the joint.[/]"
 )
-_COLOURS = {"stick_slip": "red", "smooth": "green", "at_risk": "yellow"}
 
 
 class Stage:
@@ -68,7 +68,7 @@ class Stage:
         self._console.print(
             f"  {listener.now - self._start:5.1f} s  position {1e3 * listener.data.states[-1][1]:9.2f} m{self._unit}  "
             f"slips {len(listener.data.cycles):3d}  {text}  "
-            f"[{_COLOURS.get(listener.status, 'dim')}]{listener.status or 'no data yet'}[/][dim]{reason}[/]"
+            f"{status_text(listener.status or 'no data yet')}[dim]{reason}[/]"
         )
 
 

@@ -298,7 +298,7 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
             "ρ_c", number(exact["critical_damping_ratio"]), number(result["critical_damping_ratio"]),
             "critical damping ratio: above it stick-slip ends",
         ),
-        ("damping reserve", _percent(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping in excess of ρ_c"),
+        ("damping reserve", percent_text(exact["damping_reserve"]), "-", "ρ/ρ_c - 1: damping in excess of ρ_c"),
         ("ρ_steady", number(exact["steady_damping_ratio"]), "-", "above it every start ends in steady motion"),
         (
             "lowest smooth speed", number(exact["lowest_smooth_velocity"], " rad/s"),
@@ -327,5 +327,6 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
     console.print(table(fitting(console, headings, headings[-1:], table)))
 
 
-def _percent(share: float | None) -> str:
+def percent_text(share: float | None) -> str:
+    """A share with its sign; "-" for none."""
     return "-" if share is None else f"{100.0 * share:+.0f} %"

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from typing import Any
 
@@ -20,6 +19,6 @@ def add_flag(group: Any, name: str, text: str) -> None:
     group.add_argument(name, action="store_true", help=text)
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
+def add_json(group: Any) -> None:
     """Add ``--json``."""
-    add_flag(parser, "--json", "print one JSON object and nothing else")
+    add_flag(group, "--json", "print one JSON object and nothing else")

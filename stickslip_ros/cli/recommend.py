@@ -25,7 +25,7 @@ from stickslip_ros.cli.compensation_table import (
     print_table,
     write_feedforward,
 )
-from stickslip_ros.cli.margin import add_joint_arguments, joint_from
+from stickslip_ros.cli.margin import add_joint_arguments, joint_from, percent_text
 from stickslip_ros.cli.options import add_flag, add_json, add_number
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
 from stickslip_ros.cli.terminal import Terminal
@@ -347,7 +347,7 @@ def _print_what_if(result: dict[str, Any]) -> None:
     outcomes = [OUTCOME_WORDS.get(one["outcome"], "no answer") for one in exact]
     table.add_row("model predicts", *outcomes)
     reserves = [one["damping_reserve"] for one in exact]
-    table.add_row("damping reserve", *("-" if one is None else f"{100.0 * one:+.0f} %" for one in reserves))
+    table.add_row("damping reserve", *map(percent_text, reserves))
     speeds = [one["lowest_smooth_velocity"] for one in exact]
     table.add_row("lowest smooth speed (rad/s)", *("-" if one is None else f"{one:.4g}" for one in speeds))
     words = {True: "[green]smooth[/]", False: "[red]stick-slip[/]", None: "no answer"}

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--damping", "KV", "k_v [N·m·s/rad] (default: of the known joint)")
     add_number(parser, "--load", "T", "constant torque [N·m]", 0.0)
     for name, text in _COMPENSATIONS.items():
-        add_number(parser, f"--{name}", "C", f"{text}", 0.0)
+        add_number(parser, f"--{name}", "C", text, 0.0)
     add_number(parser, "--duration", "S", "duration of the recording [s]", 60.0)
     add_number(parser, "--rate", "F", "sample rate [Hz]", 1000.0)
     add_number(parser, "--resolution", "X", "resolution of the encoder [rad] (default: of the known joint)")

@@ -29,6 +29,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros.cli.monitor_client import margins_of, values_of
+from stickslip_ros.messages.content import seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.samples import Batch
@@ -57,6 +58,7 @@ class Probe:
         self.margin_times: list[tuple[float, float]] = []
         self.recommended: Float64MultiArray | None = None
         self.cycles: list[dict[str, str]] = []
+        self.stamps: list[float] = []  # of all diagnostics [s]: on a busy machine a message is heard late
         self.silences: Counter[str] = Counter()  # of each joint, how often its data ended
         self._clients: dict[str, AsyncParameterClient] = {}
         self._lifecycle: dict[str, Client] = {}
@@ -71,6 +73,7 @@ class Probe:
         self.node.create_subscription(Float64MultiArray, "/stickslip_monitor/recommended_gains", self._on_advice, qos)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.stamps.append(seconds(message.header.stamp))
         for status in message.status:
             if status.message.startswith(NO_DATA) and not self.is_silent(status.hardware_id):
                 self.silences[status.hardware_id] += 1

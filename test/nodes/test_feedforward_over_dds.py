@@ -13,6 +13,7 @@ from support_ros import Probe, probe
 
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import InvalidParameterError
+from stickslip_ros.messages.content import seconds
 from stickslip_ros.model.friction import Friction
 from stickslip_ros.nodes.friction_feedforward import feedforward
 from stickslip_ros.settings.parameters import Feedforward
@@ -35,7 +36,7 @@ class Torques:
 
     def _hear(self, message: JointState) -> None:
         assert list(message.name) == ["joint1"]
-        self.heard.append((message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, message.effort[0]))
+        self.heard.append((seconds(message.header.stamp), message.effort[0]))
 
 
 def publish_reference(one: Probe, velocity: float) -> None:

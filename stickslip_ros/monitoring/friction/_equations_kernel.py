@@ -32,7 +32,6 @@ UNKNOWNS = LEVEL + 1  # of a slip, the columns of its start
 (
     REST, REST_ERROR, REST_BEGIN, DETECTED, DURATION, DWELL, WINDOW_END, DIRECTION, BALANCE_WEIGHT, LEVEL_ERROR, LINKED
 ) = range(11)  # fmt: skip
-DETAILS = LINKED + 1
 # Columns of what Eq. (6) says of a level: its logarithm, and the slopes of that by the logarithms of F_s∞ and γ, the
 # dwell and the logarithm of what remained of the level before.
 EXPECTED, BY_STRIBECK, BY_RISE_TIME, BY_DWELL, BY_FRACTION = range(5)
