@@ -182,7 +182,7 @@ def _print(name: str, results: list[_Result], joints: int) -> None:
 
 
 def _cost() -> None:
-    """One update by a slip, once learnt."""
+    """Comparison of a slip with what is known, once learnt."""
     windows, _ = cut_slips(*_first())
     learner = FrictionLearner()
     updates = []
@@ -193,7 +193,7 @@ def _cost() -> None:
         if learner.estimate is not None:
             updates.append(taken)
         learner.study_now()
-    print(f"one update of a joint's friction  {1e3 * np.median(updates):8.2f} ms median of {len(updates)}")
+    print(f"comparison of a slip with friction {1e3 * np.median(updates):8.2f} ms median of {len(updates)}")
 
 
 def _first() -> tuple[object, Gains]:

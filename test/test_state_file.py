@@ -77,9 +77,9 @@ def test_a_change_comes_back_as_it_was(tmp_path: Path) -> None:
         (state(2, notice=""), "must have exactly"),
         (state(2, change="learning anew"), "must have exactly"),
         (state(2, change={"time": 1.0, "learning_anew": True, "differences": 0}), "differences cannot be 0"),
-        (state(3, change=None), "it has version 3; this release reads versions up to 2"),
-        (state("\x1b[31m3", change=None), "not 2"),
-        (state([1], change=None), r"it has version \[1\], not 2"),
+        (state(4, change=None), "it has version 4; this release reads versions up to 3"),
+        (state("\x1b[31m4", change=None), "not 3"),
+        (state([1], change=None), r"it has version \[1\], not 3"),
     ],
 )
 def test_what_no_version_has_is_refused(tmp_path: Path, text: bytes, message: str) -> None:

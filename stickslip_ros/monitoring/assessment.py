@@ -37,7 +37,7 @@ class MonitorOptions:
     warn_margin : relative damping reserve ρ/ρ_c − 1 below which smooth motion is at risk.
     least_motion : motion must last so long before it is called smooth, if no period is known [s].
     learn : whether friction is learnt from the motion.
-    memory : slips after which what they taught has faded to a third.
+    memory : slips after which friction is learnt anew, at the latest.
     limits : what advice must reach and keep within.
     variant : which of the three variants of advice is recommended.
     conditions : load and sampled control, where advice is to satisfy the exact condition.

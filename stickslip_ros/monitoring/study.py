@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""A study: many slips fitted at once, and what slip by slip updates start from."""
+"""A study: many slips fitted at once, and what later slips are compared with."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
@@ -27,12 +26,11 @@ from stickslip_ros.monitoring.friction.estimation import (
     may_be_usable,
     unexplained,
 )
-from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.late_controller import Delay
-from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import SlipModel, SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
-from stickslip_ros.monitoring.friction.trend import Trend, knowledge_without_drift
+from stickslip_ros.monitoring.friction.trend import Trend
 from stickslip_ros.monitoring.friction.yielding_contact import YieldingContact
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -42,7 +40,7 @@ _OFF = 0.15  # error of a slip's force or level, of the Stribeck friction: a fit
 
 @dataclass(frozen=True, kw_only=True)
 class Learnt:
-    """What a study found: the estimate, and what updates start from.
+    """What a study found: the estimate, and what later slips are compared with.
 
     Fields that were renamed keep their keys in state files.
 
@@ -56,23 +54,18 @@ class Learnt:
     explains : whether the fit, with what it has subtracted, explains the slips. explains_latest : whether it explains
         the latest ones, however well it explains the others.
     rejected : names of the laws that these slips have rejected for good.
-    spread : standard errors of parameters and kinetic friction. error_inflation : factor of misfit on them.
     jitter : standard deviation of time stamps [s]. stribeck_fraction : share of F_s∞ left at the last arrest.
     """
 
     estimate: FrictionEstimate
     parameters: FloatArray
     kinetic: FloatArray
-    information: FloatArray
-    prior: Prior
     balance_error: float
     jitter: float = field(metadata={"key": "stray"})
     tolerance: float
     link_error: float
     last_window: SlipWindow
     stribeck_fraction: float = field(metadata={"key": "remains"})
-    error_inflation: FloatArray = field(metadata={"key": "widening"})
-    spread: FloatArray
     drifts: bool = False
     position_disturbance: PositionDisturbance | None = field(default=None, metadata={"key": "surroundings"})
     contact: YieldingContact | None = None
@@ -145,7 +138,7 @@ def _fitted(question: StudyQuestion) -> Learnt | None:
     except LinAlgError:
         return None
     finite = found is not None and all(
-        np.isfinite(one).all() for one in (found.parameters, found.kinetic, found.spread)
+        np.isfinite(one).all() for one in (found.parameters, found.kinetic, found.estimate.covariance)
     )
     return found if finite else None
 
@@ -164,28 +157,20 @@ def _study(question: StudyQuestion) -> Learnt | None:
         return None
     problem, solution = fits[0].problem, fits[0].solution
     fit, curved = solution.fit, problem.model.term(CurvedViscous)
-    information, prior = knowledge_without_drift(problem, fit.information, solution.prior)
-    narrow = spread_of(covariance_of(information, prior))
-    covariance = covariance_over_laws(fits)
     without_drift, of_balance = problem.without_drift
-    spread = spread_of(covariance)[np.concatenate([without_drift, len(fit.parameters) + of_balance])]
-    estimate = friction_estimate(fits, covariance, configured=configured is not None)
+    estimate = friction_estimate(fits, covariance_over_laws(fits), configured=configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(
         estimate=estimate,
         parameters=fit.parameters[without_drift],
         kinetic=fit.kinetic[of_balance],
-        information=information,
-        prior=prior,
         balance_error=solution.balance_error,
         jitter=problem.noise.jitter,
         tolerance=solution.tolerance,
         link_error=solution.link_error,
         last_window=problem.windows[-1],
-        stribeck_fraction=_stribeck_fraction(fit),
-        error_inflation=spread / np.maximum(narrow, TINY),
-        spread=spread,
+        stribeck_fraction=stribeck_fraction(fit),
         drifts=problem.model.term(Trend) is not None,
         position_disturbance=fits[0].position_disturbance,
         contact=problem.model.term(YieldingContact),
@@ -204,12 +189,7 @@ def _explains_latest(problem: SlipProblem, fit: SlipFit) -> bool:
     return bool((problem.noise.usable[latest] & (force < _OFF) & (level < _OFF)).sum() >= OUTLIERS_IN_A_ROW - 1)
 
 
-def spread_of(covariance: FloatArray) -> FloatArray:
-    """Standard deviations."""
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), TINY)))
-
-
-def _stribeck_fraction(fit: SlipFit) -> float:
+def stribeck_fraction(fit: SlipFit) -> float:
     """Share of F_s∞ left at the last arrest."""
     level = float(np.exp(fit.unknowns[-1, LEVEL])) * float(fit.found[-1, kernel.STRIBECK_FRACTION])
     return level / math.exp(fit.parameters[STRIBECK])

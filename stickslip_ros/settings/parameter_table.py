@@ -79,7 +79,7 @@ COMMON = (
     _row("samples_per_period", _LIMITS.samples_per_period, "1",
          "how often the controller must act in a period of the crossover frequency that advice may ask for"),
     _row("learn", _USUAL.learn, "", "whether friction is learnt from the motion"),
-    _row("memory", _USUAL.memory, "1", "slips after which what they taught has faded to a third"),
+    _row("memory", _USUAL.memory, "1", "slips after which friction is learnt anew, at the latest"),
     _row("least_motion", _USUAL.least_motion, "s", "how long motion must last before it is called smooth"),
 )  # fmt: skip
 # `{joint}` stands for the joint's name.

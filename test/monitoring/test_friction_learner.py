@@ -201,25 +201,53 @@ def test_memory_is_bounded(puma: Joint) -> None:
     assert len(chosen.windows) <= 64
 
 
-def test_old_slips_fade(puma: Joint) -> None:
+def test_slips_are_studied_again_within_the_memory(puma: Joint) -> None:
     """Issue 4, item 3: a joint that warms up is followed: with a short memory sooner than with a long one."""
-    windows, _ = cut_slips(moving(puma, 36.0), GAINS)
+    windows, _ = cut_slips(moving(puma, 24.0), GAINS)
     known = study(StudyQuestion(windows=windows))
     assert known is not None
-    # Less Coulomb friction from now on, by a little: the reference is that much less ahead.
-    warm = [replace(window, references=window.references - 0.02 / 630.0) for window in windows]
-    found = []
-    for memory in (10.0, 1000.0):
+    studied: dict[float, list[int]] = {10.0: [], 1000.0: []}
+    for memory, slips in studied.items():
         learner = FrictionLearner(memory=memory)
-        studies = iter([known])
-        for window in [*windows, *(later(one, 100.0) for one in warm)]:
+        for number, window in enumerate(3 * windows, 1):
             learner.add_slip(window)
             if learner.wanted_study():
-                # Studies after the first one find nothing.
-                learner.adopt(next(studies, None))
-        assert learner.estimate is not None
-        found.append(learner.estimate.coulomb.value)
-    assert found[0] < found[1] < 8.43 + 0.005
+                slips.append(number)
+                learner.adopt(known)
+    assert studied[1000.0][:5] == studied[10.0][:5] == [4, 6, 9, 14, 21]
+    assert np.diff(studied[10.0][5:]).tolist() == [10] * (len(studied[10.0]) - 6)
+    assert len(studied[10.0]) > len(studied[1000.0]) >= 7
+
+
+@pytest.mark.parametrize("change", [0.08, nightly(-0.08)])
+def test_friction_that_drifts_is_followed(puma: Joint, change: float) -> None:
+    """Issue 38, item 6: by studies alone, on average within 1.1 % while it changes by 8 % in three minutes (with
+    updates slip by slip: 1.3 %).
+    """
+    count, piece = 180_000, 1000
+    velocities = np.where((np.arange(count) // 12_000) % 2 == 0, 0.0058, 0.011)
+    references = np.concatenate([[0.0], np.cumsum(velocities)[:-1]]) / RATE
+    simulation, monitor = JointSimulation(puma, GAINS), JointMonitor(gains=GAINS, studies_at_once=True)
+    errors = []
+    for first in range(0, count, piece):
+        growth = 1.0 + change * first / count
+        friction = replace(puma.friction, coulomb=8.43 * growth, stribeck=1.6 * growth)
+        simulation.joint = replace(puma, friction=friction)
+        part = slice(first, first + piece)
+        motion = simulation.advance(1.0 / RATE, references[part], velocities[part])
+        monitor.process(
+            Batch(
+                time=motion.time,
+                position=2.5e-5 * np.round(motion.position / 2.5e-5),
+                reference_position=references[part] + velocities[part] / RATE,
+            )
+        )
+        estimate = monitor.learner.estimate
+        if first > count // 3:
+            assert estimate is not None
+            errors.append(estimate.coulomb_and_load.value / float(friction.coulomb) - 1.0)
+    assert np.mean(np.abs(errors)) < 0.011
+    assert monitor.learner.change is None
 
 
 def test_reset_forgets(puma: Joint) -> None:

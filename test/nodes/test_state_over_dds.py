@@ -20,6 +20,7 @@ from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint
+from stickslip_ros.nodes.state.plain_data import sealed, unsealed
 from stickslip_ros.nodes.state.state_file import StateFileError, as_text, default_path, read_state, write_state
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.settings.known_joints import load_joint
@@ -120,7 +121,7 @@ def test_a_newer_file_is_left_alone(learnt: JointMonitor, tmp_path: Path) -> Non
     """Issue 20: it is called newer, and neither set aside nor written over."""
     path = tmp_path / "state.json"
     header, _, body = as_text({"joint1": learnt.memory()}).partition(b"\n")
-    newer = header.replace(b'"version": 2', b'"version": 3') + b"\n" + body
+    newer = header.replace(b'"version": 3', b'"version": 4') + b"\n" + body
     path.write_bytes(newer)
     keeper = StateKeeper(path, Log())  # type: ignore[arg-type]
     assert "is newer than this release" in keeper.trouble
@@ -128,6 +129,18 @@ def test_a_newer_file_is_left_alone(learnt: JointMonitor, tmp_path: Path) -> Non
     keeper.save({"joint1": watched(learnt)})
     assert path.read_bytes() == newer
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_version_2_learnt_is_kept(learnt: JointMonitor, tmp_path: Path) -> None:
+    """Issue 38, item 6: without what updates by single slips started from."""
+    path = tmp_path / "state.json"
+    _, body = unsealed(as_text({"joint1": learnt.memory()}), "stickslip_ros state", 3)
+    joints = json.loads(body)
+    of_updates = {"information": [[1.0]], "prior": {"mean": [0.0]}, "spread": [1.0], "widening": [1.0]}
+    joints["joint1"]["friction"]["learnt"] |= of_updates
+    path.write_bytes(sealed("stickslip_ros state", 2, json.dumps(joints)))
+    write_state(path, as_text(read_state(path)))
+    assert path.read_bytes() == as_text({"joint1": learnt.memory()})
 
 
 def test_a_linked_file_is_followed(learnt: JointMonitor, tmp_path: Path) -> None:

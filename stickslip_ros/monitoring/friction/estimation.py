@@ -50,6 +50,7 @@ from stickslip_ros.monitoring.friction.late_controller import (
 )
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
+from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS
@@ -219,7 +220,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         may_be_late=may_hide_a_delay(fits[0]),
         curvature=curvature_of(fits[0], covariance),
     )
-    return estimate_from(problem, blank, fit.parameters, fit.kinetic, covariance)
+    return _with_values(blank, problem, fit, covariance)
 
 
 def unexplained(fitted: FittedLaw) -> str:
@@ -284,23 +285,18 @@ def _alternative(fit: FittedLaw) -> LawAlternative:
     )
 
 
-def estimate_from(
-    problem: SlipProblem,
-    estimate: FrictionEstimate,
-    parameters: FloatArray,
-    kinetic: FloatArray,
-    covariance: FloatArray,
+def _with_values(
+    blank: FrictionEstimate, problem: SlipProblem, fit: SlipFit, covariance: FloatArray
 ) -> FrictionEstimate:
-    """The estimate with other values, of a problem with the latest slip: parameters' logarithms (p,), kinetic (k,),
-    covariance (p + k, p + k). Of a trend only what it leads to is told.
-    """
-    late = delay_estimate(problem, parameters, covariance)
-    parameters, covariance = at_the_latest_gains(problem, parameters, covariance)
+    """The estimate with what was fitted, as it is at the latest slip, and its covariance (p + k, p + k)."""
+    late = delay_estimate(problem, fit.parameters, covariance)
+    parameters, covariance = at_the_latest_gains(problem, fit.parameters, covariance)
     without_drift, of_balance = problem.without_drift
     chosen = np.concatenate([without_drift, len(parameters) + of_balance])
-    parameters, kinetic, covariance = parameters[without_drift], kinetic[of_balance], covariance[np.ix_(chosen, chosen)]
+    parameters, covariance = parameters[without_drift], covariance[np.ix_(chosen, chosen)]
+    kinetic = fit.kinetic[of_balance]
     coulomb = load = together = NOT_ESTIMATED
-    if not estimate.normalised:
+    if not blank.normalised:
         size = len(parameters)
         errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))
         scale = abs(float(kinetic[0])) + math.exp(parameters[STRIBECK])
@@ -308,7 +304,7 @@ def estimate_from(
             ParameterEstimate(
                 value=float(value),
                 std=float(error),
-                identified=float(error) <= IDENTIFIED * scale and not estimate.mismatch,
+                identified=float(error) <= IDENTIFIED * scale and not blank.mismatch,
             )
             for value, error in zip(kinetic, errors, strict=True)
         ]
@@ -318,7 +314,7 @@ def estimate_from(
             together = found[0]
             coulomb = ParameterEstimate(value=max(together.value, 0.0), std=abs(together.value), identified=False)
     return replace(
-        estimate,
+        blank,
         logarithms=parameters[:PARAMETERS],
         covariance=covariance[:PARAMETERS, :PARAMETERS],
         coulomb=coulomb,

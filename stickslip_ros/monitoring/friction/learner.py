@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Friction learnt slip by slip while a joint runs: bounded in time and memory, fading, watchful for changes.
+"""Friction learnt while a joint runs: bounded in time and memory, watchful for changes.
 
-A study fits the kept slips from no guess at all and takes up to seconds; it is asked for at the beginning,
-then ever more seldom, and may run in another process. Between studies each new slip updates the last one's result
-in milliseconds.
+A study fits the kept slips and takes up to seconds. A study is due after four slips, then whenever there are half as
+many slips more, and may run in another process. Between two studies each new slip is compared with the estimate, in
+milliseconds: slips that differ from it show that the friction has changed.
 """
 
 from __future__ import annotations
@@ -19,13 +19,10 @@ from numpy.linalg import LinAlgError
 from stickslip_ros.model._friction_law import PAPERS_LAW, risen_level
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.drive import gains_in_slips
-from stickslip_ros.monitoring.friction import _window_kernel as kernel
-from stickslip_ros.monitoring.friction._window_kernel import LEVEL, RISE_TIME, STRIBECK
+from stickslip_ros.monitoring.friction._window_kernel import RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
-from stickslip_ros.monitoring.friction.estimation import best_known, estimate_from
-from stickslip_ros.monitoring.friction.fit_errors import covariance_of
+from stickslip_ros.monitoring.friction.estimation import best_known
 from stickslip_ros.monitoring.friction.fitted_law import of_law
 from stickslip_ros.monitoring.friction.friction_factor import KnownFactor
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
@@ -35,24 +32,22 @@ from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, spread_of, study
+from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, stribeck_fraction, study
 
 _FIRST_STUDY = 4  # slips before the first study, 1
-_LATER_STUDIES = 2.5  # slips, of those at the last study: a study is due
+_LATER_STUDIES = 1.5  # slips, of those at the last study: a study is due
 _LAST_STUDY = 1.2  # the same, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, 1: from then on a study begins where the last one ended
 # Time between slips like the last one that are learnt from, s; slips then, 1: one shows the level of the next.
 _NOW_AND_THEN, _IN_A_ROW = 50.0, 5
 _LIKE = 0.15  # difference of dwell, distance and duration, of each: with less two slips are similar
-_LARGEST_STEP = 0.3  # change of a parameter's logarithm by one slip, 1: at most
 # Error of a slip's kinetic friction, standard deviations: with more the estimate does not explain the slip.
 _FORCE_OUTLIER = 6.0
 _OFF = 0.01  # misfit, of the slip distance: less is no change
 _STEPS = 2.0  # misfit, steps of a controller's force: less is no change
 _FORCE_OFF = 0.02  # error of the kinetic friction, of the Stribeck friction: less is no change
 _WELL_STUDIED = 12  # slips of a study that is trusted, 1: at least
-_UPDATE_WEIGHT = 0.3  # weight of a slip by itself, 1: the next study knows its errors better
-_UPDATE_LINK = 0.03  # error of the logarithm of the level that a slip leaves for the next, 1: without the slips before
+_LEVEL_ERROR = 0.03  # error of the logarithm of the level that a slip leaves for the next, 1: without the slips before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +56,7 @@ class LearnerMemory:
 
     Attributes
     ----------
-    configured : joint that was the prior. learnt : by the last study and the slips since.
+    configured : joint that was the prior. learnt : by the last study.
     change : the last abrupt one, None if there was none.
     """
 
@@ -79,7 +74,7 @@ class FrictionLearner:
     Parameters
     ----------
     configured : prior, or None.
-    memory : slips after which what they said has faded to a third.
+    memory : slips after which what fits is studied again at the latest.
 
     ``skipped`` counts slips that waited in vain because studies took too long; ``studied_in_vain`` those of the last
     study if it found nothing: none was usable, or no friction fits them.
@@ -147,8 +142,10 @@ class FrictionLearner:
         self._seen += 1
         self._kept.add(window)
         if self._state is not None and not self._state.estimate.normalised:
-            self._update(window)
-        self._request_study(_LATER_STUDIES)
+            self._compare(window)
+        # What no model explains is studied ever more seldom, because each such study searches from no guess.
+        longest = self.memory if self.estimate is not None and not self.estimate.mismatch else math.inf
+        self._request_study(min(_LATER_STUDIES * self._studied, self._studied + longest))
 
     def finish(self) -> None:
         """No more slips come for now: what came since the last study is worth another.
@@ -157,11 +154,11 @@ class FrictionLearner:
         """
         if self._due is None:
             drifts = self._state is not None and self._state.drifts and self._studied > 0
-            self._request_study((self._studied + 1) / self._studied if drifts else _LAST_STUDY)
+            self._request_study(self._studied + 1 if drifts else _LAST_STUDY * self._studied)
 
-    def _request_study(self, more: float) -> None:
-        """Make a study due if there are so many times more slips than at the last one."""
-        if self._seen < max(_FIRST_STUDY, more * self._studied):
+    def _request_study(self, slips: float) -> None:
+        """Make a study due if so many slips were seen."""
+        if self._seen < max(_FIRST_STUDY, slips):
             return
         chosen = best_known(self._kept.windows)
         if len(chosen) >= _FIRST_STUDY:
@@ -239,7 +236,8 @@ class FrictionLearner:
         """Forget everything."""
         self._begin()
 
-    def _update(self, window: SlipWindow) -> None:
+    def _compare(self, window: SlipWindow) -> None:
+        """Simulate a slip by what is known: slips that differ may be of another friction."""
         state = self._state
         assert state is not None
         if window.source is not state.last_window.source:
@@ -274,44 +272,16 @@ class FrictionLearner:
         try:
             with np.errstate(all="ignore"):
                 fixed_fit = fit_at_fixed_parameters(
-                    problem, Tolerances(balance=state.balance_error, level=max(_UPDATE_LINK, state.link_error)),
+                    problem, Tolerances(balance=state.balance_error, level=max(_LEVEL_ERROR, state.link_error)),
                     parameters=state.parameters, kinetic=state.kinetic, unknowns=unknowns,
                 )  # fmt: skip
         except LinAlgError:
-            return
-        if not (np.isfinite(fixed_fit.information).all() and np.isfinite(fixed_fit.gradient).all()):
             return
         if self._is_outlier(problem, fixed_fit, state):
             self._add_outlier(observed)
             return
         self._outliers = []
-        size = len(state.parameters)
-        information = (1.0 - 1.0 / self.memory) * state.information + _UPDATE_WEIGHT * fixed_fit.information
-        pull = _UPDATE_WEIGHT * fixed_fit.gradient
-        pull[:size] += state.prior.information @ (state.prior.mean - state.parameters) / self.memory
-        covariance = covariance_of(information, state.prior)
-        step = np.clip(covariance @ pull, -_LARGEST_STEP, _LARGEST_STEP)
-        parameters = np.clip(state.parameters + step[:size], state.prior.lower, state.prior.upper)
-        kinetic = state.kinetic + covariance[size:] @ pull
-        level = float(np.exp(fixed_fit.unknowns[-1, LEVEL])) * float(fixed_fit.found[-1, kernel.STRIBECK_FRACTION])
-        wide = covariance * np.outer(state.error_inflation, state.error_inflation)
-        # One slip after the other cannot show what slips have in common: no error falls below that of the study.
-        factors = np.maximum(state.spread / spread_of(wide), 1.0)
-        wide *= np.outer(factors, factors)
-        estimate = estimate_from(problem, state.estimate, parameters, kinetic, wide)
-        if estimate.drive is not None:
-            seen = gains_in_slips(problem, state.parameters, fixed_fit.unknowns)[-1]
-            estimate = replace(estimate, drive=estimate.drive.followed_by(seen))
-        self._state = replace(
-            state,
-            estimate=estimate,
-            parameters=parameters,
-            kinetic=kinetic,
-            information=information,
-            last_window=window,
-            stribeck_fraction=level / math.exp(parameters[STRIBECK]),
-        )
-        self.estimate = self._state.estimate
+        self._state = replace(state, last_window=window, stribeck_fraction=stribeck_fraction(fixed_fit))
 
     def _is_outlier(self, problem: SlipProblem, fixed_fit: SlipFit, state: Learnt) -> bool:
         """Whether a slip differs from the estimate by more than the errors of both."""

@@ -16,7 +16,6 @@ import numpy as np
 from stickslip_ros.monitoring.friction._window_kernel import HOLDING_FORCE, LEVEL, VISCOUS
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_SLIPS
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, ModelTerm
-from stickslip_ros.monitoring.friction.slip_fit import Prior
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem, SlipTerm, TermParameter, Variants
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -64,31 +63,6 @@ class Trend(FrictionGrowth):
         variants.gains = np.repeat(variants.gains, len(variants.plants), axis=0)
         variants.gains[:, :, 1] += share * variants.plants[:, VISCOUS, None]
         variants.drags = variants.drags * (1.0 + share)
-
-
-def knowledge_without_drift(problem: SlipProblem, information: FloatArray, prior: Prior) -> tuple[FloatArray, Prior]:
-    """Information on parameters and kinetic friction, (p + k, p + k), and prior, without those of a trend.
-
-    These are at the last slip what they are; the trend itself is as uncertain as it was and says no more.
-    """
-    if problem.covariate is None:
-        return information, prior
-    without_drift, of_balance = problem.without_drift
-    size = len(prior.mean)
-    kept = np.concatenate([without_drift, size + of_balance])
-    left = np.setdiff1d(np.arange(len(information)), kept)
-    own = information[np.ix_(left, left)].copy()
-    own[0, 0] += prior.information[left[0], left[0]]
-    between = information[np.ix_(kept, left)]
-    return (
-        information[np.ix_(kept, kept)] - between @ np.linalg.pinv(own, hermitian=True) @ between.T,
-        Prior(
-            mean=prior.mean[without_drift],
-            information=prior.information[np.ix_(without_drift, without_drift)],
-            lower=prior.lower[without_drift],
-            upper=prior.upper[without_drift],
-        ),
-    )
 
 
 def _shows(first: FittedLaw) -> bool:

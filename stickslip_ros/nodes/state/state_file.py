@@ -19,7 +19,9 @@ from stickslip_ros.nodes.state.plain_data import USER_ONLY, NewerVersionError, f
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT = "stickslip_ros state"
-_VERSION = 2
+_VERSION = 3
+# Keys of version 2, of what updates by single slips started from.
+_OF_UPDATES = ("information", "prior", "spread", "widening")
 _LARGEST = 256_000_000  # size of the file, bytes: a larger file is no state
 # Sentence of version 1, whatever the sentence in diagnostics is today.
 _SENTENCE = re.compile(r"friction changed abruptly at (?P<time>\S+) s(?P<anew>; learning anew)?(?:: (?P<what>.*))?")
@@ -61,8 +63,8 @@ def read_state(path: Path) -> dict[str, JointMemory]:
     try:
         version, body = unsealed(text, _FORMAT, _VERSION)
         joints: dict[str, Any] = json.loads(body)
-        if version == 1:
-            joints = {name: as_of_now(data) for name, data in joints.items()}
+        if version < _VERSION:
+            joints = {name: as_of_now(data, version) for name, data in joints.items()}
         return {name: from_plain(JointMemory, data) for name, data in joints.items()}
     except NewerVersionError as error:
         raise NewerStateError(str(error)) from error
@@ -96,16 +98,20 @@ def set_aside(path: Path) -> Path:
     return aside
 
 
-def as_of_now(joint: Any) -> Any:
-    """A joint's plain data of version 1 in the present layout; unexpected data stay, and are refused later.
+def as_of_now(joint: Any, version: int) -> Any:
+    """A joint's plain data of an earlier version in the present layout; unexpected data stay, and are refused later.
 
-    Version 1 had an abrupt change of friction as a sentence.
+    Version 1 had an abrupt change of friction as a sentence, version 2 what updates by single slips started from.
     """
     friction = joint.get("friction") if isinstance(joint, Mapping) else None
-    if not isinstance(friction, Mapping) or not isinstance(friction.get("notice"), str):
+    if not isinstance(friction, Mapping):
         return joint
-    kept = {name: value for name, value in friction.items() if name != "notice"}
-    return {**joint, "friction": {**kept, "change": to_plain(_change(friction["notice"]))}}
+    kept = dict(friction)
+    if version == 1 and isinstance(kept.get("notice"), str):
+        kept["change"] = to_plain(_change(kept.pop("notice")))
+    if isinstance(kept.get("learnt"), Mapping):
+        kept["learnt"] = {name: value for name, value in kept["learnt"].items() if name not in _OF_UPDATES}
+    return {**joint, "friction": kept}
 
 
 def _change(sentence: str) -> FrictionChange | None:
