@@ -20,6 +20,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 # Slips that gains are estimated from, 1: at most, since somebody may have turned the gains after earlier ones.
 _LATEST = 12
 _LEAST = 3  # slips that gains are estimated from, 1: at least
+_WEIGHT = 1.0 / 6.0  # weight of one more slip, 1: after a dozen nothing is left of gains that hold no more
 _LARGEST_ERROR = 0.2  # standard error, of the stiffness: with more the effort does not fall with the position
 _LEAST_NODES = 6  # nodes of a slip that gains are estimated from, 1: at least
 _OF_MEDIAN = 1.2533  # standard error of a median, of that of a mean
@@ -41,6 +42,17 @@ class DriveGains:
     stiffness_std: float
     damping_std: float
 
+    def followed_by(self, seen: FloatArray) -> DriveGains:
+        """With one more slip, which showed k_p and k_v of shape (2,); NaN if it did not."""
+        if not (np.isfinite(seen).all() and seen[0] > 0):
+            return self
+        return DriveGains(
+            stiffness=self.stiffness + _WEIGHT * (float(seen[0]) - self.stiffness),
+            damping=self.damping + _WEIGHT * (float(seen[1]) - self.damping),
+            stiffness_std=self.stiffness_std,
+            damping_std=self.damping_std,
+        )
+
 
 def drive_gains(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArray) -> DriveGains | None:
     """The gains that the latest slips show; None if the effort does not fall with the position as PD control has it.
@@ -49,7 +61,7 @@ def drive_gains(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArr
     ----------
     problem : slips whose effort is known. parameters, unknowns : that fit them.
     """
-    seen = _gains_in_slips(problem, parameters, unknowns)
+    seen = gains_in_slips(problem, parameters, unknowns)
     seen = seen[problem.noise.usable & np.isfinite(seen).all(axis=1)][-_LATEST:]
     if len(seen) < _LEAST:
         return None
@@ -62,7 +74,7 @@ def drive_gains(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArr
     )
 
 
-def _gains_in_slips(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArray) -> FloatArray:
+def gains_in_slips(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArray) -> FloatArray:
     """k_p and k_v that each slip shows by itself, shape (slips, 2); NaN where one shows nothing."""
     positions, velocities, _ = problem.simulate(parameters, unknowns)
     seen = np.full((problem.count, 2), math.nan)

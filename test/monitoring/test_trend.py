@@ -9,10 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_joints import cut_slips, later
 from random_machines import CONDITIONS, Condition, MachineRecording, random_recording, to_and_fro
 
-from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 
 pytestmark = pytest.mark.slow
@@ -64,29 +62,6 @@ def test_drift_and_load_are_told_apart() -> None:
         assert one.identified
         assert abs(one.value - truth) < 3.0 * one.std
         assert one.std < 0.03 * truth
-
-
-def test_slips_one_by_one_go_on_from_where_a_trend_led() -> None:
-    """The trend itself is no part of what updates start from: further slips at the last one's friction leave it."""
-    recording, monitor = learnt(CONDITIONS["drift"], 20)
-    memory, before = monitor.learner.memory_of(), monitor.learner.estimate
-    assert memory.learnt is not None
-    assert memory.learnt.drifts
-    learner = FrictionLearner()
-    assert learner.restore(memory)
-    for window in cut_slips(recording.batch, recording.gains)[0][-6:]:
-        learner.add_slip(later(window, float(recording.batch.time[-1])))
-    estimate = learner.estimate
-    assert estimate is not None
-    assert before is not None
-    assert estimate is not before
-    assert not learner.study_is_due
-    machine = recording.machine.after(float(recording.batch.time[-1]))
-    together = estimate.coulomb_and_load
-    assert together.value == pytest.approx(machine.coulomb, abs=4.0 * together.std)
-    assert together.std < 2.0 * before.coulomb_and_load.std
-    for name in ("inertia", "stribeck", "stribeck_velocity"):
-        assert abs(estimate[name].value - getattr(machine, name)) < 2.5 * estimate[name].std, name
 
 
 @pytest.mark.parametrize("seed", [20, 21])

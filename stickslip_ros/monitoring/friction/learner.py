@@ -2,8 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """Friction learnt while a joint runs: bounded in time and memory, watchful for changes.
 
-A study fits the kept slips and takes up to seconds. A study is due after four slips, then whenever there are half as
-many slips more, and may run in another process. Between two studies each new slip is compared with the estimate, in
+A study fits the kept slips and takes up to seconds. A study is due after four slips, then whenever there are twice
+as many slips, and may run in another process. Between two studies each new slip is compared with the estimate, in
 milliseconds: slips that differ from it show that the friction has changed.
 """
 
@@ -19,6 +19,7 @@ from numpy.linalg import LinAlgError
 from stickslip_ros.model._friction_law import PAPERS_LAW, risen_level
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction._window_kernel import RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
@@ -35,7 +36,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, stribeck_fraction, study
 
 _FIRST_STUDY = 4  # slips before the first study, 1
-_LATER_STUDIES = 1.5  # slips, of those at the last study: a study is due
+_LATER_STUDIES = 2.0  # slips, of those at the last study: a study is due
 _LAST_STUDY = 1.2  # the same, where no more slips come
 _SHAPE_IS_KNOWN = 4  # slips studied, 1: from then on a study begins where the last one ended
 # Time between slips like the last one that are learnt from, s; slips then, 1: one shows the level of the next.
@@ -143,9 +144,7 @@ class FrictionLearner:
         self._kept.add(window)
         if self._state is not None and not self._state.estimate.normalised:
             self._compare(window)
-        # What no model explains is studied ever more seldom, because each such study searches from no guess.
-        longest = self.memory if self.estimate is not None and not self.estimate.mismatch else math.inf
-        self._request_study(min(_LATER_STUDIES * self._studied, self._studied + longest))
+        self._request_study(min(_LATER_STUDIES * self._studied, self._studied + self.memory))
 
     def finish(self) -> None:
         """No more slips come for now: what came since the last study is worth another.
@@ -281,7 +280,15 @@ class FrictionLearner:
             self._add_outlier(observed)
             return
         self._outliers = []
-        self._state = replace(state, last_window=window, stribeck_fraction=stribeck_fraction(fixed_fit))
+        estimate = state.estimate
+        if estimate.drive is not None:
+            # Somebody may turn the gains at the drive, which a study of slips before and after does not show.
+            seen = gains_in_slips(problem, state.parameters, fixed_fit.unknowns)[-1]
+            estimate = replace(estimate, drive=estimate.drive.followed_by(seen))
+        self._state = replace(
+            state, estimate=estimate, last_window=window, stribeck_fraction=stribeck_fraction(fixed_fit)
+        )
+        self.estimate = estimate
 
     def _is_outlier(self, problem: SlipProblem, fixed_fit: SlipFit, state: Learnt) -> bool:
         """Whether a slip differs from the estimate by more than the errors of both."""
