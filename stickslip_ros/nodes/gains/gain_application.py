@@ -22,9 +22,10 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.gains.gain_writer import (
     Controller,
     GainWriter,
+    Script,
     SetByOthersError,
+    Step,
     StoppedError,
-    Waiting,
     WithdrawnError,
 )
 from stickslip_ros.nodes.gains.motion_watch import WATCH, Watch
@@ -118,9 +119,7 @@ class GainApplication:
         self._was = watch.status
         self._withdrawn = self._running = False
         self._logged_at = -math.inf  # last line on the gains, on the clock
-        self._writer = GainWriter(
-            joint, controller, clock=clock, allowed=self._may_write, check=self._check, answered=self._go_on
-        )
+        self._writer = GainWriter(joint, controller, clock=clock, answered=self._go_on)
         self._target_gains: GainPair | None = None
         self._good: list[tuple[float, GainPair]] = []  # gains as read back, and when they came into force
         self._sent: GainPair | None = None
@@ -130,6 +129,7 @@ class GainApplication:
         self.state = f"{joint}: beginning"
         self.outcome: Outcome | None = None
         self._script = self._run()
+        self._at = Step.WAIT_BLINDLY
 
     def tick(self) -> Outcome | None:
         """Continue the ramp. Returns the outcome once there is one."""
@@ -156,7 +156,7 @@ class GainApplication:
             return
         self._running = True
         try:
-            next(self._script)
+            self._advance()
         except StopIteration:
             pass
         except Exception as error:
@@ -169,6 +169,19 @@ class GainApplication:
         finally:
             self._running = False
 
+    def _advance(self) -> None:
+        """Run the script to its next wait; what objects is raised where the script stands."""
+        while True:
+            try:
+                if self._at is not Step.WAIT_BLINDLY:
+                    self._check(permission_alone=self._at is Step.CHECK_PERMISSION)
+            except StickSlipError as objection:
+                self._at = self._script.throw(objection)
+            else:
+                self._at = next(self._script)
+            if self._at in (Step.WAIT, Step.WAIT_BLINDLY):
+                return
+
     def _finish(self, *, success: bool, message: str) -> None:
         self._writer.close()
         self.state = f"{self.joint}: {message}"
@@ -179,7 +192,7 @@ class GainApplication:
         else:
             self._log.error(f"apply_recommendation: {self.state}")
 
-    def _run(self) -> Waiting[None]:
+    def _run(self) -> Script[None]:
         success, text = False, ""
         stopped: StoppedError | None = None
         try:
@@ -226,7 +239,7 @@ class GainApplication:
         report.append(self._writer.in_force())
         return "; ".join(report)
 
-    def _lead(self) -> Waiting[tuple[bool, str]]:
+    def _lead(self) -> Script[tuple[bool, str]]:
         """Run the ramp; returns whether the joint is better, and the report."""
         begin = yield from self._writer.read()
         target = self._former(begin) if self._back_to is not None else (yield from self._advised(begin))
@@ -263,7 +276,7 @@ class GainApplication:
             return False, f"{way}; {before.value} before, and it cannot be judged yet whether that is better"
         return _RANK[after] < _RANK.get(before, 0), f"{way}; {before.value} before, {after.value} now"
 
-    def _climb(self, target: Target) -> Waiting[int]:
+    def _climb(self, target: Target) -> Script[int]:
         """Write all steps; returns their number."""
         share, steps, last = 0.0, 0, self._clock()
         while share < 1.0:
@@ -285,7 +298,7 @@ class GainApplication:
             self.state = f"{self.joint}: {100 * share:.0f} % of the way to {target.gains}"
         return steps
 
-    def _judged(self) -> Waiting[Status | None]:
+    def _judged(self) -> Script[Status | None]:
         """The status with the new gains, None if it is not known in time."""
         begun, cycles = self._clock(), self._watch.cycles
         cycle = self._watch.assessment().last_cycle
@@ -299,7 +312,7 @@ class GainApplication:
                 return status
         return None
 
-    def _advised(self, begin: GainPair) -> Waiting[Target]:
+    def _advised(self, begin: GainPair) -> Script[Target]:
         """The advice for the gains in force, once the monitor has these."""
         until = self._clock() + _LONGEST_ADVICE
         while True:
@@ -309,7 +322,7 @@ class GainApplication:
                 break
             if self._clock() > until:
                 raise StoppedError(f"there is no advice for the gains in force, {begin}")
-            yield from self._writer.wait()
+            yield Step.WAIT
         if assessment.joint is None or not advised.found:
             raise StoppedError(advised.reason)
         ramp = GainRamp.between(assessment.joint, self._si(begin), advised.gains)
@@ -337,7 +350,7 @@ class GainApplication:
                 )
         return ""
 
-    def _step(self, gains: GainPair, why: str) -> Waiting[None]:
+    def _step(self, gains: GainPair, why: str) -> Script[None]:
         """Replace the gains in force."""
         old = self._good[-1][1]
         if gains.same(old) and self._sent is None:
@@ -352,19 +365,18 @@ class GainApplication:
         self._sent = None
         self._good.append((self._clock(), gains))
 
-    def _may_write(self) -> bool:
-        return self._allowed() and not self._withdrawn
-
-    def _check(self) -> None:
-        """Check everything that may end the ramp.
+    def _check(self, *, permission_alone: bool) -> None:
+        """Check everything that may end the ramp, or the permission alone.
 
         Raises
         ------
         StoppedError
             If the ramp has to end.
         """
-        if not self._may_write():
+        if self._withdrawn or not self._allowed():
             raise WithdrawnError
+        if permission_alone:
+            return
         self._writer.check_for_others()
         if self._bounded is not None and not self._returning:
             self._check_bounds(self._bounded)
@@ -378,7 +390,7 @@ class GainApplication:
             if why:
                 raise _WorseError(why)
 
-    def _after(self, stopped: StoppedError, report: str) -> Waiting[str]:
+    def _after(self, stopped: StoppedError, report: str) -> Script[str]:
         """Restore good gains after the ramp was stopped; returns the report."""
         returning, self._returning = self._returning, True
         report = f"{report}; " if report else ""
@@ -399,7 +411,7 @@ class GainApplication:
         settled = [number for number, (since, _) in enumerate(self._good) if self._clock() - since >= WATCH]
         return settled[-1] if settled else 0
 
-    def _go_back(self, why: str, number: int) -> Waiting[str]:
+    def _go_back(self, why: str, number: int) -> Script[str]:
         """Go back to the gains of a number, by the steps that led away from them; returns the report."""
         if len(self._good) - 1 > number or self._sent is not None:
             self._log.warning(f"{self.joint}: {why}; going back to {self._good[number][1]}")
@@ -414,15 +426,15 @@ class GainApplication:
                 return f"{why}; on the way back {stopped}"
         return why
 
-    def _pause(self, duration: float) -> Waiting[None]:
+    def _pause(self, duration: float) -> Script[None]:
         """Check for a while, at least once."""
         until = self._clock() + duration
         while True:
-            yield from self._writer.wait()
+            yield Step.WAIT
             if self._clock() >= until:
                 return
 
-    def _wait_for_motion(self) -> Waiting[None]:
+    def _wait_for_motion(self) -> Script[None]:
         """Wait until the joint moves: a joint at rest does not reveal the effect of gains."""
         until = self._clock() + _REST
         while self._watch.status is Status.AT_REST:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
+from enum import Enum
 from typing import Any, Protocol, TypeVar
 
 from stickslip_ros.errors import StickSlipError
@@ -25,7 +26,18 @@ _AS_READ = "as read"
 _MOST_SENT = 64  # number of writes whose events are awaited, 1: events can be lost
 
 T = TypeVar("T")
-Waiting = Generator[None, None, T]
+
+
+class Step(Enum):
+    """What whoever runs a script does before it goes on with it; what objects is raised where the script stands."""
+
+    WAIT = "wait for a tick or an answer, then check everything"
+    WAIT_BLINDLY = "wait, and check nothing, because nothing is to be written"
+    CHECK = "check everything now"
+    CHECK_PERMISSION = "check now whether gains may be written"
+
+
+Script = Generator[Step, None, T]
 
 
 class StoppedError(StickSlipError):
@@ -69,13 +81,11 @@ class Controller(Protocol):
 
 
 class GainWriter:
-    """Reader and writer of one joint's gains. Methods that wait are generators, which wait at each ``yield``.
+    """Reader and writer of one joint's gains. Methods that wait are scripts of :class:`Step`.
 
     Parameters
     ----------
     joint : its name. controller : has its gains. clock : a steady time [s].
-    allowed : whether gains may be written now; called immediately before each write.
-    check : called during each wait; its exception ends the wait.
     answered : called when an answer has come, to go on at once.
 
     Attributes
@@ -90,12 +100,10 @@ class GainWriter:
         controller: Controller,
         *,
         clock: Callable[[], float],
-        allowed: Callable[[], bool],
-        check: Callable[[], None],
         answered: Callable[[], None],
     ) -> None:
         self._joint, self._controller = joint, controller
-        self._clock, self._allowed, self._check, self._answered = clock, allowed, check, answered
+        self._clock, self._answered = clock, answered
         self._names = [gain_name(joint, kind) for kind in ("p", "d")]
         self._changes_due: deque[dict[str, float]] = deque(maxlen=_MOST_SENT)
         self._others: list[dict[str, float]] = []
@@ -127,7 +135,7 @@ class GainWriter:
         if self._others and not self._checking:
             raise SetByOthersError(self._pop_others())
 
-    def read(self, *, blindly: bool = False) -> Waiting[GainPair]:
+    def read(self, *, blindly: bool = False) -> Script[GainPair]:
         """The gains in force.
 
         Parameters
@@ -155,16 +163,14 @@ class GainWriter:
                 requests += 1
                 self._controller.get(self._names, self._clock(), lambda answer: self._process_answer(answer, answers))
                 continue
-            yield
-            if not blindly:
-                self._check()
+            yield Step.WAIT_BLINDLY if blindly else Step.WAIT
         p, d = [*(gain_value(value) for value in answers[0]), math.nan, math.nan][:2]
         if math.isnan(p):
             raise StoppedError(f"{self._controller.remote} has no gain {self._names[0]}")
         # The answer has no time of its own; the gains were read no earlier than the question was sent.
         return self._note(GainPair(p, 0.0 if math.isnan(d) else d), _AS_READ, begun)
 
-    def write(self, new: GainPair, expected: Sequence[GainPair]) -> Waiting[None]:
+    def write(self, new: GainPair, expected: Sequence[GainPair]) -> Script[None]:
         """Write gains where expected gains are in force, and read them back.
 
         Raises
@@ -182,8 +188,8 @@ class GainWriter:
         old = yield from self.read()
         if not any(old.same(one) for one in expected):
             raise SetByOthersError(old.values())
-        # The answer has just come, and gains read are never younger: check once more, now.
-        self._check()
+        # The answer has just come, and gains read are never younger.
+        yield Step.CHECK
         if old.same(new):
             return
         self._checking = True
@@ -193,7 +199,7 @@ class GainWriter:
             self._checking = False
         self.check_for_others()
 
-    def _write_and_check(self, old: GainPair, new: GainPair) -> Waiting[None]:
+    def _write_and_check(self, old: GainPair, new: GainPair) -> Script[None]:
         sent = old.changes(new)
         result = yield from self._sent(sent, new)
         if result.successful:
@@ -204,7 +210,7 @@ class GainWriter:
         # The event of a change comes a little later than the answer.
         until = self._clock() + _EVENT_DELAY
         while self._clock() < until and not (self._confirmed(sent) or self._others):
-            yield from self.wait()
+            yield Step.WAIT
         remote = self._controller.remote
         if result.successful and not self._confirmed(sent):
             if found.same(old):
@@ -220,14 +226,14 @@ class GainWriter:
         """Whether the controller has published an event of a write."""
         return not any(due is sent for due in self._changes_due)
 
-    def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Waiting[None]:
+    def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Script[None]:
         """Restore the gains that the controller accepted last, after it changed the new ones."""
         yield from self._sent(found.changes(old), old)
         after = yield from self.read()
         made = f"{self._controller.remote} made {found} of {new}"
         raise StoppedError(made if after.same(old) else f"{made}, and {after} of {old}")
 
-    def restore(self, values: Mapping[str, float]) -> Waiting[str]:
+    def restore(self, values: Mapping[str, float]) -> Script[str]:
         """Restore gains that somebody else set and a write of ours undid; returns a sentence on it.
 
         Raises
@@ -258,20 +264,18 @@ class GainWriter:
             # The events of changes made meanwhile come a little later.
             until = self._clock() + _EVENT_DELAY
             while self._clock() < until:
-                yield
+                yield Step.WAIT_BLINDLY
         return report
 
-    def settled(self) -> Waiting[GainPair]:
+    def settled(self) -> Script[GainPair]:
         """The gains in force once the last write is answered or overdue; nothing is checked meanwhile."""
         yield from self._last_answer(blindly=True)
         return (yield from self.read(blindly=True))
 
-    def _last_answer(self, *, blindly: bool = False) -> Waiting[None]:
+    def _last_answer(self, *, blindly: bool = False) -> Script[None]:
         """Wait until the last write is answered or overdue: gains read earlier may be replaced by it."""
         while self._unanswered is not None and self._clock() - self._unanswered_since < PATIENCE:
-            yield
-            if not blindly:
-                self._check()
+            yield Step.WAIT_BLINDLY if blindly else Step.WAIT
 
     @property
     def certain(self) -> bool:
@@ -289,15 +293,9 @@ class GainWriter:
             text += f"; {self._unanswered} was sent and not answered, and may come into force"
         return text
 
-    def wait(self) -> Waiting[None]:
-        """Wait a little, and check."""
-        yield
-        self._check()
-
-    def _sent(self, values: dict[str, float], new: GainPair) -> Waiting[Any]:
+    def _sent(self, values: dict[str, float], new: GainPair) -> Script[Any]:
         """Write gains, and wait for the answer; no other method writes."""
-        if not self._allowed():
-            raise WithdrawnError
+        yield Step.CHECK_PERMISSION
         answers: list[Any] = []
         self._changes_due.append(values)
         self._sent_last = values
@@ -316,7 +314,7 @@ class GainWriter:
                 raise self._silence(answers)
             if answers:
                 return answers[0]
-            yield from self.wait()
+            yield Step.WAIT
 
     def _silence(self, too_late: Sequence[Any]) -> StoppedError:
         self.silent = not too_late
