@@ -24,8 +24,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output import published
 from stickslip_ros.output.diagnosis import cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
-from stickslip_ros.output.published import SECTIONS, Published, Section
+from stickslip_ros.output.published import MARGIN_FIELDS, SECTIONS, Published, Section, margin_row
 
 KNOWN = ExactVerdict(
     smooth=False,

@@ -30,7 +30,7 @@ from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 from stickslip_ros.output.as_json import curvature_json, dry_friction_json, growth_json, recommendation_json
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 from tools.model_answers import KNOWN, SEED, Answer, plain, with_contact
 from tools.recording_answers import VARYING, two_speeds_recording, varying_recording
 

@@ -18,7 +18,7 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion, as_seen
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 
 DIAGNOSTICS, CYCLES, MARGINS = "/diagnostics", "/stickslip_monitor/cycles", "/stickslip_monitor/margins"
 _ARRAY = "diagnostic_msgs/msg/DiagnosticArray"

@@ -35,7 +35,7 @@ from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.warm_up import compile_and_say
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_positive
-from stickslip_ros.output.margin_table import RESERVE
+from stickslip_ros.output.published import RESERVE_FIELD
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.warm_up import is_warm
 
@@ -144,7 +144,7 @@ def _cure(console: Console, out: Path) -> int:
         data = listener.data
 
         def sticks() -> bool:
-            judged = bool(data.margins) and not math.isnan(data.margins[-1][RESERVE])
+            judged = bool(data.margins) and not math.isnan(data.margins[-1][RESERVE_FIELD])
             return judged and listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE
 
         stage.wait(sticks, _STICK_LIMIT, "stick-slip")
@@ -183,7 +183,7 @@ def _cure(console: Console, out: Path) -> int:
 
         stage.wait(smooth_for_long, _SMOOTH_LIMIT, "smooth motion")
         late = [cycle for cycle in data.cycles if cycle["arrest"] > smooth_since[0]]
-        if late or not data.margins[-1][RESERVE] > 0:
+        if late or not data.margins[-1][RESERVE_FIELD] > 0:
             raise StickSlipError(f"not cured: {len(late)} cycles after the change, damping reserve {_reserve(data)}")
         console.print(
             f"[bold green]Smooth[/]: no cycle for {listener.now - smooth_since[0]:.0f} s. "
@@ -206,7 +206,7 @@ def _cure(console: Console, out: Path) -> int:
 
 
 def _reserve(data: DemoData) -> str:
-    return f"{100.0 * data.margins[-1][RESERVE]:+.0f} %"
+    return f"{100.0 * data.margins[-1][RESERVE_FIELD]:+.0f} %"
 
 
 def _wanted(data: DemoData) -> str:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.cli.demo_log import DemoData
-from stickslip_ros.output.margin_table import RESERVE
 from stickslip_ros.output.plotting import BLUE, GREEN, GREY, RED
+from stickslip_ros.output.published import RESERVE_FIELD
 
 _MOST_POINTS = 6000
 _LINE = 0.06  # of the panel's height
@@ -35,7 +35,9 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
     states = states[np.argsort(states[:, 0], kind="stable")]
     states = states[:: max(1, len(states) // _MOST_POINTS)]
     start = states[0, 0]
-    reserves = [(row["time"] - start, 100.0 * row[RESERVE]) for row in data.margins if not np.isnan(row[RESERVE])]
+    reserves = [
+        (row["time"] - start, 100.0 * row[RESERVE_FIELD]) for row in data.margins if not np.isnan(row[RESERVE_FIELD])
+    ]
     has_velocity = bool(np.isfinite(states[:, 2]).any())
     rows = 1 + has_velocity + bool(reserves)
     heights = [2.2, 1.3, 1.2][:1] + [1.3] * has_velocity + [1.2] * bool(reserves)

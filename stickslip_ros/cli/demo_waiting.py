@@ -14,7 +14,7 @@ from stickslip_ros.cli.analysis_tables import status_text
 from stickslip_ros.cli.demo_log import DemoListener
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.output.margin_table import RESERVE
+from stickslip_ros.output.published import RESERVE_FIELD
 
 _COLUMNS = (
     "[dim]Once a second: position; number of slips; damping reserve, the damping in excess of that at which\n"
@@ -62,7 +62,7 @@ class Stage:
         if math.isnan(self._start):
             self._start = listener.data.states[0][0]
             self._console.print(_COLUMNS)
-        reserve = listener.data.margins[-1][RESERVE] if listener.data.margins else math.nan
+        reserve = listener.data.margins[-1][RESERVE_FIELD] if listener.data.margins else math.nan
         text = f"reserve {100.0 * reserve:+5.0f} %" if math.isfinite(reserve) else "reserve     –  "
         reason = f": {listener.value('reason')}" if listener.value("reason") else ""
         self._console.print(

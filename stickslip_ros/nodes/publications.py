@@ -25,7 +25,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.conversion import StatusBytes, diagnostic_array_bytes, friction_message, status_bytes, table
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
-from stickslip_ros.output.margin_table import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 from stickslip_ros.visible import visible
 
 _APART = 10.0  # time between two lines on a joint, s: a person reads the log

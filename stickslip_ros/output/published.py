@@ -360,3 +360,26 @@ SECTIONS = (
     *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, REVERSALS,
     PRESLIDING, POSITION, SAMPLING,
 )  # fmt: skip
+
+_MARGIN_ROWS = sorted(
+    ((row.margins, section, row) for section in SECTIONS for row in section.rows if row.margins is not None),
+    key=lambda found: found[0].place,
+)
+MARGIN_FIELDS = tuple(field.name for field, _, _ in _MARGIN_ROWS)
+RESERVE_FIELD = "exact_damping_reserve"  # the field that tells in one number how far a joint is from stick-slip
+
+
+def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict) -> list[float]:
+    """The numbers of :data:`MARGIN_FIELDS`; NaN for what is unknown or not applicable."""
+    known = Known(assessment=assessment, exact=exact, trial=trial)
+    numbers = []
+    for field, section, row in _MARGIN_ROWS:
+        subject = section.of(known)
+        numbers.append(_as_number(None if subject is None else row.value(subject), field))
+    return numbers
+
+
+def _as_number(value: Any, field: MarginField) -> float:
+    if isinstance(value, Status):
+        return float(STATUS_NUMBERS[value])
+    return field.unknown if value is None else float(value)

@@ -34,7 +34,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
-from stickslip_ros.output.margin_table import MARGIN_FIELDS
+from stickslip_ros.output.published import MARGIN_FIELDS
 from stickslip_ros.settings.known_joints import load_joint
 
 NO_DATA = "no data"  # how the status of a joint begins whose data have ended

@@ -15,7 +15,7 @@ from conftest import ROOT
 from nodes.support_ros import Probe, probe
 
 from stickslip_ros.cli.processes import NodeProcess
-from stickslip_ros.output.margin_table import MARGIN_FIELDS
+from stickslip_ros.output.published import MARGIN_FIELDS
 
 VIEWS = ROOT / "config" / "views"
 LEARNT = {"stribeck [N*m]", "coulomb [N*m]"}  # once there is something learnt
