@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import nightly
+from nodes.forked_nodes import NodeProcess
 from support_ros import Probe, probe
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import BagWriter
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES
