@@ -34,7 +34,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time; others are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
-for _profile, _examples in (("fixed", 30), ("nightly", 100)):
+_BY_DAY = 30
+for _profile, _examples in (("fixed", _BY_DAY), ("nightly", 100)):
     settings.register_profile(_profile, max_examples=_examples, derandomize=True, database=None, deadline=None)
 settings.load_profile("fixed")
 
@@ -130,6 +131,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def nightly(*values: object) -> Any:
     """Arguments of a parametrised test that `make nightly` runs: more seeds, more cases of a claim."""
     return pytest.param(*values, marks=pytest.mark.nightly)
+
+
+def examples(by_day: int, at_night: int) -> settings:
+    """How many examples hypothesis draws, a decorator: where one takes long, more of them by `make nightly`."""
+    return settings(max_examples=at_night if settings.default.max_examples > _BY_DAY else by_day)
 
 
 def _is_slow(item: pytest.Item) -> bool:
