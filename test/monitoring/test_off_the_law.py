@@ -187,6 +187,7 @@ def test_more_data_make_no_answer_worse(condition: str, seed: int) -> None:
             assert error <= 1.2 * abs(before[name].value - truth) + whole[name].std, (name, share)
 
 
+@pytest.mark.nightly
 def test_a_late_controller_with_gains_to_and_fro(puma: Joint) -> None:
     """Issue 18, found wrong 7: trajectories that end and are held, gains set to and fro, a controller a period late."""
     joint = replace(puma, friction=replace(puma.friction, lag=0.0, rise_time=0.0))
