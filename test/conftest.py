@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib.util
 import itertools
 import os
@@ -85,7 +86,13 @@ class _Lacking(pytest.Module):
 
 def lacking(path: Path) -> list[str]:
     """Optional packages that a test needs and this machine has not."""
-    return sorted(name for name in imported(path) & set(OPTIONAL) if importlib.util.find_spec(name) is None)
+    missing = _missing()
+    return sorted(imported(path) & missing) if missing else []
+
+
+@functools.cache
+def _missing() -> set[str]:
+    return {name for name in OPTIONAL if importlib.util.find_spec(name) is None}
 
 
 def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:

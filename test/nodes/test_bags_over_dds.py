@@ -134,7 +134,7 @@ def played_in_time(
     pytest.fail(f"what was played did not come in time {_ATTEMPTS} times")
 
 
-@pytest.mark.parametrize("count", [5, nightly(10)])
+@pytest.mark.parametrize("count", [3, nightly(10)])
 def test_random_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path, count: int) -> None:
     """Issue 6, item 2: random recordings through DDS and from the file: identical cycles and statuses."""
     options = AnalysisOptions(parameters=Parameters({"learn": False}))
