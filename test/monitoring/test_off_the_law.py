@@ -132,7 +132,7 @@ def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
         assert advised.damping >= float(needed[0]) * (1.0 - 1e-6)
 
 
-@pytest.mark.parametrize(("condition", "seed"), [("ripple_20", 0), nightly("ripple_200", 1), ("lugre", 0)])
+@pytest.mark.parametrize(("condition", "seed"), [nightly("ripple_20", 0), nightly("ripple_200", 1), ("lugre", 0)])
 def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: int) -> None:
     """Issue 18, found wrong 3 and 4: misfit was said and believed all the same."""
     recording, estimate = learnt(condition, seed)

@@ -88,7 +88,7 @@ EFFORTS = {
     "of the wrong sign": np.negative,
     "nothing but noise": lambda effort: _noisy(np.zeros_like(effort)),
 }
-_NIGHTLY = {"with noise", "late by 4 ms", "always zero", "nothing but noise"}
+_NIGHTLY = {"with noise", "late by 4 ms", "always zero", "of the wrong sign", "nothing but noise"}
 
 
 @pytest.mark.parametrize("kind", [nightly(kind) if kind in _NIGHTLY else kind for kind in EFFORTS])
