@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib.util
 import itertools
 import os
@@ -34,7 +35,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time; others are found with: pytest --hypothesis-profile=default --hypothesis-seed=N
-for _profile, _examples in (("fixed", 30), ("nightly", 100)):
+_BY_DAY = 30
+for _profile, _examples in (("fixed", _BY_DAY), ("nightly", 100)):
     settings.register_profile(_profile, max_examples=_examples, derandomize=True, database=None, deadline=None)
 settings.load_profile("fixed")
 
@@ -84,7 +86,13 @@ class _Lacking(pytest.Module):
 
 def lacking(path: Path) -> list[str]:
     """Optional packages that a test needs and this machine has not."""
-    return sorted(name for name in imported(path) & set(OPTIONAL) if importlib.util.find_spec(name) is None)
+    missing = _missing()
+    return sorted(imported(path) & missing) if missing else []
+
+
+@functools.cache
+def _missing() -> set[str]:
+    return {name for name in OPTIONAL if importlib.util.find_spec(name) is None}
 
 
 def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
@@ -130,6 +138,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def nightly(*values: object) -> Any:
     """Arguments of a parametrised test that `make nightly` runs: more seeds, more cases of a claim."""
     return pytest.param(*values, marks=pytest.mark.nightly)
+
+
+def examples(by_day: int, at_night: int) -> settings:
+    """How many examples hypothesis draws, a decorator: where one takes long, more of them by `make nightly`."""
+    return settings(max_examples=at_night if settings.default.max_examples > _BY_DAY else by_day)
 
 
 def _is_slow(item: pytest.Item) -> bool:

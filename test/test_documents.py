@@ -35,7 +35,7 @@ from typing import Any
 
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, nightly
 
 from stickslip_ros.cli.main import build_parser, main
 from stickslip_ros.parent_death import die_with_parent
@@ -44,6 +44,7 @@ from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOIN
 pytestmark = pytest.mark.slow
 
 FOLDERS = ("docs", "config", "examples")
+AT_NIGHT = ("docs/tutorial_without_ros2.md",)  # half a minute of a core, for the steps of docs/tutorial.md once more
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))])
 BLOCK = re.compile(
     r"^(?P<indent> *)(?:<!-- test: (?P<how>.+?) -->\n\s*)?```(?P<language>\w+)\n(?P<code>.*?)\n *```$",
@@ -109,7 +110,9 @@ def background(code: str, folder: Path, environment: dict[str, str]) -> Iterator
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-@pytest.mark.parametrize("path", [path for path in DOCUMENTS if blocks(path)], ids=named)
+@pytest.mark.parametrize(
+    "path", [nightly(path) if named(path) in AT_NIGHT else path for path in DOCUMENTS if blocks(path)], ids=named
+)
 def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> None:
     """Issue 8: every command and example of a document works, in the order in which it stands there."""
     folder = tmp_path / "work"

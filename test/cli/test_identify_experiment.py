@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 import rclpy
 from conftest import ROOT, begun
+from nodes.forked_nodes import NodeProcess
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.processes import NodeProcess
 
 CONTROLLER = "/joint_trajectory_controller"
 LADDER = ["identify", "--controller", CONTROLLER, "--speeds", "0.02", "--step-time", "3", "--rest", "1"]

@@ -149,8 +149,11 @@ BASE = {
     "convert": ("{table}", "--out={folder}/log.mcap"),
     "analyze": ("{bag}", "--no-learning", "--json"),
 }  # fmt: skip
-SLOW = {"--integral", "--controller-period", "--control-delay", "--presliding-stiffness", "--presliding-damping",
-        "--contact", "--compensation", "--speed-filter"}  # fmt: skip
+SLOW: dict[str, set[str]] = {
+    "recommend": {"--integral", "--controller-period", "--control-delay", "--presliding-stiffness",
+                  "--presliding-damping", "--contact", "--compensation", "--speed-filter"},
+    "reversal": {"--out"}, "convert": set(), "analyze": {"--no-learning"},
+}  # fmt: skip
 
 
 def options(command: str) -> Iterator[str]:
@@ -176,7 +179,7 @@ def _cases() -> Iterator[object]:
     for command in BASE:
         for option in options(command):
             if (command, option) not in NO_EFFECT:
-                slow = command == "recommend" and option in SLOW
+                slow = option in SLOW[command]
                 yield nightly(command, option) if slow else (command, option)
 
 

@@ -19,10 +19,10 @@ import pytest
 from conftest import begun
 from hypothesis import given
 from hypothesis import strategies as st
+from nodes.forked_nodes import NodeProcess
 from rich.console import Console
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.cli.watch_view import JointView, sparkline, view
 from stickslip_ros.output.diagnosis import Level
 

@@ -167,6 +167,7 @@ def test_a_weight_over_position_is_no_abrupt_change(puma: Joint, share: float) -
         assert state.estimate[name].value == pytest.approx(getattr(machine, name), rel=0.12), name
 
 
+@pytest.mark.nightly
 def test_an_abrupt_change_under_a_weight_is_named(puma: Joint) -> None:
     """Issue 38: what the slips' places do not explain is a change all the same."""
     machine = replace(Machine.of(puma), gravity=0.5 * float(puma.friction.coulomb))

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from conftest import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from support import record
 
@@ -337,7 +338,7 @@ def test_stick_slip_ends_in_rest(puma: Joint) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@examples(8, 15)
 @given(data=st.data())
 def test_cycles_are_told_when_they_end(data: st.DataObject) -> None:
     """Issue 7: within 100 ms of the arrest where steps are fine, the same cycles as in hindsight, however batched."""

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import RECORDINGS, nightly, recording
-from hypothesis import given, settings
+from conftest import RECORDINGS, examples, nightly, recording
+from hypothesis import given
 from hypothesis import strategies as st
 from ordinary_days import DayTally, is_found, ordinary_day, watch_day
 from scipy.signal import lfilter, lsim, lti
@@ -104,7 +104,7 @@ def test_ordinary_days(days: int) -> None:
     assert known.right > 0.9 * known.judged
 
 
-@settings(max_examples=12)
+@examples(12, 30)
 @given(st.integers(0, 29), st.floats(0.0, 30.0), st.booleans())
 def test_where_a_recording_begins_does_not_matter(seed: int, later: float, with_reference: bool) -> None:
     """Found 2: begun later, what is found a few cycles after the beginning is the same."""

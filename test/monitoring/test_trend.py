@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import nightly
 from random_machines import CONDITIONS, Condition, MachineRecording, random_recording, to_and_fro
 
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -34,7 +35,7 @@ def learnt(condition: Condition, seed: int) -> tuple[MachineRecording, JointMoni
     return recording, monitor
 
 
-@pytest.mark.parametrize("seed", [20, 21, 22])
+@pytest.mark.parametrize("seed", [20, nightly(21), nightly(22)])
 def test_friction_that_drifts_is_known_as_it_is_at_the_end(seed: int) -> None:
     """Issue 18: what was learnt was the friction of the whole recording."""
     recording, monitor = learnt(CONDITIONS["drift"], seed)
@@ -64,7 +65,7 @@ def test_drift_and_load_are_told_apart() -> None:
         assert one.std < 0.03 * truth
 
 
-@pytest.mark.parametrize("seed", [20, 21])
+@pytest.mark.parametrize("seed", [20, nightly(21)])
 def test_friction_that_stays_has_no_trend(seed: int) -> None:
     """Nothing changes where nothing drifts."""
     _, monitor = learnt(CONDITIONS["base"], seed)

@@ -107,6 +107,7 @@ def test_verdict_is_that_of_the_worst_place(
     assert state.here.friction.stribeck / state.joint.friction.stribeck == pytest.approx(here, abs=0.06)
 
 
+@pytest.mark.nightly
 def test_smooth_folded_and_sticking_stretched_out() -> None:
     """Between the boundaries of both the verdict is stick-slip, as it is of the machine stretched out."""
     recording, _, estimate = learnt(ARM)
@@ -134,6 +135,7 @@ def test_advice_holds_at_the_worst_place(
             assert not sticks(best, tried, recording.speed)
 
 
+@pytest.mark.nightly
 def test_slope_over_the_load() -> None:
     """Both slopes are known with their errors: a tenth of the load, and that share of the Stribeck friction."""
     recording, _, estimate = learnt(ARM)
@@ -235,9 +237,9 @@ def test_what_was_not_seen_is_not_guessed() -> None:
     assert friction_factor.worst_position == position[-1]
 
 
-def test_what_varies_is_remembered() -> None:
+def test_what_varies_is_remembered(found: tuple[VaryingRecording, JointMonitor, FrictionEstimate]) -> None:
     """A state file holds it, and a slip that comes later is judged by it: no change of friction is claimed."""
-    recording, monitor, _ = learnt(ARM)
+    recording, monitor, _ = found
     memory = from_plain(LearnerMemory, json.loads(json.dumps(to_plain(monitor.learner.memory_of()))))
     assert memory.learnt is not None
     friction_factor = memory.learnt.estimate.friction_factor

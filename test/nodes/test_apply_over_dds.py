@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from nodes.forked_nodes import NodeProcess
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
-
-from stickslip_ros.cli.processes import NodeProcess
 
 CONTROLLER = "/simulated_joint"
 FAULTY = str(Path(__file__).with_name("faulty_joint.py"))

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import nightly
+from nodes.forked_nodes import NodeProcess
 from support_ros import Probe, probe
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import BagWriter
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES
@@ -134,7 +134,7 @@ def played_in_time(
     pytest.fail(f"what was played did not come in time {_ATTEMPTS} times")
 
 
-@pytest.mark.parametrize("count", [5, nightly(10)])
+@pytest.mark.parametrize("count", [3, nightly(10)])
 def test_random_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Path, count: int) -> None:
     """Issue 6, item 2: random recordings through DDS and from the file: identical cycles and statuses."""
     options = AnalysisOptions(parameters=Parameters({"learn": False}))

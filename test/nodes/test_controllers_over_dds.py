@@ -10,11 +10,10 @@ import time
 import pytest
 import yaml
 from conftest import ROOT
+from nodes.forked_nodes import NodeProcess
 from rcl_interfaces.srv import ListParameters
 from support_ros import Probe, probe
 from test_apply_over_dds import FAULTY
-
-from stickslip_ros.cli.processes import NodeProcess
 
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false"}
 SMOOTH = {"gains.joint1.p": 9000.0, "gains.joint1.d": 200.0}
@@ -39,7 +38,7 @@ def test_late_restarted_and_renamed(ros_domain: int) -> None:
         assert one.diagnostics["stickslip_monitor"][0] == b"\x01"
         with NodeProcess("simulated_joint", {}):
             one.wait(lambda: gains(one) == (630.0, 0.0), 15.0, "the late controller's gains")
-            assert controller(one) == "following /simulated_joint"
+            one.wait(lambda: controller(one) == "following /simulated_joint", 5.0, "the status of that")
             one.wait(lambda: one.diagnostics["stickslip_monitor"][0] == b"\x00", 5.0, "all well")
         one.wait(lambda: "waiting" in controller(one), 15.0, "the loss to be noticed")
         with NodeProcess("simulated_joint", SMOOTH):

@@ -8,10 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
+from nodes.forked_nodes import NodeProcess
 from sensor_msgs.msg import JointState
 from support_ros import probe
-
-from stickslip_ros.cli.processes import NodeProcess
 
 CONTROLLER = str(Path(__file__).parent / "effort_controller.py")
 DRIVE = {"command": "effort", "rate": 500.0, "encoder_resolution.joint1": 1e-5}

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 from cut_network import NO_RIGHT
+from nodes.forked_nodes import NodeProcess
 from support_ros import STALE, Probe, probe
-
-from stickslip_ros.cli.processes import NodeProcess
 
 
 def wait_for_stick_slip(one: Probe, joint: str) -> None:

@@ -8,10 +8,10 @@ import math
 import time
 
 import pytest
+from nodes.forked_nodes import NodeProcess
 from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.model.friction import Friction

@@ -16,6 +16,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from nodes.forked_nodes import NodeProcess
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rclpy.publisher import Publisher
@@ -25,7 +26,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from support_ros import ROOM, Probe, probe, staircase
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

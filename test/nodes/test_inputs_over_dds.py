@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import rclpy
 from conftest import nightly
+from nodes.forked_nodes import NodeProcess
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters
@@ -22,7 +23,6 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from support_ros import Probe, probe
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.settings.parameter_names import unknown_name
 
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false", "state_file": "none"}

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
+from nodes.forked_nodes import NodeProcess
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from support_ros import probe
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.nodes.speed_ladder import LadderNode, speed_ladder

@@ -20,12 +20,12 @@ import pytest
 from bags.browser import Page, browser
 from bokeh.document import Document
 from conftest import begun
+from nodes.forked_nodes import NodeProcess
 
 from stickslip_ros.cli.live_joint import Subject, cycle_duration, phase_loop, what_if
 from stickslip_ros.cli.live_listener import Snapshot
 from stickslip_ros.cli.live_page import LivePage, advice_text, joint_table
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.output.diagnosis import Level, value_text

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 
 import pytest
 from conftest import nightly, recording
+from nodes.forked_nodes import NodeProcess
 from support_ros import STALE, Probe, probe, staircase
 
 from stickslip_ros.bags.table import load_recording
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.conversion import table

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 from conftest import nightly
+from nodes.forked_nodes import NodeProcess
 from rclpy.task import Future
 from support_ros import Probe, probe
-
-from stickslip_ros.cli.processes import NodeProcess
 
 CONTROLLER, MONITOR = "/late", "/stickslip_monitor"
 LATE = str(Path(__file__).with_name("late_joint.py"))

@@ -5,10 +5,10 @@
 from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticArray
+from nodes.forked_nodes import NodeProcess
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from support_ros import probe
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.compensations import CompensationQuestion, compensation_advice

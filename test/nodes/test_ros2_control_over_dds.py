@@ -19,11 +19,11 @@ import pytest
 import yaml
 from builtin_interfaces.msg import Duration
 from conftest import ROOT
+from nodes.forked_nodes import NodeProcess
 from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.parent_death import die_with_parent
 
 EXAMPLE = ROOT / "examples" / "ros2_control"

@@ -10,10 +10,10 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
+from nodes.forked_nodes import NodeProcess
 from support_processes import processor_time
 from support_ros import probe
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.nodes.joints.scheduling import RoundRobin
 

@@ -17,9 +17,9 @@ from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from lifecycle_msgs.msg import Transition
+from nodes.forked_nodes import NodeProcess
 from support_ros import probe
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.nodes.joints.watched_joints import GainBounds
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings, settings_of

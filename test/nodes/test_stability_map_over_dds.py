@@ -7,11 +7,10 @@ from __future__ import annotations
 import io
 
 from matplotlib.image import imread
+from nodes.forked_nodes import NodeProcess
 from nodes.support_ros import Probe, probe
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage
-
-from stickslip_ros.cli.processes import NodeProcess
 
 KNOWN = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false", "controller": "/simulated_joint"}
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nodes.forked_nodes import NodeProcess
 from support_ros import Probe, play, probe, sticking_motion
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from nodes.forked_nodes import NodeProcess
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -18,7 +19,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from support_ros import STALE, Probe, play, probe, staircase
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.nodes.conversion import stamp
 
 OWN = "stickslip_monitor"

@@ -12,9 +12,9 @@ from typing import Any
 
 import yaml
 from conftest import ROOT
+from nodes.forked_nodes import NodeProcess
 from nodes.support_ros import Probe, probe
 
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.output.published import MARGIN_FIELDS
 
 VIEWS = ROOT / "config" / "views"

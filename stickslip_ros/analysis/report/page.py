@@ -47,12 +47,18 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
     OSError
         If it cannot be written.
     """
+    from bokeh.document import Document
     from bokeh.embed import components
     from bokeh.resources import Resources
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    script, divs = components(tuple(plot.figure for plot in plots)) if plots else ("", ())
+    figures, document = [plot.figure for plot in plots], Document()
+    # Once for all: each figure that is added alone has bokeh search all that were added before.
+    with document.models.freeze():
+        for figure in figures:
+            document.add_root(figure)
+    script, divs = components(figures) if plots else ("", ())
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if plots else ""
     folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
     scripts = ("page.js", own_script) if own_script else ("page.js",)
