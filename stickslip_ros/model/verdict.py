@@ -129,7 +129,9 @@ def verdict(
 
 def beyond_the_paper(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
     """Whether the five dimensionless groups do not tell the verdict, so that the joint is simulated in SI units."""
-    return bool(gains.integral != 0) or conditions.period > 0 or not joint.friction.rigid
+    if joint.transmission is not None or not joint.friction.rigid:
+        return True
+    return bool(gains.integral != 0) or conditions.period > 0
 
 
 def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:
