@@ -48,7 +48,7 @@ _FRICTION = [
     *PRESLIDING_PARAMETERS,
 ]
 _DEFAULTS = {"presliding_stiffness": math.inf}  # of what may be left out; 0 otherwise
-_NOTES = {"coulomb": "; it matters for hunting, reversals and compensation only"}
+_NOTES = {"coulomb": "; it matters for hunting, reversals, compensation and two masses only"}
 _CONTACT = "how a contact of finite presliding stiffness yields (default: the joint's, or elasto_plastic)"
 _SPRING = {
     "resonance": "frequency at which motor and load swing on the spring between them (default: they are rigid)",
@@ -301,7 +301,7 @@ def judged(joint: Joint, gains: Gains, *, coulomb: bool = False) -> str:
         f"k_p {float(gains.stiffness):.4g} N·m/rad",
         f"k_v {float(gains.damping):.4g} N·m·s/rad",
         *([f"k_i {float(gains.integral):.4g} N·m/(rad·s)"] if gains.integral else []),
-        *([f"Coulomb friction {float(friction.coulomb):.4g} N·m"] if coulomb else []),
+        *([f"Coulomb friction {float(friction.coulomb):.4g} N·m"] if coulomb or joint.transmission else []),
         f"Stribeck friction {float(friction.stribeck):.4g} N·m at {float(friction.stribeck_velocity):.4g} rad/s",
         f"lag {float(friction.lag):.4g} s",
         f"rise time {float(friction.rise_time):.4g} s",

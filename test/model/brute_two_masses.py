@@ -38,9 +38,10 @@ class RandomJoint:
 
     @property
     def start(self) -> float:
-        """Where the reference begins, so that the joint breaks away soon [rad]."""
+        """Where the reference begins, so that the joint breaks away at once [rad]."""
         friction = self.joint.friction
-        return (float(friction.coulomb) + 0.95 * float(friction.stribeck)) / float(self.gains.stiffness)
+        force = float(friction.coulomb) + (1.0 + 1e-9) * float(friction.stribeck)
+        return (force - float(self.gains.damping) * self.velocity) / float(self.gains.stiffness)
 
 
 def random_joint(rng: np.random.Generator, encoder: str, damping: tuple[float, float] = (0.0, 0.1)) -> RandomJoint:
@@ -167,6 +168,6 @@ def outcome(one: RandomJoint, periods: float = 40.0) -> Outcome | None:
         departure[(steps[:, 0] > low * duration) & (steps[:, 0] <= high * duration)].max()
         for low, high in ((0.4, 0.6), (0.8, 1.0))
     )
-    if after <= 0.1 and after <= before:
+    if after <= 0.1 and after <= max(before, 1e-6):
         return Outcome.STEADY
     return Outcome.SWINGS if 0.9 < after / before < 1.1 else None
