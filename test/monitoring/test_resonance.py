@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import nightly
+from random_joints import random_recording
 
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission
@@ -19,6 +20,7 @@ from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop, bounds_at, criterion_for
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
 
 pytestmark = pytest.mark.slow
 
@@ -141,3 +143,18 @@ def test_eq_43_is_not_of_two_masses(puma: Joint) -> None:
     """Advice by the paper's condition is by integration there."""
     assert criterion_for(replace(puma, transmission=SPRING), Criterion.PAPER) is Criterion.EXACT
     assert criterion_for(puma, Criterion.PAPER) is Criterion.PAPER
+
+
+def test_a_learnt_joint_keeps_the_configured_spring() -> None:
+    """No slip shows it; the monitor's advice takes it from the joint's file."""
+    recording = random_recording(3)
+    spring = Transmission(resonance=30.0, antiresonance=20.0, encoder="load")
+    monitor = JointMonitor(replace(recording.joint, transmission=spring), recording.gains, studies_at_once=True)
+    monitor.process(recording.batch)
+    monitor.finish()
+    found = monitor.assessment()
+    assert found.joint is not None
+    assert found.uncertainty is not None
+    assert found.joint.transmission == spring
+    assert found.recommendation is not None
+    assert "resonance at 30 Hz, which damping above" in found.recommendation.resonance
