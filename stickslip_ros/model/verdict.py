@@ -95,8 +95,8 @@ def verdict(
 
     Parameters
     ----------
-    conditions : load, sampled control; with them or integral action the joint is simulated in SI units, which
-        takes up to seconds; in the paper's case milliseconds.
+    conditions : load, sampled control; with them, integral action or two masses the joint is simulated in SI units,
+        which takes up to seconds; in the paper's case milliseconds.
     detail : what is not wanted is NaN.
     """
     conditions = (conditions or OperatingConditions()).at_constant_speed
