@@ -19,14 +19,23 @@ from rich.table import Table
 
 from stickslip_ros.cli.options import add_flag, add_json, add_number
 from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
+from stickslip_ros.cli.without_effect import Need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.controlled import HUNTING, OperatingConditions
-from stickslip_ros.model.friction import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS, Friction, Gains, Joint
+from stickslip_ros.model.friction import (
+    FRICTION_PARAMETERS,
+    PRESLIDING_PARAMETERS,
+    Friction,
+    Gains,
+    Joint,
+    Transmission,
+)
 from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness
 from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.model.transmission import SIDES
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.output.as_json import json_text, margin_json
 from stickslip_ros.output.published import number, numbers
@@ -39,8 +48,13 @@ _FRICTION = [
     *PRESLIDING_PARAMETERS,
 ]
 _DEFAULTS = {"presliding_stiffness": math.inf}  # of what may be left out; 0 otherwise
-_NOTES = {"coulomb": "; it matters for hunting, reversals and compensation only"}
+_NOTES = {"coulomb": "; it matters for hunting, reversals, compensation and two masses only"}
 _CONTACT = "how a contact of finite presliding stiffness yields (default: the joint's, or elasto_plastic)"
+_SPRING = {
+    "resonance": "frequency at which motor and load swing on the spring between them (default: they are rigid)",
+    "antiresonance": "frequency at which the load swings while the motor is held",
+    "spring_damping": "damping ratio of the load on that spring (default: 0.02)",
+}
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
 _WORTH_TELLING = 1e3  # a factor on a gain or the speed that somebody might set
@@ -89,6 +103,10 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
         add_number(parser, f"--{one.name.replace('_', '-')}", "X", text)
     parser.add_argument("--law", choices=list(LAWS), help=_LAW)
     parser.add_argument("--contact", choices=list(CONTACTS), help=_CONTACT)
+    for name, text in _SPRING.items():
+        unit = unit_of(Transmission, name)
+        add_number(parser, f"--{name.replace('_', '-')}", "X", f"{text} [{unit}]")
+    parser.add_argument("--encoder", choices=SIDES, help="side of that spring that is measured (default: motor)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -151,6 +169,7 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     joint = Joint(
         inertia=value("inertia", known.joint.inertia if known else None),
         friction=Friction(**friction, law=law, contact=contact),
+        transmission=_transmission(options, known),
     )
     gains = Gains(
         stiffness=value("stiffness", known.gains.stiffness if known else None),
@@ -163,6 +182,19 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     if abs(velocity) > _FASTEST:
         raise InvalidParameterError("--velocity", f"at most {_FASTEST:g} rad/s", velocity)
     return joint, gains, velocity
+
+
+def _transmission(options: argparse.Namespace, known: KnownJoint | None) -> Transmission | None:
+    before = None if known is None else known.joint.transmission
+    values = {name: getattr(options, name) for name in (*_SPRING, "encoder") if getattr(options, name) is not None}
+    needed = () if before is not None else ("resonance", "antiresonance")
+    both = Need(
+        options=tuple(values),
+        met=all(name in values for name in needed),
+        text="--resonance and --antiresonance, or a --model that has them",
+    )
+    refuse_without_effect(options, [both])
+    return Transmission.given({**({} if before is None else vars(before)), **values})
 
 
 def _hunting(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dict[str, Any]:
@@ -269,12 +301,13 @@ def judged(joint: Joint, gains: Gains, *, coulomb: bool = False) -> str:
         f"k_p {float(gains.stiffness):.4g} N·m/rad",
         f"k_v {float(gains.damping):.4g} N·m·s/rad",
         *([f"k_i {float(gains.integral):.4g} N·m/(rad·s)"] if gains.integral else []),
-        *([f"Coulomb friction {float(friction.coulomb):.4g} N·m"] if coulomb else []),
+        *([f"Coulomb friction {float(friction.coulomb):.4g} N·m"] if coulomb or joint.transmission else []),
         f"Stribeck friction {float(friction.stribeck):.4g} N·m at {float(friction.stribeck_velocity):.4g} rad/s",
         f"lag {float(friction.lag):.4g} s",
         f"rise time {float(friction.rise_time):.4g} s",
         f"viscous {float(friction.viscous):.4g} N·m·s/rad",
         *([] if friction.rigid else [f"presliding stiffness {float(friction.presliding_stiffness):.4g} N·m/rad"]),
+        *([] if joint.transmission is None else [joint.transmission.in_words]),
         *([] if friction.of_the_paper else [f"law {friction.law_in_words}"]),
     ]
     return f"Joint: {', '.join(parts)}."

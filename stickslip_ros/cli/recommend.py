@@ -301,6 +301,8 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -
         )
     elif first.found and advice.slowest_smooth_velocity == 0:
         console.print("With these gains the joint moves smoothly at every speed.")
+    if advice.resonance:
+        console.print(f"{advice.resonance[0].upper()}{advice.resonance[1:]}.")
     mechanics = in_words(tuple(found))
     if mechanics:
         console.print(f"{mechanics}.")

@@ -40,13 +40,17 @@ from stickslip_ros.model._plant_state import (
     LAG,
     LEVEL,
     LOAD,
+    LOAD_POSITION,
+    LOAD_VELOCITY,
     MEASURED,
+    ON_LOAD,
     POSITION,
     PRESLIDING_STIFFNESS,
     PUSH,
     RESOLUTION,
     RISE_TIME,
     SPEED,
+    SPRING,
     STIFFNESS,
     STRIBECK,
     TIME,
@@ -62,6 +66,7 @@ from stickslip_ros.model._plant_state import (
     risen_level,
     shape,
 )
+from stickslip_ros.model._two_mass_kernel import swing_until
 
 _MOST_EVENTS = 64  # events in one sampling period, 1
 
@@ -157,6 +162,10 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
     if contact == CREEPING:
         return creep_until(
             period_end, reference_now, velocity_d, state, history, parameters, delayed, room, events, count
+        )
+    if parameters[SPRING] > 0.0:
+        return swing_until(
+            period_end, reference_now, velocity_d, step, state, history, parameters, delayed, room, events, count
         )
     longest = min(step, parameters[LAG]) if delayed else step
     before, period_start = count, state[TIME]
@@ -262,6 +271,9 @@ def advance(
     controller applies one period later, and the controller's own integral, position and speed.
     """
     plant = parameters.copy()
+    seen, seen_velocity = POSITION, VELOCITY
+    if parameters[ON_LOAD] > 0.0:
+        seen, seen_velocity = LOAD_POSITION, LOAD_VELOCITY
     if sampled:
         plant[STIFFNESS] = plant[DAMPING] = plant[INTEGRAL_GAIN] = 0.0
     count = np.int64(0)
@@ -270,13 +282,13 @@ def advance(
         reference, velocity_d = references[i], reference_velocities[i]
         effort = added[i]
         if compensation[FILTER] > 0.0:
-            effort += _compensating(origin + i * period, reference, state[POSITION], period, compensation, held)
+            effort += _compensating(origin + i * period, reference, state[seen], period, compensation, held)
         if sampled:
-            error = reference - state[POSITION]
+            error = reference - state[seen]
             held[ERROR_INTEGRAL] += error * period
             effort += (
                 parameters[STIFFNESS] * error
-                + parameters[DAMPING] * (velocity_d - state[VELOCITY])
+                + parameters[DAMPING] * (velocity_d - state[seen_velocity])
                 + parameters[INTEGRAL_GAIN] * held[ERROR_INTEGRAL]
             )
         applied = held[EFFORT] if delayed else effort
@@ -285,11 +297,11 @@ def advance(
         count = advance_period(
             state, history, plant, step, origin + (i + 1) * period, reference, velocity_d, workspace, events, count
         )
-        samples[i, 0] = state[POSITION]
-        samples[i, 1] = state[VELOCITY]
+        samples[i, 0] = state[seen]
+        samples[i, 1] = state[seen_velocity]
         samples[i, 2] = applied
         if not sampled:
             samples[i, 2] += control(
-                state[POSITION], state[VELOCITY], state[INTEGRAL], reference + velocity_d * period, velocity_d, plant
+                state[seen], state[seen_velocity], state[INTEGRAL], reference + velocity_d * period, velocity_d, plant
             )
     return count

@@ -10,17 +10,19 @@ from stickslip_ros.model._friction_law import RIGID
 
 # Indices of the state vector. DEFLECTION is of the contact, STEP the integration's last one where it chooses them.
 # A slip begins at SLIP_FROM; while it is PENDING it may come to nothing, and the rest of REST_TIME, REST_LEVEL goes on.
+# Of two masses on a spring the motor's are POSITION and VELOCITY; a rigid joint has nothing at the load's.
 (
     TIME, POSITION, VELOCITY, INTEGRAL, DIRECTION, EVENT_TIME, LEVEL, HISTORY_HEAD, HISTORY_COUNT, HISTORY_CURSOR,
-    DEFLECTION, STEP, SLIP_FROM, PENDING, REST_TIME, REST_LEVEL,
-) = range(16)  # fmt: skip
-STATE_SIZE = REST_LEVEL + 1
-# Indices of the parameter vector: the parameters in the order of the table in `friction`, then all else.
+    DEFLECTION, STEP, SLIP_FROM, PENDING, REST_TIME, REST_LEVEL, LOAD_POSITION, LOAD_VELOCITY,
+) = range(18)  # fmt: skip
+STATE_SIZE = LOAD_VELOCITY + 1
+# Indices of the parameter vector: the parameters in the order of the table in `friction`, then all else. INERTIA is the
+# motor's where there is a SPRING, of stiffness 0 where there is none. ON_LOAD: 1 where the load is what is measured.
 (
     INERTIA, COULOMB, VISCOUS, STRIBECK, STRIBECK_VELOCITY, LAG, RISE_TIME, PRESLIDING_STIFFNESS, PRESLIDING_DAMPING,
-    LAW, CONTACT, STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD,
-) = range(15)  # fmt: skip
-PARAMETERS_SIZE = LOAD + 1
+    LAW, CONTACT, STIFFNESS, DAMPING, INTEGRAL_GAIN, LOAD, LOAD_INERTIA, SPRING, SPRING_DAMPING, ON_LOAD,
+) = range(19)  # fmt: skip
+PARAMETERS_SIZE = ON_LOAD + 1
 # What a controller holds from one period to the next.
 EFFORT, ERROR_INTEGRAL, MEASURED, SPEED = range(4)
 # A friction compensation; FILTER is the share of a new speed in the filtered one, 0 where nothing is compensated.

@@ -83,9 +83,9 @@ def controlled_course(
     if compensation is not None and compensation.dither > 0:
         return _dithered_course(joint, gains, speed, conditions, period, natural)
     compensated = compensation is not None and compensation.by_motion
-    # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes; and a contact
-    # that gives way does so by all that it holds, Coulomb friction too: that does not cancel.
-    whole = compensated or not friction.rigid
+    # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes; a contact that
+    # gives way does so by all that it holds, and a load that rings pulls either way: there it does not cancel.
+    whole = compensated or not friction.rigid or joint.transmission is not None
     coulomb = float(friction.coulomb) if whole else _COULOMB * float(friction.stribeck)
     # Breakaway is at hand: the spring already carries all that static friction can hold, and what is constant is
     # carried by the integral, if there is one.

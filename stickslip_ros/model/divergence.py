@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.loop_modes import loop_matrix
 
 UNSTABLE = "the loop is unstable: its motion grows without end"
 
 _FAR = 30.0  # distance, of what the joint has to do with and what friction holds: a joint so far off runs away
 # Excess of an eigenvalue's magnitude over 1, 1: what rounding makes of a mode that neither grows nor decays.
 _ON_THE_CIRCLE = 1e-9
-_SMALL = 1e-4  # decay in a period, 1: below it the series is exact to rounding
 
 
 class UnstableLoopError(StickSlipError):
@@ -36,16 +36,18 @@ class UnstableLoopError(StickSlipError):
 def loop_is_unstable(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
     """Whether the linear loop, viscous friction in it and no other, has a mode that grows; scalars only.
 
-    With continuous control the roots of M s³ + (k_v + F_v) s² + k_p s + k_i, by Routh, F_v less what an actuation delay
-    takes off; with sampled control the eigenvalues of what a controller period does to position, velocity, integral and
-    the effort that waits.
+    With continuous control of a rigid joint the roots of M s³ + (k_v + F_v) s² + k_p s + k_i, by Routh, F_v less what
+    an actuation delay takes off; otherwise the eigenvalues of :mod:`stickslip_ros.model.loop_modes`.
     """
-    inertia, stiffness, integral = float(joint.inertia), float(gains.stiffness), float(gains.integral)
-    if conditions.controller_period > 0:
-        period = _period_of_the_loop(joint, gains, conditions)
-        if not np.isfinite(period).all():
+    if conditions.controller_period > 0 or joint.transmission is not None:
+        loop = loop_matrix(joint, gains, conditions)
+        if not np.isfinite(loop).all():
             return True
-        return bool(np.abs(np.linalg.eigvals(period)).max() > 1.0 + _ON_THE_CIRCLE)
+        modes = np.linalg.eigvals(loop)
+        if conditions.controller_period > 0:
+            return bool(np.abs(modes).max() > 1.0 + _ON_THE_CIRCLE)
+        return bool(modes.real.max() > _ON_THE_CIRCLE * np.abs(modes).max())
+    inertia, stiffness, integral = float(joint.inertia), float(gains.stiffness), float(gains.integral)
     damping = float(joint.total_damping(gains))
     return damping < 0 or stiffness < 0 or integral < 0 or damping * stiffness < inertia * integral
 
@@ -64,29 +66,3 @@ def runs_away(
         return True
     held = float(joint.friction.coulomb) + float(joint.friction.stribeck) + abs(conditions.load)
     return furthest > _FAR * (reach + held / abs(float(gains.stiffness))) and loop_is_unstable(joint, gains, conditions)
-
-
-def _period_of_the_loop(joint: Joint, gains: Gains, conditions: OperatingConditions) -> NDArray[np.float64]:
-    """What one period of a sampled controller does to position, velocity, integral and the effort held back."""
-    inertia, period = float(joint.inertia), float(conditions.controller_period)
-    decay = float(joint.friction.viscous) / inertia
-    fallen = -math.expm1(-decay * period)
-    # What is left of a velocity, how far it leads, and the same of an effort that is held.
-    if decay * period < _SMALL:
-        led, gone = period, 0.5 * period**2
-    else:
-        led = fallen / decay
-        gone = (period - led) / decay
-    effort = np.array(
-        [
-            -float(gains.stiffness) - float(gains.integral) * period,
-            -float(gains.damping),
-            float(gains.integral),
-            0.0,
-        ]
-    )
-    applied = np.array([0.0, 0.0, 0.0, 1.0]) if conditions.control_delay else effort
-    free = np.array([[1.0, led, 0.0, 0.0], [0.0, 1.0 - fallen, 0.0, 0.0], [-period, 0.0, 1.0, 0.0], np.zeros(4)])
-    found = free + np.outer([gone / inertia, led / inertia, 0.0, 0.0], applied)
-    found[3] = effort if conditions.control_delay else 0.0
-    return found

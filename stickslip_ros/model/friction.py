@@ -30,6 +30,7 @@ from stickslip_ros.model._friction_law import (
 )
 from stickslip_ros.model._friction_law import Real as Real
 from stickslip_ros.model._validation import require_not_negative, require_positive, require_positive_or_infinite
+from stickslip_ros.model.transmission import Transmission as Transmission
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +193,7 @@ class Joint:
     ----------
     inertia : M [kg·m²], float or array.
     friction : the friction law's parameters.
+    transmission : spring between motor and load; None for a rigid joint.
     actuation_delay : τ_d [s], float or array, by which the force acts late; to the first order it takes k_p τ_d of the
         damping away. Where a controller's period is stated, that delays the force instead, see
         :class:`stickslip_ros.model.conditions.OperatingConditions`.
@@ -199,16 +201,21 @@ class Joint:
     Raises
     ------
     InvalidParameterError
-        If the inertia is not finite and > 0, or the delay is not finite or negative.
+        If the inertia is not finite and > 0, or the delay is not finite or negative, or a contact that creeps
+        ("lugre") is given with a transmission.
     """
 
     inertia: Real = field(metadata=_unit("inertia"))
     friction: Friction
+    transmission: Transmission | None = None
     actuation_delay: Real = field(default=0.0, metadata={"unit": "s"})
 
     def __post_init__(self) -> None:
         INERTIA.require("inertia", self.inertia)
         require_not_negative("actuation_delay", self.actuation_delay)
+        if self.transmission is not None and not self.friction.rigid and self.friction.contact != ELASTO_PLASTIC:
+            requirement = f"{ELASTO_PLASTIC} where there is a resonance"
+            raise InvalidParameterError("contact", requirement, self.friction.contact)
 
     @property
     def numbers(self) -> dict[str, Real]:

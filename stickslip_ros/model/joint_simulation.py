@@ -148,7 +148,7 @@ class JointSimulation:
         self.compensation = compensation
         self.gains = gains
         self._state = np.zeros(at.STATE_SIZE)
-        self._state[at.POSITION] = position
+        self._state[at.POSITION] = self._state[at.LOAD_POSITION] = position
         self._state[at.INTEGRAL] = error_integral
         self._state[at.LEVEL] = float(joint.friction.stribeck)
         self._history = np.zeros((0, 3))
@@ -200,7 +200,7 @@ class JointSimulation:
 
     @property
     def position(self) -> float:
-        """Position [rad]."""
+        """Position of the motor [rad]."""
         return float(self._state[at.POSITION])
 
     @property
@@ -261,7 +261,7 @@ class JointSimulation:
         )
 
     def _parameters(self) -> NDArray[np.float64]:
-        friction, gains = self.joint.friction, self._gains
+        friction, gains, transmission = self.joint.friction, self._gains, self.joint.transmission
         parameters = np.empty(at.PARAMETERS_SIZE)
         parameters[at.INERTIA] = self.joint.inertia
         parameters[at.COULOMB] = friction.coulomb
@@ -280,6 +280,12 @@ class JointSimulation:
             parameters[at.DAMPING] -= gains.stiffness * self.joint.actuation_delay
         parameters[at.INTEGRAL_GAIN] = gains.integral
         parameters[at.LOAD] = self.load
+        parameters[at.LOAD_INERTIA :] = 0.0
+        if transmission is not None:
+            inertia = float(self.joint.inertia)
+            parameters[at.INERTIA], parameters[at.LOAD_INERTIA] = transmission.masses(inertia)
+            parameters[at.SPRING], parameters[at.SPRING_DAMPING] = transmission.spring(inertia)
+            parameters[at.ON_LOAD] = transmission.on_load
         return parameters
 
     @property
@@ -303,6 +309,12 @@ class JointSimulation:
         inertia = parameters[at.INERTIA]
         frequency = math.sqrt(abs(parameters[at.STIFFNESS]) / inertia)
         decay = abs(parameters[at.DAMPING] + parameters[at.VISCOUS]) / inertia
+        if parameters[at.SPRING] > 0:
+            # No mode is faster than the sum of all that springs do to the motor and to the load.
+            each = 1.0 / inertia + 1.0 / parameters[at.LOAD_INERTIA]
+            contact = parameters[at.PRESLIDING_STIFFNESS] / inertia
+            frequency = math.sqrt(frequency**2 + parameters[at.SPRING] * each + contact)
+            decay += parameters[at.SPRING_DAMPING] * each + parameters[at.PRESLIDING_DAMPING] / inertia
         # The kernel's steps end with the sampling periods and are no longer than the lag.
         return float(1.0 / (_STEPS_PER_RADIAN * max(frequency, decay, 1e-9)))
 

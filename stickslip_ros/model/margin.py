@@ -96,6 +96,8 @@ def _reasons(joint: Joint, groups: DimensionlessGroups, gains: Gains, velocity: 
     )
     if groups.law != PAPERS_LAW:
         mark(True, f"it is of the paper's friction law ({PAPERS_LAW}), and this joint's is {groups.law}")
+    if joint.transmission is not None:
+        mark(True, f"it is of a rigid joint, and this one has a resonance at {joint.transmission.resonance:.4g} Hz")
     soft = ~(np.asarray(joint.friction.presliding_stiffness) >= _STIFF_CONTACT * np.abs(np.asarray(gains.stiffness)))
     mark(
         soft, f"the contact gives way before it breaks: its presliding stiffness is below {_STIFF_CONTACT:g} times k_p"

@@ -95,8 +95,8 @@ def verdict(
 
     Parameters
     ----------
-    conditions : load, sampled control; with them or integral action the joint is simulated in SI units, which
-        takes up to seconds; in the paper's case milliseconds.
+    conditions : load, sampled control; with them, integral action or two masses the joint is simulated in SI units,
+        which takes up to seconds; in the paper's case milliseconds.
     detail : what is not wanted is NaN.
     """
     conditions = (conditions or OperatingConditions()).at_constant_speed
@@ -129,7 +129,9 @@ def verdict(
 
 def beyond_the_paper(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
     """Whether the five dimensionless groups do not tell the verdict, so that the joint is simulated in SI units."""
-    return bool(gains.integral != 0) or conditions.period > 0 or not joint.friction.rigid
+    if joint.transmission is not None or not joint.friction.rigid:
+        return True
+    return bool(gains.integral != 0) or conditions.period > 0
 
 
 def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:

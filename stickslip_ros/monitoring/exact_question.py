@@ -59,7 +59,10 @@ class ExactQuestion:
     def verdict(self) -> ExactVerdict:
         """The answer, worked out."""
         answer = verdict(self.joint, self.gains, self.speed, self.conditions)
-        if self.uncertainty is None or answer.smooth is None or self.conditions.controller_period > 0:
+        if self.uncertainty is None or answer.smooth is None:
+            return answer
+        # Draws are integrated as rigid joints under continuous control.
+        if self.conditions.controller_period > 0 or self.joint.transmission is not None:
             return answer
         probability = stick_slip_probability(self.uncertainty, self.gains, self.speed)
         return replace(answer, stick_slip_probability=probability)

@@ -96,7 +96,8 @@ class Identification:
         inertia = values.pop("inertia")
         numbers = {name: max(value, 0.0) for name, value in values.items()}
         friction = Friction(stribeck=numbers["stribeck"], stribeck_velocity=numbers["stribeck_velocity"])
-        return Joint(inertia=inertia, friction=friction.changed(numbers))
+        transmission = None if prior is None else prior.transmission
+        return Joint(inertia=inertia, friction=friction.changed(numbers), transmission=transmission)
 
 
 def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> Identification:

@@ -121,6 +121,9 @@ def select_model(
     if estimate is not None and estimate.usable:
         selected = _learnt(estimate, gains)
         if selected is not None:
+            if configured is not None:
+                joint = replace(selected.joint, transmission=configured.transmission)
+                selected = replace(selected, joint=joint)
             return replace(selected, no_advice=_why_no_advice(estimate, factors=selected.per_inertia)), ""
         if configured is None:
             return None, "the controller's gains are unknown, and the effort does not show them"

@@ -70,6 +70,7 @@ def each_number(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
     return Joint(
         inertia=change(joint.inertia),
         friction=joint.friction.changed(values),
+        transmission=joint.transmission,
         actuation_delay=change(joint.actuation_delay),
     )
 

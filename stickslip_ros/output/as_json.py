@@ -74,6 +74,7 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
             "best_damping": None if best is None else number(best.damping),
             "best_reserve": number(obstruction.reserve),
         },
+        "resonance": advice.resonance or None,
         "sensitivities": {one.parameter: numbers(one, "elasticity", "factor") for one in found},
     }
 

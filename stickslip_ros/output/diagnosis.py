@@ -227,6 +227,8 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
         name = variant.kind.value
         values.append((f"advice, {name.replace('_', ' ')}", variant.reason))
         values += (published.ADVISED_GAINS if known else published.ADVISED_FACTORS).for_diagnostics(variant, f"{name} ")
+    if advice.recommendation.resonance:
+        values.append(("advice, gains that excite", advice.recommendation.resonance))
     obstruction = advice.recommendation.obstruction
     if obstruction is not None:
         values.append(("advice, bounds in the way", ", ".join(obstruction.bounds)))

@@ -7,11 +7,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.friction import FRICTION_PARAMETERS, INERTIA, PRESLIDING_PARAMETERS, Friction, Joint
+from stickslip_ros.model.friction import (
+    FRICTION_PARAMETERS,
+    INERTIA,
+    PRESLIDING_PARAMETERS,
+    Friction,
+    Joint,
+    Transmission,
+)
 from stickslip_ros.model.units import in_ascii
 
 _BEFORE = "believed "
 _DELAY = f"{_BEFORE}actuation_delay [s]"
+_SPRING = {
+    "resonance": f"{_BEFORE}resonance [Hz]",
+    "antiresonance": f"{_BEFORE}antiresonance [Hz]",
+    "spring_damping": f"{_BEFORE}spring_damping [1]",
+    "encoder": f"{_BEFORE}encoder",
+}
 _LAW, _CONTACT = f"{_BEFORE}law", f"{_BEFORE}contact"
 
 
@@ -23,6 +36,8 @@ def joint_values(joint: Joint) -> list[tuple[str, object]]:
     values += [(_key(one.name, one.unit), float(getattr(friction, one.name))) for one in parameters]
     if joint.actuation_delay:
         values.append((_DELAY, float(joint.actuation_delay)))
+    if joint.transmission is not None:
+        values += [(key, getattr(joint.transmission, name)) for name, key in _SPRING.items()]
     return [*values, (_LAW, friction.law), *([] if friction.rigid else [(_CONTACT, friction.contact)])]
 
 
@@ -40,7 +55,12 @@ def published_joint(values: Mapping[str, str]) -> Joint | None:
     try:
         numbers = {name: float(text) for name, text in texts.items()}
         friction = Friction(**numbers, **words)  # type: ignore[arg-type]
-        return Joint(inertia=float(inertia), friction=friction, actuation_delay=float(values.get(_DELAY, 0.0)))
+        return Joint(
+            inertia=float(inertia),
+            friction=friction,
+            transmission=Transmission.given({name: values.get(key) for name, key in _SPRING.items()}),
+            actuation_delay=float(values.get(_DELAY, 0.0)),
+        )
     except (InvalidParameterError, TypeError, ValueError):
         return None
 

@@ -73,6 +73,8 @@ def map_figure(subject: MapSubject, computed: ExtinctionMap, *, name: str = "sta
         notes += f"Eq. (43) is not applicable to the friction law of the joint, {subject.joint.friction.law_in_words}."
         if not subject.joint.friction.rigid:
             notes += " The map is of the same joint without presliding."
+    if subject.joint.transmission is not None:
+        notes += " The map is of a rigid joint, without the spring between motor and load."
     unknown = ", gives no answer (grey)" if computed.unknown.any() else ""
     note = "There is no operating point: it needs a speed and a stiffness."
     panels = [_panel(subject, computed, "now", subject.gains)]

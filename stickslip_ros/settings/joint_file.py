@@ -17,6 +17,7 @@ from stickslip_ros.model.friction import (
     FrictionParameter,
     Gains,
     Joint,
+    Transmission,
 )
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
@@ -48,7 +49,10 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     lines.append(f"name: {name}")
     if found.per_inertia:
         lines.append("per_inertia: true".ljust(_WIDTH) + "# the gains were not known; all is over the inertia")
-    lines += [line(INERTIA, float(joint.inertia)), "friction:"]
+    lines.append(line(INERTIA, float(joint.inertia)))
+    if joint.transmission is not None:
+        lines += _of_the_spring(joint.transmission)
+    lines.append("friction:")
     rows = list(FRICTION_PARAMETERS)
     if joint.friction.law != PAPERS_LAW:
         lines.append(f"  law: {joint.friction.law}")
@@ -66,6 +70,16 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     lines.append(f"encoder_resolution: {found.resolution:.6g}".ljust(_WIDTH) + "# rad")
     lines.append(f"assumed: [{', '.join(assumed)}]")
     return "\n".join(lines) + "\n"
+
+
+def _of_the_spring(transmission: Transmission) -> list[str]:
+    """Resonance and antiresonance, which no slips show, as they were given."""
+    numbers = ("resonance", "antiresonance", "spring_damping")
+    lines = [
+        f"{name}: {getattr(transmission, name):.6g}".ljust(_WIDTH) + f"# {unit_of(Transmission, name)}, given"
+        for name in numbers
+    ]
+    return [*lines, f"encoder: {transmission.encoder}".ljust(_WIDTH) + "# side of the spring, given"]
 
 
 def _seen(presliding: PreslidingEstimate) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from stickslip_ros.errors import InvalidParameterError, JointFileError, UnknownJointError, reason
 from stickslip_ros.model._validation import require_finite, require_not_negative
-from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission
 from stickslip_ros.regular_files import read_yaml
 
 _PACKAGE = "stickslip_ros"
@@ -102,7 +102,8 @@ def _explain(error: Exception) -> str:
 def _parse(content: Any) -> KnownJoint:
     if not isinstance(content, dict):
         raise TypeError("must be a mapping with name, inertia, friction and gains")
-    _refuse_unknown(content, {*(entry.name for entry in fields(KnownJoint)), "inertia", "friction"} - {"joint"})
+    names = {entry.name for one in (KnownJoint, Transmission) for entry in fields(one)}
+    _refuse_unknown(content, (names | {"inertia", "friction"}) - {"joint"})
     friction, gains = content["friction"], content["gains"]
     _refuse_unknown(friction, {entry.name for entry in fields(Friction)})
     _refuse_unknown(gains, {entry.name for entry in fields(Gains)})
@@ -111,6 +112,7 @@ def _parse(content: Any) -> KnownJoint:
         joint=Joint(
             inertia=float(content["inertia"]),
             friction=_friction(friction),
+            transmission=Transmission.given(content),
         ),
         gains=Gains(**{key: float(value) for key, value in gains.items()}),
         velocity=float(content.get("velocity", 0.0)),

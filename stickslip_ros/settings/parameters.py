@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, TypeVar
 
@@ -173,7 +173,8 @@ def _joint(name: str, values: ParameterValues) -> Joint | None:
     friction = {key: values.number_if_set(f"friction.{name}.{key}") for key in _FRICTION}
     given = {key: number for key, number in friction.items() if number is not None}
     if known is not None:
-        return Joint(
+        return replace(
+            known.joint,
             inertia=known.joint.inertia if inertia is None else inertia,
             friction=known.joint.friction.changed(given),
         )

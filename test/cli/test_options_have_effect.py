@@ -37,6 +37,7 @@ class Row:
 
 
 _SOFT = ("--presliding-stiffness=1e5",)
+_SPRING = ("--resonance=100", "--antiresonance=50")
 _ADVISED = ("--model=puma560_joint1",)
 _JOINT = {
     "--model": Row(("puma560_joint1", "erob80_100")),
@@ -46,6 +47,9 @@ _JOINT = {
     "--rise-time": Row(("0.1", "1")), "--viscous": Row(("1", "9")), "--law": Row(("hess_soom", "exponential")),
     "--presliding-stiffness": Row(("1e5", "inf")), "--presliding-damping": Row(("0", "500"), _SOFT),
     "--contact": Row(("elasto_plastic", "lugre"), _SOFT),
+    "--resonance": Row(("90", "100"), _SPRING[1:]),
+    "--antiresonance": Row(("50", "60"), (*_SPRING[:1], "--encoder=load")),
+    "--spring-damping": Row(("0.01", "0.3"), _SPRING), "--encoder": Row(("motor", "load"), _SPRING),
 }  # fmt: skip
 ROWS: dict[str, dict[str, Row]] = {
     "reversal": {

@@ -18,6 +18,7 @@ from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.monitoring.advice.resonance import damping_limits
 from stickslip_ros.monitoring.samples import FloatArray
 
 Value = TypeVar("Value")
@@ -40,8 +41,8 @@ class Criterion(str, Enum):
 
 
 def criterion_for(joint: Joint, condition: Criterion) -> Criterion:
-    """The condition that can be answered of a joint: the exact one where the friction law is not that of Eq. (43)."""
-    return condition if joint.friction.of_the_paper else Criterion.EXACT
+    """The condition that can be answered of a joint: the exact one where Eq. (43) is not of that joint."""
+    return condition if joint.friction.of_the_paper and joint.transmission is None else Criterion.EXACT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +60,8 @@ class AdviceLimits:
     stiffness_range, damping_range : least and largest gain [N·m/rad], [N·m·s/rad].
     damping_ratio_range : least and largest damping ratio ρ. With less than a tenth a joint that does not stick rings
         for many periods after every disturbance, and all but stops in each.
-    bandwidth : largest crossover frequency of the position loop [rad/s].
+    bandwidth : largest crossover frequency of the position loop [rad/s]; infinite: the resonance, where the
+        joint has one, unless the present gains have more.
     samples_per_period : the controller shall act so often in a period of the crossover frequency.
     effort : largest |effort| that position and velocity error of now may ask for [N·m].
 
@@ -140,7 +142,12 @@ LIMIT_OPTIONS = (
     LimitOption(
         "largest_damping_ratio", "damping_ratio_max", "largest damping ratio to advise", "damping_ratio_range", 1
     ),
-    LimitOption("bandwidth", "bandwidth", "largest crossover frequency of the position loop", "bandwidth"),
+    LimitOption(
+        "bandwidth",
+        "bandwidth",
+        "largest crossover frequency of the position loop (default: the resonance, if the joint has one)",
+        "bandwidth",
+    ),
     LimitOption("effort", "effort", "largest effort allowed at the present tracking error", "effort"),
 )
 
@@ -245,11 +252,18 @@ def bounds_at(
         add("largest damping ratio", f"{high:.4g}", largest=high * critical - own)
     bandwidth, delay = largest_bandwidth(limits, loop), float(joint.actuation_delay)
     # What the present gains take of the phase, or make of the noise, is borne.
-    within_delay = max(_DELAY_PHASE / delay, crossover_frequency(joint, present)) if delay > 0 else math.inf
-    if min(bandwidth, within_delay) < math.inf:
+    borne = crossover_frequency(joint, present)
+    within_delay = max(_DELAY_PHASE / delay, borne) if delay > 0 else math.inf
+    below, transmission = math.inf, joint.transmission
+    if transmission is not None and math.isinf(limits.bandwidth):
+        # Beyond it the motor leaves the load behind.
+        below = max(2.0 * math.pi * transmission.resonance, borne)
+    if min(bandwidth, within_delay, below) < math.inf:
         source = ", of the controller's period and the samples"
-        if within_delay < bandwidth:
+        if within_delay < min(bandwidth, below):
             bandwidth, source = within_delay, f", of a delay of {1e3 * delay:.3g} ms"
+        elif transmission is not None and below < bandwidth:
+            bandwidth, source = below, f", of the resonance at {transmission.resonance:.4g} Hz"
         elif bandwidth == limits.bandwidth:
             source = ""
         elif not loop.conditions.period > 0:
@@ -262,6 +276,10 @@ def bounds_at(
             least=np.where(squared < 0, math.inf, -math.inf),
             largest=np.sqrt(np.maximum(squared, 0.0)),
         )
+    resonant = damping_limits(joint, loop.conditions)
+    if resonant is not None:
+        least, largest = resonant.at(stiffness)
+        add("resonance", resonant.in_words(present), least=least, largest=largest)
     if limits.effort < math.inf and loop.tracking_error > 0:
         left = limits.effort - stiffness * loop.tracking_error
         error = loop.velocity_error if loop.velocity_error > TINY else TINY

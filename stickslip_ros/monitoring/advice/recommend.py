@@ -33,6 +33,7 @@ from stickslip_ros.monitoring.advice.limits import (
 )
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, without_gains
 from stickslip_ros.monitoring.advice.requirement import DRAWS_TOLERANCE, Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.resonance import damping_limits
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
@@ -156,6 +157,7 @@ class _Case:
             condition=self._limits.condition,
             gains_known=self._gains_known,
             present=present,
+            resonance=self._resonance(self._gains),
         )
         if search.reaches_margin(self._gains) and self._verified(self._gains):
             kept = [replace(present, kind=kind, reason="keep the gains: they have the wanted reserve") for kind in Kind]
@@ -172,10 +174,16 @@ class _Case:
             else:
                 variants.append(self._variant(kind, gains, ""))
         if variants[0].found:
-            lowest = self._slowest_smooth(variants[0].gains)
-            return replace(answer, variants=tuple(variants), slowest_smooth_velocity=lowest)
-        if self._beyond_paper:
-            text = "no gains tried within the limits give smooth motion with this integral action and sampled control"
+            advised = variants[0].gains
+            return replace(
+                answer,
+                variants=tuple(variants),
+                slowest_smooth_velocity=self._slowest_smooth(advised),
+                resonance=self._resonance(advised),
+            )
+        if self._beyond_paper and (self._joint.transmission is None or search.least_change() is not None):
+            simulated = f"the {answer.resonance}" if answer.resonance else "this integral action and sampled control"
+            text = f"no gains tried within the limits give smooth motion with {simulated}"
             variants[0] = replace(variants[0], reason=text)
             return replace(answer, variants=tuple(variants))
         obstruction = search.obstruction()
@@ -377,6 +385,10 @@ class _Case:
         if len(parts) == 2 and parts[0][0] == parts[1][0]:
             parts[1] = ("", parts[1][1])
         return " and ".join(f"{verb} {text}".strip() for verb, text in parts)
+
+    def _resonance(self, gains: Gains) -> str:
+        limits = damping_limits(self._joint, self._loop.conditions)
+        return "" if limits is None else f"resonance {limits.in_words(gains)}"
 
     def _slowest_smooth(self, gains: Gains) -> float:
         gains = replace(gains, integral=0.0)

@@ -91,6 +91,7 @@ class Recommendation:
     obstruction : what is in the way where no gains are found, and the best within reach.
     slowest_smooth_velocity : from which on the joint is smooth with the advised gains, or with the best within
         reach [rad/s]; NaN if unknown.
+    resonance : which gains excite the resonance of motor and load, in words; "" for a rigid joint.
     beside : the least change by the other condition, Eq. (43) with nothing said of swinging, or the exact one; None
         where the other one has no answer.
     """
@@ -103,6 +104,7 @@ class Recommendation:
     keep: bool = False
     obstruction: Obstruction | None = None
     slowest_smooth_velocity: float = math.nan
+    resonance: str = ""
     beside: Variant | None = None
 
     @property
