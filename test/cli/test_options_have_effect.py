@@ -155,7 +155,8 @@ BASE = {
 }  # fmt: skip
 SLOW: dict[str, set[str]] = {
     "recommend": {"--integral", "--controller-period", "--control-delay", "--presliding-stiffness",
-                  "--presliding-damping", "--contact", "--compensation", "--speed-filter"},
+                  "--presliding-damping", "--contact", "--compensation", "--speed-filter", "--resonance",
+                  "--antiresonance", "--spring-damping", "--encoder"},
     "reversal": {"--out"}, "convert": set(), "analyze": {"--no-learning"},
 }  # fmt: skip
 
