@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import nightly
+from model.brute_two_masses import random_joint
 from random_joints import random_recording
 
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission
+from stickslip_ros.model.friction import Gains, Joint, Transmission
 from stickslip_ros.model.loop_modes import least_modal_damping
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import Detail, verdict
@@ -34,26 +35,9 @@ CONTROLLERS = {
 def sticking_joint(seed: int, encoder: str, conditions: OperatingConditions) -> tuple[Joint, Gains, float]:
     """A joint of two masses, with a resonance of 5 to 40 Hz, that sticks with its gains at its speed."""
     rng = np.random.default_rng(seed)
-
-    def between(low: float, high: float) -> float:
-        return float(math.exp(rng.uniform(math.log(low), math.log(high))))
-
     while True:
-        inertia, frequency, stribeck_velocity = between(0.05, 20.0), rng.uniform(4.0, 25.0), between(2e-3, 3e-2)
-        stribeck = between(0.5, 6.0) * inertia * frequency * stribeck_velocity
-        friction = Friction(
-            stribeck=stribeck,
-            stribeck_velocity=stribeck_velocity,
-            lag=between(0.01, 0.08),
-            rise_time=between(0.05, 1.5),
-            viscous=2.0 * between(0.003, 0.08) * inertia * frequency,
-            coulomb=between(1.0, 5.0) * stribeck,
-        )
-        resonance = between(5.0, 40.0)
-        transmission = Transmission(resonance=resonance, antiresonance=resonance / between(1.2, 3.0), encoder=encoder)
-        joint = Joint(inertia=inertia, friction=friction, transmission=transmission)
-        gains = Gains(stiffness=inertia * frequency**2, damping=rng.uniform(0.0, 0.2) * inertia * frequency)
-        velocity = stribeck_velocity * 10.0 ** rng.uniform(-0.4, 0.4)
+        drawn = random_joint(rng, encoder)
+        joint, gains, velocity = drawn.joint, drawn.gains, drawn.velocity
         if verdict(joint, gains, velocity, conditions, detail=Detail.OUTCOME).outcome is Outcome.STICKS:
             return joint, gains, velocity
 
