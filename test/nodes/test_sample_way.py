@@ -28,7 +28,7 @@ rclpy.init(args=["--ros-args", *(word for one in joint for word in ("-p", one))]
 monitor = Monitor()
 monitor.start()
 node = Node("source")
-publisher = node.create_publisher(JointState, "joint_states", 10)
+publisher = node.create_publisher(JointState, "joint_states", 1000)
 executor = SingleThreadedExecutor()
 executor.add_node(monitor)
 entered, depth, package = set(), 0, "/stickslip_ros/"
@@ -43,14 +43,16 @@ def note(frame, event, _):
             entered.add(code.co_filename.rpartition(package)[2])
         depth -= step and event == "return"
 
-begun = time.time()
+begun, count = time.time(), 0
 while time.time() < begun + 8.0:
     if time.time() > begun + 7.0:
         sys.setprofile(note)
-    now = time.time()
-    message = JointState(name=["joint1"], position=[0.02 * now], velocity=[0.02])
-    message.header.stamp = stamp(now)
-    publisher.publish(message)
+    # At even times, however busy the machine is: a gap would be another motion.
+    while (now := begun + 0.01 * count) <= time.time():
+        message = JointState(name=["joint1"], position=[0.02 * now], velocity=[0.02])
+        message.header.stamp = stamp(now)
+        publisher.publish(message)
+        count += 1
     executor.spin_once(timeout_sec=0.01)
 sys.setprofile(None)
 print(*sorted(entered))
