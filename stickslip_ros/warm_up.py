@@ -108,7 +108,7 @@ def _use_simulation() -> None:
     problem = SlipProblem([window])
     fit_at_fixed_parameters(
         problem, Tolerances(), parameters=np.zeros(PARAMETERS), kinetic=np.zeros(1), unknowns=problem.detected(1.0),
-        iterations=1,
+        iterations=1, scored=True,
     )  # fmt: skip
 
 

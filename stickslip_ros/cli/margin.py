@@ -53,7 +53,7 @@ _CONTACT = "how a contact of finite presliding stiffness yields (default: the jo
 _SPRING = {
     "resonance": "frequency at which motor and load swing on the spring between them (default: they are rigid)",
     "antiresonance": "frequency at which the load swings while the motor is held",
-    "spring_damping": "damping ratio of the load on that spring (default: 0.02)",
+    "spring_damping": f"damping ratio of the load on that spring (default: {Transmission.spring_damping})",
 }
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
 _REQUIRED = ("stribeck", "stribeck_velocity")
@@ -106,7 +106,9 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
     for name, text in _SPRING.items():
         unit = unit_of(Transmission, name)
         add_number(parser, f"--{name.replace('_', '-')}", "X", f"{text} [{unit}]")
-    parser.add_argument("--encoder", choices=SIDES, help="side of that spring that is measured (default: motor)")
+    parser.add_argument(
+        "--encoder", choices=SIDES, help=f"side of that spring that is measured (default: {Transmission.encoder})"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -64,7 +64,7 @@ _FORWARD = 1e-3  # difference of time for the slope by time, of a step
 _stribeck_slope = inlined()(_friction_law.stribeck_slope)
 # Rows of the room.
 _STATE, _TRIAL, _NOW, _LATER, _SLOPE, _RIGHT, _K1, _K2, _K3, _K4 = range(10)
-ROOM = (_K4 + 1, 5)  # the fifth column is of two masses
+ROOM = (_K4 + 1, 4)
 
 
 @helper()

@@ -16,7 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined, kernel
-from stickslip_ros.model._creeping_kernel import ROOM, creep_until
+from stickslip_ros.model import _creeping_kernel as creeping
+from stickslip_ros.model import _two_mass_kernel as two_masses
+from stickslip_ros.model._creeping_kernel import creep_until
 from stickslip_ros.model._elastic_kernel import PROPAGATORS, hold_until
 from stickslip_ros.model._friction_law import CREEPING, RIGID
 from stickslip_ros.model._plant_state import (
@@ -43,6 +45,7 @@ from stickslip_ros.model._plant_state import (
     LOAD_POSITION,
     LOAD_VELOCITY,
     MEASURED,
+    MOST_EVENTS,
     ON_LOAD,
     POSITION,
     PRESLIDING_STIFFNESS,
@@ -68,7 +71,8 @@ from stickslip_ros.model._plant_state import (
 )
 from stickslip_ros.model._two_mass_kernel import swing_until
 
-_MOST_EVENTS = 64  # events in one sampling period, 1
+# Of the rows that integrate step by step, whichever kernel does: it has room for both.
+_ROOM = (max(creeping.ROOM[0], two_masses.ROOM[0]), max(creeping.ROOM[1], two_masses.ROOM[1]))
 
 
 @helper()
@@ -173,7 +177,7 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
         time = state[TIME]
         reference = reference_now + velocity_d * (time - period_start)
         if state[DIRECTION] == 0.0:
-            if count - before >= _MOST_EVENTS:
+            if count - before >= MOST_EVENTS:
                 # Ever shorter hops, without end: the joint creeps, and rests as far as can be seen.
                 state[TIME] = period_end
                 continue
@@ -235,7 +239,7 @@ def advance_period(state, history, parameters, step, period_end, reference_now, 
 
 @inlined()
 def _make_workspace():
-    return np.empty(3), np.empty(PROPAGATORS), np.zeros(1), np.empty(ROOM)
+    return np.empty(3), np.empty(PROPAGATORS), np.zeros(1), np.empty(_ROOM)
 
 
 @inlined()

@@ -16,6 +16,7 @@ from stickslip_ros.model._friction_law import RIGID
     DEFLECTION, STEP, SLIP_FROM, PENDING, REST_TIME, REST_LEVEL, LOAD_POSITION, LOAD_VELOCITY,
 ) = range(18)  # fmt: skip
 STATE_SIZE = LOAD_VELOCITY + 1
+MOST_EVENTS = 64  # events in one sampling period, 1
 # Indices of the parameter vector: the parameters in the order of the table in `friction`, then all else. INERTIA is the
 # motor's where there is a SPRING, of stiffness 0 where there is none. ON_LOAD: 1 where the load is what is measured.
 (

@@ -24,6 +24,7 @@ from stickslip_ros.model._plant_state import (
     LOAD_INERTIA,
     LOAD_POSITION,
     LOAD_VELOCITY,
+    MOST_EVENTS,
     ON_LOAD,
     POSITION,
     PRESLIDING_DAMPING,
@@ -44,13 +45,13 @@ from stickslip_ros.model._plant_state import (
     shape,
 )
 
-_MOST_EVENTS = 64  # events in one sampling period, 1
 _BISECTIONS = 60  # of a step
 _TOGETHER = 1e-12  # s, between instants that are one
 # Rows of the room: states, then slopes. Columns: the motor's position and velocity, the load's, the error's integral.
 _NOW, _TRIAL, _MIDDLE, _K1, _K2, _K3, _K4 = range(7)
 _X, _V, _Y, _W, _Z = range(5)
-COLUMNS = 5
+_COLUMNS = 5
+ROOM = (_K4 + 1, _COLUMNS)
 
 
 @helper()
@@ -95,13 +96,13 @@ def _try(size, reference, reference_velocity, state, history, parameters, delaye
     _rates(_NOW, _K1, reference, reference_velocity, psi, state, parameters, room)
     for stage in range(1, 4):
         share = size if stage == 3 else 0.5 * size
-        for i in range(COLUMNS):
+        for i in range(_COLUMNS):
             room[_MIDDLE, i] = room[_NOW, i] + share * room[_K1 + stage - 1, i]
         if slides and (stage != 2 or not delayed):
             psi = shape(time + share, room[_MIDDLE, _V], state, history, parameters, delayed)
         now = reference + reference_velocity * share
         _rates(_MIDDLE, _K1 + stage, now, reference_velocity, psi, state, parameters, room)
-    for i in range(COLUMNS):
+    for i in range(_COLUMNS):
         room[_TRIAL, i] = room[_NOW, i] + size / 6.0 * (
             room[_K1, i] + 2.0 * room[_K2, i] + 2.0 * room[_K3, i] + room[_K4, i]
         )
@@ -136,7 +137,7 @@ def swing_until(end, reference, reference_velocity, step, state, history, parame
         room[_NOW, _X], room[_NOW, _V] = state[POSITION], state[VELOCITY]
         room[_NOW, _Y], room[_NOW, _W] = state[LOAD_POSITION], state[LOAD_VELOCITY]
         room[_NOW, _Z] = state[INTEGRAL]
-        if state[DIRECTION] == 0.0 and count - before >= _MOST_EVENTS:
+        if state[DIRECTION] == 0.0 and count - before >= MOST_EVENTS:
             # Ever shorter hops, without end: the joint creeps, and rests as far as can be seen.
             state[TIME] = end
             continue

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import (
@@ -20,10 +21,8 @@ from stickslip_ros.model.units import in_ascii
 _BEFORE = "believed "
 _DELAY = f"{_BEFORE}actuation_delay [s]"
 _SPRING = {
-    "resonance": f"{_BEFORE}resonance [Hz]",
-    "antiresonance": f"{_BEFORE}antiresonance [Hz]",
-    "spring_damping": f"{_BEFORE}spring_damping [1]",
-    "encoder": f"{_BEFORE}encoder",
+    one.name: f"{_BEFORE}{one.name} [{one.metadata['unit']}]" if one.metadata else f"{_BEFORE}{one.name}"
+    for one in fields(Transmission)
 }
 _LAW, _CONTACT = f"{_BEFORE}law", f"{_BEFORE}contact"
 

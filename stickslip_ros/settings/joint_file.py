@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 from stickslip_ros.errors import JointFileError, reason
@@ -74,10 +75,10 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
 
 def _of_the_spring(transmission: Transmission) -> list[str]:
     """Resonance and antiresonance, which no slips show, as they were given."""
-    numbers = ("resonance", "antiresonance", "spring_damping")
     lines = [
-        f"{name}: {getattr(transmission, name):.6g}".ljust(_WIDTH) + f"# {unit_of(Transmission, name)}, given"
-        for name in numbers
+        f"{one.name}: {getattr(transmission, one.name):.6g}".ljust(_WIDTH) + f"# {one.metadata['unit']}, given"
+        for one in fields(Transmission)
+        if one.metadata
     ]
     return [*lines, f"encoder: {transmission.encoder}".ljust(_WIDTH) + "# side of the spring, given"]
 

@@ -158,6 +158,7 @@ def _score_test(fitted: FittedLaw, term: ScoredTerm, more: SlipProblem) -> TermS
         fixed_fit = fit_at_fixed_parameters(
             more, Tolerances(balance=solution.balance_error, level=solution.link_error),
             parameters=np.insert(fit.parameters, column, 0.0), kinetic=fit.kinetic, unknowns=fit.unknowns, iterations=0,
+            scored=True,
         )  # fmt: skip
     except LinAlgError:
         return None

@@ -359,8 +359,13 @@ def fit_at_fixed_parameters(
     kinetic: FloatArray,
     unknowns: FloatArray,
     iterations: int = 8,
+    scored: bool = False,
 ) -> SlipFit:
-    """Fit the slips' own unknowns at fixed parameters; the result has the gradient by the parameters.
+    """Fit the slips' own unknowns at fixed parameters.
+
+    Parameters
+    ----------
+    scored : whether the result is to have information, gradient and scores by the parameters.
 
     Raises
     ------
@@ -387,7 +392,7 @@ def fit_at_fixed_parameters(
         damping = max(damping / 10.0, 1e-9)
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
-    return fit.scored(point)
+    return fit.scored(point) if scored else point
 
 
 def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> FloatArray:
