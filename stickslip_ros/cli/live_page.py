@@ -35,7 +35,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.diagnosis import Level
-from stickslip_ros.output.published_joint import published_joint
+from stickslip_ros.output.published import published_joint
 from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 
 _EVERY = 500  # [ms]

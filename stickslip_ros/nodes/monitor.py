@@ -20,9 +20,10 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joints import GainBounds
+from stickslip_ros.nodes.pace import SHORTEST_TICK
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
-from stickslip_ros.nodes.session import SHORTEST_TICK, Session
+from stickslip_ros.nodes.session import Session
 
 RCLError = rclpy_implementation.RCLError
 
@@ -149,11 +150,10 @@ class Monitor(LifecycleNode):
         super().destroy_node()
 
     def _tick(self) -> None:
-        if self._session is None:
+        if self._session is None or self._timer is None:
             return
         try:
-            self._session.tick()
-            self._set_pace(self._session.pace())
+            self._set_pace(self._session.tick())
         except Exception:
             # Whatever the error is, the next tick may succeed, and a monitor that has ended helps nobody.
             self.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
@@ -181,12 +181,7 @@ class Monitor(LifecycleNode):
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         if self._session is None or self._own_change.active:
             return
-        changes = {parameter.name: parameter for parameter in parameters}
-        self._session.joints.apply(changes)
-        if "allow_apply" in changes and not changes["allow_apply"].value:
-            self._session.withdraw_permission()
-        if "controller" in changes:
-            self._session.follow_controllers()
+        self._session.apply({parameter.name: parameter for parameter in parameters})
 
 
 def _create() -> Monitor:

@@ -120,8 +120,11 @@ class SelfDiagnosis:
         self._memory: list[float] = [math.nan]  # of this process and its worker [MB]
         self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
 
-    def note(self) -> None:
-        """Read the figures, immediately after statuses were published."""
+    def note(self, *, behind: bool) -> None:
+        """Read the figures, immediately after statuses were published; those of a node that is behind do not count."""
+        if behind:
+            self._states.reset_figures()
+            return
         now = time.monotonic()
         latency = time.time() - self._states.oldest
         self._notes.append((now, latency, self._states.waiting))

@@ -77,7 +77,7 @@ class LadderNode(Node):
         incoming = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._states = DrainedSubscription(self, JointState, "joint_states", incoming)
         self._references = DrainedSubscription(self, JointState, "joint_references", incoming)
-        self._controller_gains = ControllerGains(self, simulated or controller, self._on_gains, lambda: [joint])
+        self._controller_gains = ControllerGains(self, simulated or controller, self._on_gains, [joint])
         self._client = AsyncParameterClient(self, simulated) if simulated else None
         self._controller = TrajectoryController(self, controller, joint, largest_lag) if controller else None
 

@@ -22,7 +22,6 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.output import published as published
-from stickslip_ros.output.published_joint import joint_values
 from stickslip_ros.output.wording import constant_effort_text, friction_change_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
@@ -175,7 +174,7 @@ def joint_diagnostic(
         values.append(("applied", applied))
     values += published.BELIEF.for_diagnostics(assessment)
     if assessment.joint is not None and not assessment.per_inertia:
-        values += joint_values(assessment.joint)
+        values += published.joint_values(assessment.joint)
     if math.isfinite(assessment.margin_std):
         values += published.UNCERTAINTY.for_diagnostics(assessment)
     if math.isfinite(exact.stick_slip_probability):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rclpy.logging import get_logger
 
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -25,14 +26,14 @@ class Stage:
         settings = JointSettings(joint=None, gains=None, options=MonitorOptions(), gain_scale=1.0, effort_scale=1.0)
         bounds = GainBounds()
         self.joints = {name: WatchedJoint(name, JointMonitor(), settings, bounds) for name in JOINTS}
-        self.processing = BatchProcessing(self.joints, lambda: False, self._fail)
+        self.processing = BatchProcessing(self.joints, self._fail, get_logger("stage"))
         self.time = 0.0
         self.looks = dict.fromkeys(JOINTS, 0)
         self.waited = dict.fromkeys(JOINTS, 0.0)  # [s] since a joint was looked at last
         self.position = dict.fromkeys(JOINTS, 0.0)
 
-    def _fail(self, joint: WatchedJoint) -> None:
-        raise AssertionError(joint.name)
+    def _fail(self, reason: str) -> None:
+        raise AssertionError(reason)
 
     def go_on(self, seconds: float, speeds: dict[str, float]) -> None:
         """All joints move at the speeds given, 0 by default."""
@@ -50,7 +51,7 @@ class Stage:
                 self.joints[name].add_samples(samples[name])
             self.time = float(times[-1])
             self.processing.expect(samples, (), self.time)
-            self.processing.poll(self.time)
+            self.processing.poll(self.time, hurry=False)
             processed = self.processing.processed()
             for name in JOINTS:
                 self.waited[name] = 0.0 if name in processed else self.waited[name] + TICK
@@ -103,5 +104,5 @@ def test_which_may_be_told_of_again(moved: Stage) -> None:
     assert len(waits) == len(turn) - 3
     looked_at = sorted(turn, key=lambda name: -moved.waited[name])[: len(turn) - len(waits)]
     assert min(moved.waited[name] for name in set(turn) - waits) >= moved.waited[looked_at[-1]] - TICK
-    few = BatchProcessing({name: moved.joints[name] for name in JOINTS[:7]}, lambda: False, moved._fail)
+    few = BatchProcessing({name: moved.joints[name] for name in JOINTS[:7]}, moved._fail, get_logger("stage"))
     assert few.may_wait(JOINTS[:7], TICK) == set()

@@ -51,12 +51,12 @@ def test_the_processor_is_in_per_cent() -> None:
     states = SimpleNamespace(oldest=0.0, waiting=0, lost=0, publishers=1, messages=0, reset_figures=lambda: None)
     work = SimpleNamespace(process_ids=(), skipped=0, lateness=0.0, waiting=0, failures=0)
     diagnosis = SelfDiagnosis(states, work, ())  # type: ignore[arg-type]
-    diagnosis.note()
+    diagnosis.note(behind=False)
     begin, used = time.monotonic(), time.process_time()
     while time.monotonic() < begin + 0.3:
         pass
     states.messages = 30
-    diagnosis.note()
+    diagnosis.note(behind=False)
     figures, duration = dict(diagnosis.values()), time.monotonic() - begin
     assert figures["processor [%]"] == pytest.approx(100.0 * (time.process_time() - used) / duration, rel=0.5)
     assert figures["message rate [Hz]"] == pytest.approx(30.0 / duration, rel=0.5)

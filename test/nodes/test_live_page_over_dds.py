@@ -29,7 +29,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.output.diagnosis import Level, value_text
-from stickslip_ros.output.published_joint import joint_values, published_joint
+from stickslip_ros.output.published import joint_values, published_joint
 from stickslip_ros.settings.known_joints import load_joint
 
 _COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch", "--browser"]

@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
+from time import monotonic
 
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rclpy.node import Node
@@ -21,7 +23,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
 from stickslip_ros.nodes.intake.publishers import SCAN_EVERY
-from stickslip_ros.nodes.joints.watched_joints import MOST_JOINTS
+from stickslip_ros.nodes.joints.watched_joints import MOST_JOINTS, WatchedJoints
 
 PD_GAINS = "pd_gains"
 _REREAD = 1.0  # time between two readings, s: an event of a change can be lost, and a reading makes up for it
@@ -39,7 +41,7 @@ class ControllerGains:
     node : has the clients. controller : fully qualified name of the controller's node.
     on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change;
         with None once the controller is gone, or has been silent for long: gains are known as long as it lives.
-    joints : names of the joints.
+    joints : names of the joints, which may grow.
 
     ``state`` has a sentence for diagnostics; ``waiting`` is whether it is a fault.
     """
@@ -49,7 +51,7 @@ class ControllerGains:
         node: Node,
         controller: str,
         on_gains: Callable[[str, Gains | None], None],
-        joints: Callable[[], Iterable[str]],
+        joints: Collection[str],
     ) -> None:
         self._node = node
         self.name = controller
@@ -129,7 +131,7 @@ class ControllerGains:
     def _on_names(self, now: float, found: list[str] | None) -> None:
         if found is None:
             return self._no_answer()
-        wanted = {gain_name(joint, kind) for joint in self._joints() for kind in KINDS}
+        wanted = {gain_name(joint, kind) for joint in self._joints for kind in KINDS}
         names = [name for name in found if name in wanted]
         if not names:
             # Only then the names of all parameters are requested.
@@ -181,7 +183,7 @@ class ControllerGains:
         """Store gains of watched joints, and report each joint once."""
         if any(name in parameters for name in INTERFACES):
             self._refuse(why_not_taken(parameters))
-        watched, changed = set(self._joints()), []
+        watched, changed = set(self._joints), []
         for name, value in parameters.items():
             found = joint_and_kind(name)
             if found is not None and found[0] in watched:
@@ -217,26 +219,17 @@ class ControllerGains:
 
 
 class GainIntake:
-    """Gains of all sources, in the controller's units; those on the topic are drained by :meth:`hear`.
+    """Gains of all sources, in the controller's units: they wait, each with its arrival, for :meth:`heard_until`.
 
     Parameters
     ----------
-    node : has the subscriptions. joints : names of the watched joints; welcomes : whether others may join them, whose
-        gains are kept until then.
-    on_gains : called with a joint's name and its gains, None once they are known no more.
+    node : has the subscriptions. joints : the watched joints; gains of others that may join them are kept until then.
     refuse : called with the reason why gains are refused.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        joints: Callable[[], Iterable[str]],
-        welcomes: Callable[[], bool],
-        on_gains: Callable[[str, Gains | None], None],
-        refuse: Callable[[str], None],
-    ) -> None:
-        self._node, self._joints, self._on_gains, self._refuse = node, joints, on_gains, refuse
-        self._welcomes = welcomes
+    def __init__(self, node: Node, joints: WatchedJoints, refuse: Callable[[str], None]) -> None:
+        self._node, self._joints, self._refuse = node, joints, refuse
+        self._heard: deque[tuple[float, str, Gains | None]] = deque()  # arrival, a steady time [s]
         self._early: dict[str, Gains] = {}
         self._controllers: list[ControllerGains] = []
         qos = QoSProfile(depth=_QUEUE, reliability=qos_profile_parameter_events.reliability)
@@ -263,10 +256,15 @@ class GainIntake:
         self.topic.close()
         self._node.destroy_subscription(self._events)
 
-    def hear(self) -> None:
-        """Process the messages on the topic; to be called before the samples, which are of these gains."""
+    def keep(self) -> None:
+        """Drain the messages on the topic, for :meth:`heard_until`."""
         for message, _ in self.topic.take_all():
             self._on_message(message)
+
+    def heard_until(self, until: float) -> Iterator[tuple[float, str, Gains | None]]:
+        """Arrival, joint and gains until a steady time [s], oldest first; None for gains that are known no more."""
+        while self._heard and self._heard[0][0] <= until:
+            yield self._heard.popleft()
 
     def poll(self, now: float) -> None:
         """Request gains that are not known yet; call now and then with a steady time [s]."""
@@ -277,7 +275,7 @@ class GainIntake:
         """The controller that has a joint's gains, None if none has."""
         return next((one.parameters for one in self._controllers if one.has(joint)), None)
 
-    def heard_of(self, joint: str) -> Gains | None:
+    def heard_before(self, joint: str) -> Gains | None:
         """Gains on the topic that came before the joint, None if none did; they are removed."""
         return self._early.pop(joint, None)
 
@@ -304,15 +302,18 @@ class GainIntake:
         names = ", ".join(controller.name for controller in self._controllers)
         return "; ".join(waiting) or f"{names} has no parameter gains.{joint}.p"
 
+    def _hear(self, joint: str, gains: Gains | None) -> None:
+        self._heard.append((monotonic(), joint, gains))
+
     def _on_controller(self, name: str, joint: str, gains: Gains | None) -> None:
         if gains is None:
             # The next reading reports another controller that has the joint's gains too.
             if not any(one.has(joint) for one in self._controllers):
-                self._on_gains(joint, None)
+                self._hear(joint, None)
             return
         first = next(one.name for one in self._controllers if one.has(joint))
         if first == name:
-            self._on_gains(joint, gains)
+            self._hear(joint, gains)
         else:
             self._refuse(f"{name} has gains of {joint} too; those of {first} count, which is named first")
 
@@ -326,13 +327,12 @@ class GainIntake:
         except MessageError as error:
             self._refuse(f"{PD_GAINS}: {error}")
             return
-        known = set(self._joints())
         for joint, value in gains.items():
-            if joint in known:
-                self._on_gains(joint, value)
-            elif self._welcomes() and len(self._early) < MOST_JOINTS:
+            if joint in self._joints:
+                self._hear(joint, value)
+            elif self._joints.welcomes_others and len(self._early) < MOST_JOINTS:
                 self._early[joint] = value
             else:
                 self._refuse(
-                    f"{PD_GAINS}: unknown joint {joint[:64]!r}; known: {', '.join(sorted(known)) or 'none yet'}"
+                    f"{PD_GAINS}: unknown joint {joint[:64]!r}; known: {', '.join(sorted(self._joints)) or 'none yet'}"
                 )

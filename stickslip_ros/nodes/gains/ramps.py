@@ -179,7 +179,6 @@ class Ramps:
     Parameters
     ----------
     node : has the services and the parameters. joints : watched joints. gains : has their controllers.
-    not_yet : why nothing can be judged yet, "" if it can; it may raise :class:`RefusedError`.
     state_path : path of the state file, beside which the journal is kept; None for no journal.
     """
 
@@ -188,16 +187,21 @@ class Ramps:
         node: Node,
         joints: Mapping[str, WatchedJoint],
         gains: GainIntake,
-        not_yet: Callable[[], str],
         state_path: Path | None,
     ) -> None:
-        self._node, self._joints, self._gains, self._not_yet = node, joints, gains, not_yet
+        self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
         self._journal = RampJournal(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
         self._service = RampService(node, {APPLY: self._to_the_advice, RESTORE: self._back})
         self._logged: set[str] = set()
 
-    def tick(self, now: float) -> None:
-        """Drain requests and continue their ramps; ``now`` is a steady time [s]."""
+    def tick(self, now: float, not_yet: str) -> None:
+        """Drain requests and continue their ramps.
+
+        Parameters
+        ----------
+        now : a steady time [s]. not_yet : why nothing can be judged yet, "" if it can.
+        """
+        self._not_yet = not_yet
         self._service.tick(now)
 
     def stop(self, why: str) -> None:
@@ -266,9 +270,8 @@ class Ramps:
         return controller.remote if controller is not None else ""
 
     def _require_permission(self) -> None:
-        not_yet = self._not_yet()
-        if not_yet:
-            raise NotYetError(not_yet)
+        if self._not_yet:
+            raise NotYetError(self._not_yet)
         if not self._node.get_parameter("allow_apply").value:
             raise RefusedError("allow_apply is false; set it to true where gains may be written")
 

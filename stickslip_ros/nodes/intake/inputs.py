@@ -176,12 +176,11 @@ class Inputs:
         self._unknown_parameters = UnknownParameters(node)
         self._silent_states, self._silent_clock = SilentStates(node, _STATES), SilentClock(node)
 
-    def poll(self, now: float, states: JointStateTopic | None) -> None:
+    def poll(self, now: float, states: JointStateTopic) -> None:
         """Scan the graph and the given parameters; ``now`` is a steady time [s]."""
         self._types.poll(now)
         self._silent_clock.poll(now)
-        if states is not None:
-            self._silent_states.poll(now, states.messages)
+        self._silent_states.poll(now, states.messages)
         self._unknown_parameters.poll(list(self._joints), now, others_may_come=self._joints.welcomes_others)
 
     @property

@@ -11,11 +11,15 @@ depend on it.
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from operator import is_not
 from time import monotonic
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import FloatArray
@@ -33,6 +37,7 @@ _AS_EXPECTED = 1.5  # time that samples of a joint that goes on as before may wa
 _AT_ONCE = 8  # number of quiet joints processed together, 1: these at least, while more are spread over time
 _PACE_OVER = 0.2  # span over which the pace of a joint is measured, s: a count of its encoder matters little
 _BEHIND = 0.1  # lag behind the expected position that is no surprise, s at the joint's pace
+_LOG_EVERY = 1.0  # time between two lines on a joint's gains, s: a ramp changes them many times a second
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
 
 
@@ -128,22 +133,18 @@ class BatchProcessing:
 
     Parameters
     ----------
-    hurry : whether all samples are processed at once. on_error : called with a joint whose processing raised.
+    refuse : called with the reason why a joint's motion is discarded.
     """
 
-    def __init__(
-        self,
-        joints: Mapping[str, WatchedJoint],
-        hurry: Callable[[], bool],
-        on_error: Callable[[WatchedJoint], None],
-    ) -> None:
-        self._joints, self._hurry, self._on_error = joints, hurry, on_error
+    def __init__(self, joints: Mapping[str, WatchedJoint], refuse: Callable[[str], object], log: RcutilsLogger) -> None:
+        self._joints, self._refuse, self._log = joints, refuse, log
         self._since: dict[str, float] = {}  # arrival of the oldest waiting sample, a steady time [s]
         self._courses: dict[str, _Course] = {}
         self._surprised: set[str] = set()
         self._polled_at = -math.inf
         self._processed: dict[str, None] = {}
         self._cycles: list[tuple[str, Cycle]] = []
+        self._logged_at: dict[str, float] = {}  # last line on a joint's gains, a steady time [s]
 
     def expect(self, samples: Mapping[str, FloatArray], references: Iterable[str], now: float) -> None:
         """Note samples (rows of time and position first) or references of these joints, come at a steady time [s]."""
@@ -160,9 +161,13 @@ class BatchProcessing:
             if name in self._joints:
                 self._since.setdefault(name, now)
 
-    def poll(self, now: float) -> None:
-        """Process joints that stick or may have stopped, and joints whose samples have waited long enough."""
-        hurry = self._hurry()
+    def poll(self, now: float, *, hurry: bool) -> None:
+        """Process joints that stick or may have stopped, and joints whose samples have waited long enough.
+
+        Parameters
+        ----------
+        hurry : whether all samples are processed at once.
+        """
         later = min(_LATER + _LATER_EACH * len(self._joints), _LATEST)
         as_expected = _AS_EXPECTED + len(self._joints) / _QUIET_RATE
         quiet = max(_AT_ONCE, math.ceil(len(self._joints) * min((now - self._polled_at) / later, 1.0)))
@@ -192,7 +197,25 @@ class BatchProcessing:
                 )
                 course.go_on(time, position, joint.monitor.band, now)
         except Exception:
-            self._on_error(joint)
+            self.restart_after_error(joint)
+
+    def restart_after_error(self, joint: WatchedJoint) -> None:
+        """Log the error that is being handled, and restart the joint whose processing raised it."""
+        self._refuse(f"{joint.name}: an error of the monitor itself; the joint is followed anew")
+        self._log.error(f"{joint.name}: {traceback.format_exc()}", throttle_duration_sec=10.0)
+        joint.restart()
+
+    def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
+        """Set the gains of a joint's monitor, in SI units, from the samples on that still wait to arrive."""
+        if joint.monitor.gains == gains:
+            return
+        self.process_pending(joint.name)
+        joint.monitor.gains = gains
+        # A ramp changes the gains again and again, and logs them itself.
+        if monotonic() - self._logged_at.get(joint.name, -math.inf) >= _LOG_EVERY:
+            self._logged_at[joint.name] = monotonic()
+            text = "not known" if gains is None else _in_words(joint.settings.from_si(gains))
+            self._log.info(f"{joint.name}: gains are now {text}")
 
     def may_wait(self, in_turn: Iterable[str], period: float) -> set[str]:
         """Joints among those in turn whose last report may be repeated without processing.
@@ -219,3 +242,9 @@ class BatchProcessing:
         """The cycles detected since the last call, each with the name of its joint."""
         cycles, self._cycles = self._cycles, []
         return cycles
+
+
+def _in_words(gains: Gains) -> str:
+    """Gains in the controller's units, as words."""
+    integral = f", i {float(gains.integral):.6g}" if gains.integral else ""
+    return f"p {float(gains.stiffness):.6g}{integral}, d {float(gains.damping):.6g}"

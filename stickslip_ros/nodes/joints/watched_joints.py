@@ -9,12 +9,12 @@ import re
 from collections.abc import Callable, ItemsView, Iterator, Mapping, ValuesView
 from dataclasses import dataclass, field
 from functools import cached_property
-from time import monotonic
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import StickSlipError
+from stickslip_ros.messages.whole_turns import WholeTurns
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.adviser import Adviser
 from stickslip_ros.monitoring.assessment import Assessment
@@ -31,7 +31,6 @@ RANGES = ("stiffness_range", "damping_range")
 WORTH_CHANGING = (Status.STICK_SLIP, Status.AT_RISK)
 MOST_JOINTS = 256  # number of joints, 1: their names come from the graph, and no robot has so many
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_/-]{1,128}")
-_LOG_EVERY = 1.0  # time between two lines on a joint's gains, s: a ramp changes them many times a second
 _COMMON = frozenset(spec.name for spec in COMMON)
 
 
@@ -147,8 +146,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     ----------
     node : has the parameters. names : joints to watch from the beginning; () for every joint heard of.
     own_change : context in which parameters are declared that others may not set.
-    adviser : makes the adviser of a joint's monitor. on_new : called with every joint that is heard of first.
-    before_new_gains : called with a joint whose gains are about to change.
+    adviser : makes the adviser of a joint's monitor. refuse : called with the reason why something is refused.
     """
 
     def __init__(
@@ -159,14 +157,13 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         own_change: joint_parameters.OwnChange,
         adviser: Callable[[str], Adviser],
         refuse: Refusals,
-        on_new: Callable[[WatchedJoint], None],
-        before_new_gains: Callable[[WatchedJoint], None],
     ) -> None:
-        self._node, self._adviser, self._refuse, self._on_new = node, adviser, refuse, on_new
-        self._bounds, self._own_change, self._before_new_gains = bounds, own_change, before_new_gains
+        self._node, self._adviser, self._refuse = node, adviser, refuse
+        self._bounds, self._own_change = bounds, own_change
         self._joints: dict[str, WatchedJoint] = {}
         self._contested: frozenset[str] = frozenset()
-        self._logged_at: dict[str, float] = {}  # last line on a joint's gains, a steady time [s]
+        log = node.get_logger()
+        self._whole_turns, self._reference_turns = WholeTurns(log.info), WholeTurns()
         self.welcomes_others = not names
         self.fed_forward: tuple[str, ...] = ()  # joints whose friction is to be compensated
         for name in names:
@@ -210,24 +207,42 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         # The names are read much more often than settings change.
         self.fed_forward = tuple(name for name, one in self._joints.items() if one.settings.feedforward.share > 0)
 
-    def welcome(self, name: str) -> WatchedJoint | None:
-        """The joint of a name that was heard, added if it is new; None if it is not watched."""
-        known = self._joints.get(name)
-        if known is not None or not self.welcomes_others:
-            return known
+    def hear(self, samples: Mapping[str, FloatArray], references: Mapping[str, FloatArray], now: float) -> list[str]:
+        """Pass samples and references to the joints they are of; returns the joints that are heard of first.
+
+        Parameters
+        ----------
+        samples : rows of time, position, velocity and effort of each joint. references : rows that begin with time,
+            position and velocity. now : a steady time [s].
+        """
+        new = [name for name in samples if name not in self._joints and self._welcome(name)]
+        for name, rows in samples.items():
+            joint = self._joints.get(name)
+            if joint is not None:
+                joint.heard = now
+                if name not in self._contested:
+                    joint.add_samples(self._whole_turns.removed(name, rows))
+        for name, rows in references.items():
+            if name in self._joints:
+                self._joints[name].pairing.add_references(self._reference_turns.removed(name, rows[:, :3]))
+        return new
+
+    def _welcome(self, name: str) -> bool:
+        """Add a joint that was heard of, if there may be others; returns whether it is watched."""
+        if not self.welcomes_others:
+            return False
         if not _JOINT_NAME.fullmatch(name):
             self._refuse("joint_states: a joint name has characters other than letters, digits, _ - /")
-            return None
+            return False
         if len(self._joints) >= MOST_JOINTS:
             self._refuse(f"joint_states: more than {MOST_JOINTS} joints")
-            return None
+            return False
         try:
-            joint = self._add(name)
+            self._add(name)
         except StickSlipError as error:
             self._refuse(f"{name}: {error}")
-            return None
-        self._on_new(joint)
-        return joint
+            return False
+        return True
 
     def mark_contested(self, contested: frozenset[str], contest: str) -> None:
         """Restart joints that several publishers move, with ``contest`` as their trouble; clear that of the others."""
@@ -251,44 +266,23 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         for joint in self._concerned(changes):
             joint_parameters.read(self._node, joint.name, changes)
 
-    def apply(self, changes: Mapping[str, Parameter]) -> None:
-        """Apply parameters that have changed."""
+    def apply(self, changes: Mapping[str, Parameter]) -> list[tuple[WatchedJoint, Gains | None]]:
+        """Apply parameters that have changed; returns the gains, in SI units, that follow for some joints."""
+        gains: list[tuple[WatchedJoint, Gains | None]] = []
         for joint in self._concerned(changes):
             before = joint.settings
             joint.follow(joint_parameters.read(self._node, joint.name))
             if any(name.startswith(f"gains.{joint.name}.") for name in changes):
-                self.set_gains(joint, joint.settings.gains)
+                gains.append((joint, joint.settings.gains))
             elif joint.settings.gain_scale != before.gain_scale and joint.monitor.gains is not None:
-                self.set_gains(joint, joint.settings.to_si(before.from_si(joint.monitor.gains)))
+                gains.append((joint, joint.settings.to_si(before.from_si(joint.monitor.gains))))
             if any(name.startswith(f"limits.{joint.name}.") for name in changes):
                 joint_parameters.describe_recommended(self._node, joint.name)
         self._note_fed_forward()
+        return gains
 
     def _concerned(self, changes: Mapping[str, Parameter]) -> list[WatchedJoint]:
         """Joints whose settings depend on the changed parameters."""
         if not _COMMON.isdisjoint(changes):
             return list(self._joints.values())
         return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
-
-    def hear_gains(self, name: str, gains: Gains | None) -> None:
-        """Apply gains in the controller's units; None, where they are known no more, stands for the configured ones."""
-        joint = self._joints.get(name)
-        if joint is not None:
-            self.set_gains(joint, joint.settings.to_si(gains) if gains is not None else joint.settings.gains)
-
-    def set_gains(self, joint: WatchedJoint, gains: Gains | None) -> None:
-        """Set the gains of a joint's monitor, in SI units."""
-        if joint.monitor.gains != gains:
-            self._before_new_gains(joint)
-            joint.monitor.gains = gains
-            # A ramp changes the gains again and again, and logs them itself.
-            if monotonic() - self._logged_at.get(joint.name, -math.inf) >= _LOG_EVERY:
-                self._logged_at[joint.name] = monotonic()
-                text = "not known" if gains is None else _in_words(joint.settings.from_si(gains))
-                self._node.get_logger().info(f"{joint.name}: gains are now {text}")
-
-
-def _in_words(gains: Gains) -> str:
-    """Gains in the controller's units, as words."""
-    integral = f", i {float(gains.integral):.6g}" if gains.integral else ""
-    return f"p {float(gains.stiffness):.6g}{integral}, d {float(gains.damping):.6g}"
