@@ -144,7 +144,7 @@ class Session:
         assert own is not None
         now = monotonic()
         self._compiled.poll(now)
-        self._take(arrivals, now)
+        self._process_arrivals(arrivals, now)
         busy = self._ramps.busy or self._work.waiting > 0 or not self._compiled.ready
         due = self._pace.is_due(now, arrivals.messages, busy=busy)
         if now >= self._poll_at:
@@ -162,7 +162,7 @@ class Session:
         arrivals.set_idle(idle=self._pace.idle)
         return self._pace.next_tick(hurry=self._ramps.busy)
 
-    def _take(self, arrivals: Arrivals, now: float) -> None:
+    def _process_arrivals(self, arrivals: Arrivals, now: float) -> None:
         """Process what has arrived, gains and motion in their order; all waits while the node compiles."""
         # Gains first: the samples that arrive now are of these.
         self._gains.keep()
