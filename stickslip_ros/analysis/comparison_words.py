@@ -64,10 +64,11 @@ def _changed(joint: JointComparison) -> str:
         return f"{changes}; friction changed: {', '.join(listed)}"
     if compared:
         return f"{changes}; friction is the same within its errors"
+    if not joint.before.settings.options.learn:
+        return changes
     silent = [side for side, one in (("before", joint.before), ("after", joint.after)) if not one.cycles]
     why = f"no slips {' and '.join(silent)} the change" if silent else "it was not estimated"
     why = joint.friction[0].missing if joint.friction and not silent else why
-    why = why if joint.before.settings.options.learn else "its estimation was switched off"
     return f"{changes}; friction cannot be compared ({why})"
 
 

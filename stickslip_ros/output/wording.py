@@ -148,7 +148,7 @@ def reason_text(finding: Finding) -> str:
         case Reversing(record=record):
             return "reversing" if record is None else f"reversing: {reversals_text(record)}"
         case TooShort(moving=moving, needed=needed):
-            return f"too short a motion: {moving:.2f} s of {needed:.2f} s"
+            return f"only {moving:.2f} s of motion, {needed:.2f} s are needed"
         case StopsAndGoes():
             return "stops and goes; publish the reference to tell commanded stops from sticking"
         case TooCoarse(counts=counts):
