@@ -36,6 +36,7 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.model.compensation import USUAL_FILTER
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.verdict import verdict
 from stickslip_ros.monitoring.advice.compensations import compensations
 from stickslip_ros.monitoring.advice.limits import (
     LIMIT_OPTIONS,
@@ -165,6 +166,15 @@ def run(options: argparse.Namespace) -> int:
         print(json_text(result))
     else:
         _print(advice, found, joint)
+        first = advice[Kind.LEAST_CHANGE]
+        if first.found and limits.condition is Criterion.EXACT and limits.steady_sliding:
+            advised = replace(gains, stiffness=first.stiffness, damping=first.damping)
+            steady = verdict(joint, advised, advice.velocity, loop.conditions).steady_reserve
+            if steady > limits.wanted_margin:
+                print(
+                    f"With a reserve below {100.0 * steady:.0f} % the speed would swing, so that the wanted "
+                    f"{100.0 * limits.wanted_margin:.0f} % are not enough; --no-steady-sliding allows it."
+                )
         if table is not None:
             print_table(table, advice.velocity)
         if trial is not None:

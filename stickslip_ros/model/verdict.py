@@ -69,6 +69,11 @@ class ExactVerdict:
     stick_slip_probability: float = math.nan
 
     @property
+    def steady_reserve(self) -> float:
+        """Damping reserve from which on the joint moves steadily from every start; NaN where it is not known."""
+        return self.steady_damping_ratio / self.critical_damping_ratio - 1.0
+
+    @property
     def unstable(self) -> bool:
         """Whether there is no answer because the motion grows without end."""
         return self.reason == f"{_NO_ANSWER}{UNSTABLE}"

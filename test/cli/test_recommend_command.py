@@ -95,6 +95,17 @@ def test_the_wanted_reserve_has_its_former_name_too(capsys: pytest.CaptureFixtur
     assert advice(capsys, "--wanted-margin", "0.5") == advice(capsys, "--wanted-reserve", "0.5") != advice(capsys)
 
 
+def test_why_more_than_the_wanted_reserve(capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 40, item 6: advice of 58 % where 20 % are wanted says why, and how to do without."""
+    command = ["recommend", "--model", "puma560_joint1", "--stiffness", "630", "--velocity", "0.0058"]
+    why = "With a reserve below 50 % the speed would swing, so that the wanted 20 % are not enough; --no-steady-sliding"
+    assert main(command) == 0
+    assert why in capsys.readouterr().out
+    for other in (["--no-steady-sliding"], ["--wanted-reserve", "0.6"], ["--condition", "paper"]):
+        assert main([*command, *other]) == 0
+        assert "would swing" not in capsys.readouterr().out
+
+
 def test_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 5, items 2, 5: a table of the variants; in factors alone where the gains are known per inertia only."""
     assert main(PUMA) == 0
