@@ -68,7 +68,7 @@ class Stage:
         self._console.print(
             f"  {listener.now - self._start:5.1f} s  position {1e3 * listener.data.states[-1][1]:9.2f} m{self._unit}  "
             f"slips {len(listener.data.cycles):3d}  {text}  "
-            f"{status_text(listener.status or 'no data yet')}[dim]{reason}[/]"
+            f"{status_text(listener.status or 'no status yet')}[dim]{reason}[/]"
         )
 
 
