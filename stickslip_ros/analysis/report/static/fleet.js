@@ -62,7 +62,9 @@
       return;
     }
     const [first, last] = [Math.min(...history.at), Math.max(...history.at)];
-    const margin = 0.03 * (last - first) || 1;
+    // A single recording stands in the middle of its day.
+    const alone = figure.below[0].type === "DatetimeAxis" ? 12 * 3600e3 : 1;
+    const margin = 0.03 * (last - first) || alone;
     let [bottom, top] = name === "stick_slip" ? [0, 100] : [Math.min(...low), Math.max(...high)];
     // What hardly changes is to look so.
     const span = Math.max(...value.map(Math.abs)) * 0.2 || 1;
