@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.analysis.comparison import Comparison, JointComparison, Quantity, Verdict
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.trend import Measured
 from stickslip_ros.analysis.words import percent
+from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.published import number, numbers
+from stickslip_ros.output.wording import OUTCOME_TEXTS
 
 _SHARE = "stick_slip_share"
 _HEADS = {
@@ -24,6 +27,60 @@ _HEADS = {
     Verdict.WORSE: "it got worse",
     Verdict.CANNOT_SAY: "not enough data to judge whether it helped",
 }
+
+
+# The colour of a verdict is that of the status which it resembles.
+VERDICT_COLOURS = {
+    Verdict.HELPED: Status.SMOOTH.value,
+    Verdict.HELPED_IN_PART: Status.SMOOTH.value,
+    Verdict.SMALLER_SLIPS: Status.SMOOTH.value,
+    Verdict.WORSE: Status.STICK_SLIP.value,
+    Verdict.LARGER_SLIPS: Status.STICK_SLIP.value,
+    Verdict.CANNOT_SAY: Status.AT_RISK.value,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One row of the table of a joint, as texts. is_status : whether before and after are words of statuses."""
+
+    label: str
+    before: str
+    after: str
+    change: str = ""
+    significant: bool = False
+    is_status: bool = False
+
+
+def rows(joint: JointComparison) -> list[Row]:
+    """The table of a joint, for the terminal and the page."""
+    before, after = joint.before, joint.after
+    statuses = [("status", before.status, after.status)]
+    if any(one.worst is not one.status for one in (before, after)):
+        statuses.append(("at worst", before.worst, after.worst))
+    found = [
+        Row(
+            label=label, before=old.value, after=new.value,
+            change="the same" if old is new else "changed", significant=old is not new, is_status=True,
+        )
+        for label, old, new in statuses
+    ]  # fmt: skip
+    found.append(Row(label="speed [rad/s]", before=f"{before.velocity:.3g}", after=f"{after.velocity:.3g}"))
+    found.append(Row(label="cycles", before=str(len(before.cycles)), after=str(len(after.cycles))))
+    for one in joint.quantities:
+        unit = unit_text(one)
+        found.append(
+            Row(
+                label=f"{one.label} [{unit}]" if unit else one.label,
+                before=value_text(one, one.before), after=value_text(one, one.after),
+                change=change_text(one), significant=bool(one.significant),
+            )
+        )  # fmt: skip
+    outcomes = [one.exact.outcome for one in (before, after)]
+    if any(one is not None for one in outcomes):
+        old, new = ("–" if one is None else OUTCOME_TEXTS[one] for one in outcomes)
+        found.append(Row(label="model predicts", before=old, after=new))
+    return found
 
 
 def verdict_text(joint: JointComparison) -> str:

@@ -23,7 +23,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
 
-_COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
+COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _STICKS = Status.STICK_SLIP.value
 
 
@@ -185,7 +185,7 @@ def _result(found: Answer) -> str:
 
 def status_text(word: str) -> str:
     """A status word in its colour."""
-    return f"[{_COLOURS.get(word, 'dim')}]{word}[/]"
+    return f"[{COLOURS.get(word, 'dim')}]{word}[/]"
 
 
 def _number(value: float, form: str = ".3g", unit: str = "") -> str:

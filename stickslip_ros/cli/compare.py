@@ -22,35 +22,18 @@ from rich.markup import escape
 from rich.table import Table
 
 from stickslip_ros.analysis.analysis import BagAnalysis, analyze
-from stickslip_ros.analysis.comparison import Comparison, JointComparison, Verdict, compare
-from stickslip_ros.analysis.comparison_words import (
-    change_text,
-    comparison_json,
-    not_compared,
-    sentence,
-    unit_text,
-    value_text,
-)
+from stickslip_ros.analysis.comparison import Comparison, JointComparison, compare
+from stickslip_ros.analysis.comparison_words import VERDICT_COLOURS, comparison_json, not_compared, rows, sentence
 from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import status_text
+from stickslip_ros.cli.analysis_tables import COLOURS, status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.options import add_json
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import console_of_tables
 from stickslip_ros.output.as_json import json_text
-from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.visible import visible
-
-_COLOURS = {
-    Verdict.HELPED: "green",
-    Verdict.HELPED_IN_PART: "green",
-    Verdict.SMALLER_SLIPS: "green",
-    Verdict.WORSE: "red",
-    Verdict.LARGER_SLIPS: "red",
-    Verdict.CANNOT_SAY: "yellow",
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -114,7 +97,8 @@ def print_joints(console: Console, joints: Sequence[JointComparison]) -> None:
         console.print(_table(joint))
         for text in not_compared(joint):
             console.print(f"[dim]not compared: {escape(text)}[/]", soft_wrap=True)
-        console.print(f"[{_COLOURS.get(joint.verdict, 'bold')}]{escape(visible(sentence(joint)))}[/]\n", soft_wrap=True)
+        colour = COLOURS.get(VERDICT_COLOURS.get(joint.verdict, ""), "bold")
+        console.print(f"[{colour}]{escape(visible(sentence(joint)))}[/]\n", soft_wrap=True)
 
 
 def _table(joint: JointComparison) -> Table:
@@ -123,21 +107,8 @@ def _table(joint: JointComparison) -> Table:
     table.add_column("before", justify="right", no_wrap=True)
     table.add_column("after", justify="right", no_wrap=True)
     table.add_column("", overflow="fold")
-    sides = joint.before, joint.after
-    same = "the same" if joint.before.status is joint.after.status else "changed"
-    table.add_row("status", *(status_text(one.status.value) for one in sides), same)
-    if any(one.worst is not one.status for one in sides):
-        same = "the same" if joint.before.worst is joint.after.worst else "changed"
-        table.add_row("at worst", *(status_text(one.worst.value) for one in sides), same)
-    table.add_row("speed [rad/s]".replace("[", r"\["), *(f"{one.velocity:.3g}" for one in sides), "")
-    table.add_row("cycles", *(str(len(one.cycles)) for one in sides), "")
-    for one in joint.quantities:
-        unit = unit_text(one)
-        label = escape(f"{one.label} [{unit}]" if unit else one.label)
-        colour = "bold" if one.significant else "dim"
-        values = value_text(one, one.before), value_text(one, one.after)
-        table.add_row(label, *values, f"[{colour}]{change_text(one)}[/]")
-    if any(one.exact.outcome is not None for one in sides):
-        outcomes = ("–" if one.exact.outcome is None else OUTCOME_WORDS[one.exact.outcome.value] for one in sides)
-        table.add_row("model predicts", *outcomes, "")
+    for row in rows(joint):
+        values = (status_text(one) if row.is_status else one for one in (row.before, row.after))
+        style = "bold" if row.significant else "dim"
+        table.add_row(escape(row.label), *values, f"[{style}]{row.change}[/]")
     return table

@@ -267,6 +267,25 @@ def test_configured_friction_and_learnt_are_not_compared(tmp_path: Path) -> None
     assert joint.reserve.significant is True
 
 
+def test_the_page_has_the_rows_of_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 40: terminal and page show the same rows with the same texts, and no markup of the one in the other."""
+    for name, joint in (("before", STICKS), ("after", CURED)):
+        write_simulation(tmp_path / f"{name}.mcap", {"elbow": joint}, duration=8.0, rate=500.0)
+    page = tmp_path / "page.html"
+    command = ["compare", str(tmp_path / "before.mcap"), str(tmp_path / "after.mcap"), "--no-learning"]
+    assert main([*command, "--model", "puma560_joint1", "--html", str(page)]) == 0
+    table = capsys.readouterr().out.partition("\nelbow ")[2].partition("\nelbow: ")[0].splitlines()[1:]
+    shown = [re.split(r"  +", line.strip()) for line in table if not line.startswith("not compared")]
+    html = page.read_text(encoding="utf-8").partition("<tbody>")[2].partition("</tbody>")[0]
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL) for row in html.split("<tr>")[1:]]
+    drawn = [[re.sub(r"<[^>]*>", "", cell).strip() for cell in row] for row in cells]
+    assert ["model predicts", "sticks", "moves steadily"] in shown
+    assert [
+        [cell.replace("stick-slip", "stick_slip") if row[0] == "status" else cell for cell in row if cell]
+        for row in drawn
+    ] == shown
+
+
 @pytest.mark.slow
 def test_the_page(bags: tuple[Path, Path], tmp_path: Path) -> None:
     """One file that needs no network: the sentence, the table, and both motions drawn over each other."""

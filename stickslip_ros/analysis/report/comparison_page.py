@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis
-from stickslip_ros.analysis.comparison import Comparison, JointComparison, Verdict
+from stickslip_ros.analysis.comparison import Comparison, JointComparison
 from stickslip_ros.analysis.comparison_words import (
-    change_text,
+    VERDICT_COLOURS,
+    Row,
     not_compared,
+    rows,
     sentence,
-    unit_text,
-    value_text,
     verdict_text,
 )
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
@@ -31,25 +31,6 @@ from stickslip_ros.monitoring.samples import FloatArray
 _PERIODS = 6.0  # that are drawn
 _SECONDS = 10.0  # that are drawn of joints that never stuck
 _MOST_POINTS = 4000  # of a curve
-_COLOURS = {
-    Verdict.HELPED: "smooth",
-    Verdict.HELPED_IN_PART: "smooth",
-    Verdict.SMALLER_SLIPS: "smooth",
-    Verdict.LARGER_SLIPS: "stick_slip",
-    Verdict.WORSE: "stick_slip",
-    Verdict.CANNOT_SAY: "at_risk",
-}
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """One quantity, as texts."""
-
-    label: str
-    before: str
-    after: str
-    change: str
-    significant: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +41,7 @@ class _Section:
     verdict: str
     sentence: str
     colour: str
-    rows: list[_Row]
+    rows: list[Row]
     not_compared: list[str]
     plots: list[Plot]
 
@@ -104,23 +85,13 @@ def write_comparison_page(path: Path, comparison: Comparison, options: Sequence[
 
 
 def _section(joint: JointComparison, before: FloatArray | None, after: FloatArray | None) -> _Section:
-    rows = [
-        _Row(
-            label=f"{one.label} [{unit_text(one)}]" if unit_text(one) else one.label,
-            before=value_text(one, one.before),
-            after=value_text(one, one.after),
-            change=change_text(one),
-            significant=bool(one.significant),
-        )
-        for one in joint.quantities
-    ]
     plot = _overlay(joint, before, after) if before is not None and after is not None else None
     return _Section(
         joint=joint,
         verdict=verdict_text(joint),
         sentence=sentence(joint),
-        colour=_COLOURS.get(joint.verdict, ""),
-        rows=rows,
+        colour=VERDICT_COLOURS.get(joint.verdict, ""),
+        rows=rows(joint),
         not_compared=not_compared(joint),
         plots=[] if plot is None else [plot],
     )
@@ -140,11 +111,13 @@ def _motions(
                if math.isfinite(begin := _begin(joint, lengths[name]))}  # fmt: skip
     found = read_windows(Path(analysis.path), windows, options.topics, options.unpacking)
     motions = {}
-    for name, rows in found.items():
-        if len(rows) > 1:
-            rows = rows[:: max(1, math.ceil(len(rows) / _MOST_POINTS))]
-            way = float(rows[-1, 1] - rows[0, 1])
-            motions[name] = np.stack([rows[:, 0] - rows[0, 0], np.copysign(1.0, way) * (rows[:, 1] - rows[0, 1])])
+    for name, motion in found.items():
+        if len(motion) > 1:
+            motion = motion[:: max(1, math.ceil(len(motion) / _MOST_POINTS))]
+            way = float(motion[-1, 1] - motion[0, 1])
+            motions[name] = np.stack(
+                [motion[:, 0] - motion[0, 0], np.copysign(1.0, way) * (motion[:, 1] - motion[0, 1])]
+            )
     return motions
 
 
