@@ -19,7 +19,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
-from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import Detail, verdict
@@ -608,3 +608,24 @@ def test_advice_is_no_loop_that_runs_away(puma: Joint) -> None:
     """Issue 23: gains that leave the loop unstable are not advised, not even where there is no exact answer."""
     answer = recommend(puma, Gains(stiffness=630.0, damping=200.0, integral=1e9), 0.005)
     assert not any(variant.found for variant in answer.variants)
+
+
+@pytest.mark.parametrize(
+    ("integral", "conditions", "transmission"),
+    [
+        (300.0, OperatingConditions(), None),
+        (0.0, OperatingConditions(controller_period=0.004, control_delay=True), None),
+        (0.0, OperatingConditions(), Transmission(resonance=15.0, antiresonance=11.0)),
+    ],
+    ids=["integral", "late", "two masses"],
+)
+def test_the_reserve_is_that_of_the_joint_as_it_is_controlled(
+    puma: Joint, integral: float, conditions: OperatingConditions, transmission: Transmission | None
+) -> None:
+    """Issue 39, item 4: beyond the paper's case, too, advice and verdict give one reserve; 93 % were shown for 81 %."""
+    joint, gains = replace(puma, transmission=transmission), replace(STICKING, integral=integral)
+    advice = recommend(joint, gains, SPEED, loop=ObservedLoop(conditions=conditions))
+    assert advice.present is not None
+    for variant in (advice.present, advice[Kind.LEAST_CHANGE]):
+        exact = verdict(joint, replace(variant.gains, integral=integral), SPEED, conditions, detail=Detail.BOUNDARY)
+        assert variant.reserve == pytest.approx(exact.damping_reserve, abs=0.03)

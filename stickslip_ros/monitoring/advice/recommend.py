@@ -16,14 +16,14 @@ import numpy as np
 
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.outcome import Outcome, outcomes
-from stickslip_ros.model.verdict import Detail, beyond_the_paper, verdict
+from stickslip_ros.model.verdict import Detail, ExactVerdict, beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.limits import (
     AdviceLimits,
     Criterion,
@@ -126,6 +126,7 @@ class _Case:
         self._joint, self._gains, self._slowest, self._limits = joint, gains, slowest, limits
         self._loop, self._gains_known, self._learnt = loop, gains_known, uncertainty is not None
         self._exact = limits.condition is Criterion.EXACT
+        self._critical_ratios: dict[float, float] = {}  # by stiffness [N·m/rad], beyond the paper's case
         self._beyond_paper = self._exact and beyond_the_paper(joint, gains, loop.conditions)
         # Exact draws take too long for a search: the search is for the joint itself, and the draws are evaluated at its
         # end, by every law that the data do not exclude. Eq. (43) is of the paper's law alone.
@@ -315,7 +316,7 @@ class _Case:
             # Friction may hold it at this speed; a larger error would run away.
             if loop_is_unstable(self._joint, trial, self._loop.conditions):
                 return False
-            outcome = self._outcome(trial) if self._steady is not None else None
+            outcome = self._verdict(trial, Detail.OUTCOME).outcome if self._steady is not None else None
             if outcome not in (Outcome.STEADY, None):
                 return False
             # What ends in steady motion is smooth, and need not be integrated again.
@@ -331,11 +332,11 @@ class _Case:
     def _reaches(condition: Condition, gains: Gains) -> bool:
         return bool(condition.reached(np.array([float(gains.stiffness)]), np.array([float(gains.damping)]))[0])
 
-    def _outcome(self, gains: Gains) -> Outcome | None:
-        """What becomes of the joint with these gains, and the integral action of now if that counts."""
+    def _verdict(self, gains: Gains, detail: Detail) -> ExactVerdict:
+        """Verdict on these gains, and on the integral action of now if that counts."""
         gains = replace(gains, integral=self._gains.integral if self._beyond_paper else 0.0)
         conditions = self._loop.conditions if self._beyond_paper else None
-        return verdict(self._joint, gains, self._slowest, conditions, detail=Detail.OUTCOME).outcome
+        return verdict(self._joint, gains, self._slowest, conditions, detail=detail)
 
     def _variant(self, kind: Kind, gains: Gains, reason: str) -> Variant:
         joint, present = self._joint, self._gains
@@ -349,7 +350,7 @@ class _Case:
             reason=reason or self._change_text(gains),
             energy_margin=float(margin.energy_margin),
             reserve=self._reserve(gains),
-            outcome=self._outcome(gains),
+            outcome=self._verdict(gains, Detail.OUTCOME).outcome,
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
             damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
             change=self._change(gains),
@@ -360,11 +361,19 @@ class _Case:
 
     def _reserve(self, gains: Gains) -> float:
         groups = dimensionless_groups(self._joint, gains, self._slowest)
-        if self._exact:
-            critical = float(exact_critical_damping_ratio(groups, tolerance=_RESERVE_TOLERANCE))
-        else:
-            critical = float(critical_damping_ratio(groups))
-        return float(damping_reserve(float(groups.damping_ratio), critical))
+        return float(damping_reserve(float(groups.damping_ratio), self._critical_ratio(gains, groups)))
+
+    def _critical_ratio(self, gains: Gains, groups: DimensionlessGroups) -> float:
+        """ρ_c at the stiffness of these gains; beyond the paper's case it takes up to seconds."""
+        if not self._exact:
+            return float(critical_damping_ratio(groups))
+        if not self._beyond_paper:
+            return float(exact_critical_damping_ratio(groups, tolerance=_RESERVE_TOLERANCE))
+        stiffness = float(gains.stiffness)
+        found = self._critical_ratios.get(stiffness, math.nan)
+        if math.isnan(found):
+            found = self._critical_ratios[stiffness] = self._verdict(gains, Detail.BOUNDARY).critical_damping_ratio
+        return found
 
     def _change_text(self, gains: Gains) -> str:
         own = float(self._joint.own_damping(gains.stiffness))
