@@ -144,8 +144,9 @@ def run(options: argparse.Namespace) -> int:
         found: Sequence[Sensitivity] = ()
         if gains.stiffness > 0 and advice.velocity > 0:
             found = sensitivities(
-                joint, gains, advice.velocity, wanted_margin=limits.wanted_margin, condition=limits.condition
-            )
+                joint, gains, advice.velocity, loop.conditions,
+                wanted_margin=limits.wanted_margin, condition=limits.condition,
+            )  # fmt: skip
         result = recommendation_json(advice, found)
         if trial is not None:
             result["what_if"] = {

@@ -9,10 +9,12 @@ from dataclasses import replace
 
 import pytest
 
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.model.verdict import verdict
 from stickslip_ros.monitoring.advice.limits import Criterion
 from stickslip_ros.monitoring.advice.sensitivity import PARAMETERS, in_words, sensitivities
 
@@ -63,3 +65,19 @@ def test_nothing_is_needed_where_the_margin_is_there(puma: Joint) -> None:
     assert {one.factor for one in found} == {1.0}
     assert in_words(found) == ""
     assert all(math.isnan(one.elasticity) for one in sensitivities(puma, Gains(stiffness=0.0), SPEED))
+
+
+@pytest.mark.parametrize(
+    ("integral", "conditions"),
+    [(1500.0, OperatingConditions()), (0.0, OperatingConditions(controller_period=0.02, control_delay=True))],
+    ids=["integral", "late"],
+)
+def test_none_is_claimed_where_the_joint_would_stick_on(
+    puma: Joint, integral: float, conditions: OperatingConditions
+) -> None:
+    """Four times the lag ends stick-slip under PD control; with integral action or late control it does not."""
+    gains = Gains(stiffness=630.0, integral=integral)
+    laggard = replace(puma, friction=replace(puma.friction, lag=4.6 * float(puma.friction.lag)))
+    assert verdict(laggard, replace(gains, integral=0.0), 0.0058).smooth is True
+    assert verdict(laggard, gains, 0.0058, conditions).smooth is False
+    assert sensitivities(puma, gains, 0.0058, conditions, condition=Criterion.EXACT) == ()

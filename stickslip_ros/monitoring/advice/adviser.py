@@ -123,7 +123,12 @@ def advise(question: AdviceQuestion) -> Advice:
     return Advice(
         recommendation=recommendation,
         sensitivities=sensitivities(
-            joint, gains, recommendation.velocity, wanted_margin=limits.wanted_margin, condition=limits.condition
+            joint,
+            gains,
+            recommendation.velocity,
+            question.loop.conditions,
+            wanted_margin=limits.wanted_margin,
+            condition=limits.condition,
         )
         if possible
         else (),

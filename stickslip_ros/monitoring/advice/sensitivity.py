@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.verdict import beyond_the_paper
 from stickslip_ros.monitoring.advice.limits import Criterion, criterion_for
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -45,17 +47,26 @@ class Sensitivity:
 
 
 def sensitivities(
-    joint: Joint, gains: Gains, velocity: float, *, wanted_margin: float = 0.2, condition: Criterion = Criterion.PAPER
+    joint: Joint,
+    gains: Gains,
+    velocity: float,
+    conditions: OperatingConditions | None = None,
+    *,
+    wanted_margin: float = 0.2,
+    condition: Criterion = Criterion.PAPER,
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of ρ/ρ_c to the friction's parameters, by Eq. (43) or exactly; the paper's conclusion in numbers.
 
     Coulomb friction is not among them: it cancels. All NaN where Eq. (43) does not apply; exactly for a joint of
-    another friction law than the paper's.
+    another friction law than the paper's. None at all beyond the paper's case (integral action, sampled control, a
+    contact that yields, two masses): what changes the margin of a rigid joint under PD control may not change theirs.
 
     Parameters
     ----------
     joint, gains : scalars. velocity : [rad/s].
     """
+    if beyond_the_paper(joint, gains, conditions or OperatingConditions()):
+        return ()
     found = []
     condition = criterion_for(joint, condition)
     grid = np.linspace(-math.log(_LARGEST_FACTOR), math.log(_LARGEST_FACTOR), _POINTS)
@@ -95,7 +106,7 @@ def _groups(joint: Joint, parameter: str, factors: FloatArray, gains: Gains, vel
     values = {name: np.full(factors.shape, value) for name, value in joint.friction.numbers.items()}
     values[parameter] = values[parameter] * factors
     changed = replace(joint, friction=joint.friction.changed(values))
-    return dimensionless_groups(changed, replace(gains, integral=0.0), velocity)
+    return dimensionless_groups(changed, gains, velocity)
 
 
 def _damping_over_critical(groups: DimensionlessGroups, condition: Criterion) -> FloatArray:
