@@ -43,7 +43,8 @@ def test_lowest_smooth_velocity_inverts_the_boundary(puma: Joint, velocity: floa
         (Gains(stiffness=-5.0), 0.01, "stiffness is not positive"),
         (Gains(stiffness=100.0), 0.0, "velocity is zero"),
         (Gains(stiffness=100.0, integral=1.0), 0.01, "integral action"),
-        (Gains(stiffness=1e7), 0.01, "longer than one natural period"),
+        # τ* = 2π at M (2π/τ_L)² = 99,480 N·m/rad; at 1.02 of it the lag is the longer.
+        (Gains(stiffness=1.02 * 6.3 * (2.0 * math.pi / 0.05) ** 2), 0.01, "longer than one natural period"),
         (Gains(stiffness=math.nan), 0.01, "not a finite number"),
         (Gains(stiffness=100.0), math.inf, "not a finite number"),
         (Gains(stiffness=100.0, damping=-50.0), 0.01, "total damping is negative"),
@@ -59,6 +60,12 @@ def test_outside_the_domain_the_reason_is_given(puma: Joint, gains: Gains, veloc
     assert margin.smooth is False
     for name in ("energy_margin", "damping_ratio", "critical_damping_ratio", "reduction_factor", "steady_stribeck"):
         assert math.isnan(getattr(margin, name))
+
+
+def test_up_to_a_lag_of_one_natural_period_the_margin_applies(puma: Joint) -> None:
+    """The other side of that boundary."""
+    stiffness = 0.98 * float(puma.inertia) * (2.0 * math.pi / float(puma.friction.lag)) ** 2
+    assert stability_margin(puma, Gains(stiffness=stiffness), 0.01).applicable is True
 
 
 def test_arrays_mix_applicable_and_not(puma: Joint) -> None:
