@@ -19,6 +19,7 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
+from stickslip_ros.monitoring.friction.change import friction_change
 from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
@@ -134,6 +135,24 @@ def test_an_abrupt_change_is_named(puma: Joint) -> None:
     assert state.estimate is not None
     assert state.estimate.coulomb_and_load.value == pytest.approx(5.0, rel=0.05)
     assert state.estimate["stribeck"].value == pytest.approx(1.1, rel=0.1)
+
+
+@pytest.mark.parametrize(("ratio", "apart", "named"), [(1.0, 5.4, False), (1.0, 5.9, True), (2.0, 5.9, False)])
+def test_a_change_exceeds_the_errors_of_both_estimates(
+    learnt: tuple[JointMonitor, Assessment], ratio: float, apart: float, named: bool
+) -> None:
+    """Four times the combined errors: 5.66 of one where both are alike, 8.94 of the smaller where one is twice it."""
+    known = learnt[1].estimate
+    assert known is not None
+    error = 0.02  # identified, and a change of some of it is no small one
+    unit = np.eye(len(known.logarithms))
+    before = replace(known, covariance=error**2 * unit)
+    factor = 1.0 + error * apart
+    covariance = (ratio * error / factor) ** 2 * unit
+    after = replace(known, logarithms=known.logarithms + math.log(factor), covariance=covariance)
+    found = friction_change(before, after, 10.0)
+    fitted = {"inertia", "viscous", "stribeck", "stribeck_velocity", "lag", "rise_time"}
+    assert {one.name for one in found.differences} == (fitted if named else set())
 
 
 def loaded(machine: Machine, speed: float) -> Batch:

@@ -16,6 +16,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
+from stickslip_ros.monitoring.friction.late_controller import DelayEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.selected_model import select_model
@@ -123,6 +124,15 @@ def test_another_speed_tells_a_delay_from_friction() -> None:
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
     left = machine.viscous - float(gains.stiffness) * recording.delay
     assert estimate["viscous"].value == pytest.approx(left, abs=3.0 * estimate["viscous"].std)
+
+
+def test_the_error_of_a_delay_is_that_of_both_frictions() -> None:
+    """τ = (F_v − left) / k_p: drawn with the errors of both, it scatters as its error says."""
+    estimate = DelayEstimate(viscous=5.0, spread=0.1, left=-1.0, std=0.3, stiffness=600.0, longest=0.1)
+    draws = np.random.default_rng(1).standard_normal((2, 100_000))
+    delays = (5.0 * np.exp(0.1 * draws[0]) - (-1.0 + 0.3 * draws[1])) / 600.0
+    assert estimate.delay == pytest.approx(0.01)
+    assert estimate.delay_std == pytest.approx(float(np.std(delays)), rel=0.02)
 
 
 def test_errors_have_what_a_delay_may_make() -> None:
