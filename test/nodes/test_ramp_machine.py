@@ -373,5 +373,19 @@ def test_going_back_to_gains_that_stick_is_not_stopped_by_sticking() -> None:
         machine.folder.cleanup()
 
 
+@pytest.mark.parametrize("largest", [600.0, 2000.0], ids=["those in force", "those advised"])
+def test_gains_outside_the_limits_begin_no_ramp(largest: float) -> None:
+    """Limits that were narrowed since the advice: the ramp would end part of the way."""
+    machine = RampMachine()
+    machine.bounds = ((0.0, largest), (0.0, 300.0))
+    machine._begin()
+    machine._pass(60.0)
+    assert machine.outcome is not None
+    assert "is outside its limits" in machine.outcome.message
+    assert "no gains were changed" in machine.outcome.message
+    assert machine.controller.gains == {"p": 630.0, "d": 0.0}
+    machine.folder.cleanup()
+
+
 if __name__ == "__main__":
     take_steps(int(sys.argv[1]), report_multiple_bugs=False, phases=(Phase.generate,), database=None)
