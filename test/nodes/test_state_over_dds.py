@@ -104,6 +104,17 @@ def test_what_was_learnt_is_there_after_a_restart(ros_domain: int) -> None:
     assert "joint1" not in read_state(path)
 
 
+def test_a_joint_that_is_heard_of_later_goes_on_too(ros_domain: int, learnt: JointMonitor) -> None:
+    """Without configured joints what was learnt of one is there with its first samples."""
+    write_state(default_path("/stickslip_monitor"), as_text({"joint1": learnt.memory()}))
+    with NodeProcess("monitor", {}) as monitor, probe() as one:
+        one.wait_for_monitor()
+        motion = sticking_motion(1.0)
+        play(one, "joint1", motion.time, motion.position, motion.reference_position, begin=100.0)
+        one.wait(lambda: LEARNT in one.diagnostics.get("joint1", (b"", "", {}))[2], 10.0, "what was learnt")
+        assert "joint1: going on from the friction learnt before" in monitor.output()
+
+
 def test_a_damaged_file_is_set_aside(ros_domain: int, learnt: JointMonitor) -> None:
     """Issue 7: with a warning, and the node begins anew."""
     path = default_path("/stickslip_monitor")
