@@ -138,7 +138,7 @@ def _bounds(recording: RandomRecording) -> dict[str, float]:
     try:
         known = fit_at_fixed_parameters(
             problem, Tolerances(balance=1e-4 * truth["stribeck"], level=1e-4), parameters=parameters,
-            kinetic=np.array([truth["coulomb"]]), unknowns=unknowns, iterations=0,
+            kinetic=np.array([truth["coulomb"]]), unknowns=unknowns, iterations=0, scored=True,
         )  # fmt: skip
     except LinAlgError:
         return {}

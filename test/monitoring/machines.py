@@ -2,7 +2,8 @@
 # Copyright 2026 The stickslip_ros developers
 """Joints that obey the paper's law or none of it, integrated apart from the package's own kernels.
 
-Small fixed steps, the midpoint rule; breakaway and arrest are found within the step by a straight line.
+Small fixed steps, the midpoint rule; breakaway and arrest are found within the step by a straight line. Motor and load
+on a spring alone are integrated by the package, which ``test/model/test_two_masses.py`` compares with other code.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from stickslip_ros.model.friction import FRICTION_PARAMETERS, Gains, Joint
+from stickslip_ros.model.friction import FRICTION_PARAMETERS, Friction, Gains, Joint, Transmission
+from stickslip_ros.model.joint_simulation import JointSimulation
 
 PAPER, EXPONENTIAL, LUGRE = range(3)
 
@@ -52,6 +54,7 @@ class Machine:
     drag : of the square of the velocity, beside viscous friction [N·m·s²/rad²].
     sampled : the controller sees the joint once in a period and holds its effort.
     control_delay : so much later the effort takes effect [s], at most a period.
+    transmission : spring between motor and load; all else is ideal in such a machine, and of the paper's law.
     """
 
     inertia: float
@@ -77,6 +80,7 @@ class Machine:
     drag: float = 0.0
     sampled: bool = False
     control_delay: float = 0.0
+    transmission: Transmission | None = None
 
     @classmethod
     def of(cls, joint: Joint) -> Machine:
@@ -137,6 +141,8 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
     ``references[i]`` [rad] is the desired position at the start of period i, and moves on with ``velocities[i]``
     [rad/s] during it. The gains' integral is not used.
     """
+    if machine.transmission is not None:
+        return _on_a_spring(machine, gains, references, velocities, period)
     steps = math.ceil(period / _longest_step(machine, gains))
     plant = np.array([
         machine.inertia, machine.coulomb, machine.viscous, machine.stribeck, machine.stribeck_velocity, machine.lag,
@@ -160,6 +166,28 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
         effort=samples[:, 2],
         slips=slips[: min(count, len(slips))],
         last_rest=last_rest,
+    )
+
+
+def _on_a_spring(
+    machine: Machine, gains: Gains, references: np.ndarray, velocities: np.ndarray, period: float
+) -> Motion:
+    friction = Friction(**{one.name: getattr(machine, one.name) for one in FRICTION_PARAMETERS})
+    joint = Joint(inertia=machine.inertia, friction=friction, transmission=machine.transmission)
+    simulation = JointSimulation(joint, gains)
+    found = simulation.advance(period, references, velocities)
+    begins, ends = found.events[::2], found.events[1::2]
+    slips = [
+        (begin.time, begin.position, begin.stribeck_level, end.time, end.position)
+        for begin, end in zip(begins, ends, strict=False)
+    ]
+    at_first = float(gains.stiffness) * references[0] + float(gains.damping) * velocities[0]
+    return Motion(
+        position=np.concatenate([[0.0], found.position[:-1]]),
+        velocity=np.concatenate([[0.0], found.velocity[:-1]]),
+        effort=np.concatenate([[at_first], found.effort[:-1]]),
+        slips=np.array(slips).reshape(-1, 5),
+        last_rest=simulation.time if simulation.stuck else max((end.time for end in ends), default=0.0),
     )
 
 

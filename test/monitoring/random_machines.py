@@ -21,7 +21,8 @@ from machines import (
 )
 from random_joints import random_joint
 
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, Transmission
+from stickslip_ros.model.transmission import SIDES
 from stickslip_ros.monitoring.samples import Batch
 
 DURATION = 40.0  # [s]
@@ -33,6 +34,8 @@ _LEAST_SLIPS, _LEAST_OF_A_DIRECTION = 10, 4
 _LOST = 0.05
 _CREEP = (0.01, 0.025)  # of a slip, that bristles yield elastically before it, and once more in creep
 _COMPLIANCE = (-3.0, -1.7)  # decimal logarithm of a contact's compliance, of the controller's
+# Decimal logarithms of a resonance [Hz], and of its ratio to the antiresonance: 5 to 40 Hz, loads of 0.4 to 8 motors.
+_RESONANCE, _OF_ANTIRESONANCE = (0.7, 1.6), (0.08, 0.48)
 _REBOUND = 0.1  # of the longest slip
 _SHORTEST_STOP, _LONGEST_STOP = 0.5, 2.0  # [s]
 
@@ -152,6 +155,15 @@ def _on_springs(rng: np.random.Generator, machine: Machine, gains: Gains) -> Mac
     return replace(machine, bristle_stiffness=stiffness, bristle_damping=damping)
 
 
+def _on_a_spring(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machine:
+    resonance = 10.0 ** rng.uniform(*_RESONANCE)
+    antiresonance = resonance / 10.0 ** rng.uniform(*_OF_ANTIRESONANCE)
+    encoder = str(rng.choice(SIDES))
+    return replace(
+        machine, transmission=Transmission(resonance=resonance, antiresonance=antiresonance, encoder=encoder)
+    )
+
+
 def _dragged(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machine:
     # At the Stribeck velocity a tenth to a half as much as viscous friction; in a slip several times that.
     return replace(machine, drag=float(rng.uniform(0.1, 0.5)) * machine.viscous / machine.stribeck_velocity)
@@ -167,7 +179,6 @@ CONDITIONS = {
         Condition(name="base", velocities=one_way, change=_as_it_is),
         Condition(name="load_one_way", velocities=one_way, change=_loaded),
         Condition(name="load_both_ways", velocities=to_and_fro, change=_loaded, both_directions=True),
-        Condition(name="asymmetry", velocities=to_and_fro, change=_with(asymmetry=0.15), both_directions=True),
         Condition(name="jitter_and_loss", velocities=one_way, change=_as_it_is, jitter=True),
         Condition(name="sine", velocities=sine, change=_as_it_is),
         Condition(name="triangle", velocities=triangle, change=_as_it_is),
@@ -180,6 +191,7 @@ CONDITIONS = {
         Condition(name="elastic_contact", velocities=one_way, change=_on_springs),
         Condition(name="scatter", velocities=one_way, change=_with(static_scatter=0.03)),
         Condition(name="drag", velocities=one_way, change=_dragged),
+        Condition(name="two_masses", velocities=one_way, change=_on_a_spring),
         Condition(name="sampled", velocities=one_way, change=_as_it_is, sampled=True),
     )
 }

@@ -64,7 +64,7 @@ def test_the_delay_goes_into_viscous_friction_and_into_nothing_else(puma: Joint,
     viscous = estimate["viscous"]
     assert viscous.value == pytest.approx(machine.viscous - 630.0 * delay, abs=3.0 * viscous.std)
     # The controller acts in steps, and what that makes repeats from slip to slip; viscous friction may also be a curve.
-    assert viscous.std < 1.5
+    assert viscous.std < 1.6
     for name in set(NAMES) - {"viscous", "coulomb"}:
         assert estimate[name].value == pytest.approx(float(getattr(machine, name)), abs=3.0 * estimate[name].std), name
     assert estimate["inertia"].std > damping * delay / 3.0

@@ -13,10 +13,11 @@ import pytest
 from conftest import nightly
 from random_joints import cut_slips
 from random_machines import CONDITIONS, MachineRecording, random_recording
+from two_masses import in_counts, seen, two_mass_joint
 
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommend import recommend
@@ -144,6 +145,42 @@ def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: i
     for factor in (0.5, 2.0):
         gains = replace(recording.gains, stiffness=factor * float(recording.gains.stiffness))
         assert 0.05 < stick_slip_probability(selected.uncertainty, gains, recording.speeds[0]) < 0.95
+
+
+def test_the_swing_of_a_load_is_no_jitter() -> None:
+    """What rings on a spring was taken for stamps off by a third of a sample, which were even: a law then fitted."""
+    friction = Friction(
+        coulomb=0.318, viscous=0.137, stribeck=0.0749, stribeck_velocity=0.0063, lag=0.0258, rise_time=0.487
+    )
+    joint, gains = two_mass_joint(friction, (0.509, 0.908), 8.56), Gains(stiffness=227.6, damping=3.4)
+    batch = in_counts(seen(joint, gains, np.repeat([0.00265, 0.0053], 6000), RATE), 5e-5)
+    estimate = estimate_friction(cut_slips(batch, gains)[0])
+    assert estimate is not None
+    assert estimate.mismatch
+    assert not any(estimate[name].identified for name in (*NAMES, COULOMB_AND_LOAD))
+
+
+def test_a_law_fits_or_does_not() -> None:
+    """A load on a spring left 0.08 % of a slip over, which passed, and a rise time of a tenth at ten errors with it."""
+    friction = Friction(coulomb=4.04, viscous=8.24, stribeck=1.3, stribeck_velocity=0.00736, lag=0.0178, rise_time=0.22)
+    joint, gains = two_mass_joint(friction, (5.46, 9.76), 11.8), Gains(stiffness=753.0, damping=21.2)
+    batch = in_counts(seen(joint, gains, np.full(20_000, 0.00516), 1000.0), 7.94e-5)
+    estimate = estimate_friction(cut_slips(batch, gains)[0])
+    assert estimate is not None
+    assert estimate.mismatch
+
+
+def test_a_value_far_too_low_is_no_more_certain_for_being_low() -> None:
+    """The standard error of an open logarithm was in proportion to the value: true ones were a hundred errors off."""
+    _, estimate = learnt("base", 0)
+    error, truth = 2.0, estimate["rise_time"].value
+    logarithms, covariance = estimate.logarithms.copy(), estimate.covariance.copy()
+    rise = int(np.argmin(np.abs(logarithms - math.log(truth))))
+    logarithms[rise] -= 1.5 * error
+    covariance[rise, rise] = error**2
+    found = replace(estimate, logarithms=logarithms, covariance=covariance)["rise_time"]
+    assert not found.identified
+    assert abs(found.value - truth) < 4.0 * found.std
 
 
 @pytest.mark.parametrize(("condition", "seed"), [("drift", 0), ("triangle", 2), ("load_both_ways", 3), ("base", 3)])

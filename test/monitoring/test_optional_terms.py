@@ -18,14 +18,13 @@ from machines import Machine
 from random_joints import cut_slips, later
 from random_joints import random_recording as random_joint_recording
 from random_machines import CONDITIONS, random_recording
-from two_masses import motor_positions
+from two_masses import in_counts, seen, two_mass_joint
 from two_speeds import SECONDS, monitor_of, recording
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
-from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
@@ -114,18 +113,12 @@ def test_straight_friction_stays_straight() -> None:
 def test_a_curve_that_stands_for_a_flexible_load_is_not_sure() -> None:
     """Issue 38: the swing of a load passed for curved friction, with viscous friction 4.8 times too large, at 3 errors.
 
-    The Stribeck velocity was identified 3.4 errors off. The machine is of a code of its own.
+    The Stribeck velocity was identified 3.4 errors off.
     """
     friction = Friction(coulomb=8.0, viscous=2.0, stribeck=1.6, stribeck_velocity=0.006, lag=0.02, rise_time=0.3)
-    gains, velocity, inertia = Gains(stiffness=630.0, damping=10.0), 0.004, 6.3
-    positions = motor_positions(
-        friction, gains, velocity, masses=(0.3 * inertia, 0.7 * inertia), resonance=40.0, duration=60.0
-    )
-    batch = Batch(
-        time=np.arange(len(positions)) / 200.0,
-        position=2e-5 * np.round(positions / 2e-5),
-        reference_position=velocity * np.arange(len(positions)) / 200.0,
-    )
+    gains, inertia = Gains(stiffness=630.0, damping=10.0), 6.3
+    joint = two_mass_joint(friction, (0.3 * inertia, 0.7 * inertia), 40.0)
+    batch = in_counts(seen(joint, gains, np.full(12_000, 0.004), 200.0), 2e-5)
     estimate = monitor_of(batch, gains).learner.estimate
     assert estimate is not None
     assert off(estimate, "inertia", inertia) < 2.5

@@ -14,7 +14,7 @@ from conftest import nightly
 from mcap.writer import Writer
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from two_masses import motor_positions
+from two_masses import seen, two_mass_joint
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.dimensionless import dimensionless_groups
@@ -28,7 +28,7 @@ from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.study import StudyQuestion, study
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
@@ -200,19 +200,18 @@ SPRING = Friction(coulomb=1.2, stribeck=0.45, stribeck_velocity=6e-3, viscous=0.
 SLOW, SOFT = 0.005, Gains(stiffness=400.0)
 
 
-def on_a_spring(gains: Gains, rate: float) -> FloatArray:
-    """A motor that moves a load on a spring [rad]."""
-    return motor_positions(SPRING, gains, SLOW, masses=(0.5, 0.5), resonance=20.0, duration=20.0, rate=rate)
+def on_a_spring(gains: Gains, rate: float) -> Batch:
+    """A motor that moves a load on a spring."""
+    return seen(two_mass_joint(SPRING, (0.5, 0.5), 20.0), gains, np.full(round(20.0 * rate), SLOW), rate)
 
 
 def monitored_on_a_spring(gains: Gains | None) -> JointMonitor:
     """What watched it at 200 Hz; with a reference where gains are known."""
-    count, positions = 2e-5, on_a_spring(SOFT, 200.0)
-    noisy = positions / count + np.random.default_rng(1).normal(0.0, 0.3, len(positions))
-    time = np.arange(len(positions)) / 200.0
-    reference = SLOW * time if gains is not None else np.zeros(0)
+    count, batch = 2e-5, on_a_spring(SOFT, 200.0)
+    noisy = batch.position / count + np.random.default_rng(1).normal(0.0, 0.3, len(batch))
+    reference = batch.reference_position if gains is not None else np.zeros(0)
     monitor = JointMonitor(gains=gains, studies_at_once=True)
-    monitor.process(Batch(time=time, position=count * np.round(noisy), reference_position=reference))
+    monitor.process(Batch(time=batch.time, position=count * np.round(noisy), reference_position=reference))
     monitor.finish()
     return monitor
 
@@ -238,5 +237,5 @@ def test_a_load_on_a_spring_gets_damping_enough() -> None:
     if not advised.found:
         assert "bandwidth" in advised.reason
         return
-    speeds = np.diff(on_a_spring(advised.gains, 500.0)[-2500:]) * 500.0
+    speeds = np.diff(on_a_spring(advised.gains, 500.0).position[-2500:]) * 500.0
     assert 0.9 * SLOW < speeds.min() <= speeds.max() < 1.1 * SLOW

@@ -149,7 +149,8 @@ class FrictionEstimate:
         value = math.exp(self.logarithms[index])
         error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
         identified = error <= IDENTIFIED and not self.mismatch
-        return ParameterEstimate(value=value, std=value * min(error, SPREAD_LIMIT), identified=identified)
+        # Upwards, the longer way: a value far too low with a logarithm that is open is no more certain for being low.
+        return ParameterEstimate(value=value, std=value * math.expm1(min(error, SPREAD_LIMIT)), identified=identified)
 
     @property
     def usable(self) -> bool:

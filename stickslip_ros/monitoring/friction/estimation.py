@@ -64,7 +64,6 @@ from stickslip_ros.monitoring.samples import FloatArray
 MOST_STEPS = 2.5e7
 LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm, 1: right within a factor of two
-_LARGEST_UNEXPLAINED = 0.001  # tolerance, slip distances: joints that the model explains need less
 _SCATTER = 0.05  # variation of the kinetic friction from slip to slip, of the Stribeck friction
 _ASIDE = 0.34  # slips that nothing explains, of all slips
 
@@ -229,7 +228,7 @@ def unexplained(fitted: FittedLaw) -> str:
     scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
     aside = int((~problem.noise.usable).sum())
     reasons = []
-    if solution.left_over > _LARGEST_UNEXPLAINED:
+    if solution.tolerance > 0.0:
         reasons.append(f"error {100 * solution.left_over:.2g} % of a slip")
     elif solution.mean_square > FITS:
         reasons.append(f"residuals {math.sqrt(solution.mean_square):.2f} times the errors of the positions")
