@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -40,6 +40,9 @@ def test_steps_are_small_and_arrive(
 
 
 @given(st.floats(1e-4, 1.0), st.floats(0.0, 10.0), damping, damping)
+# Steps of the damping that the rate alone would let be a quarter of the effort.
+@example(error=1e-3, velocity_error=1.0, before=0.0, after=10.0)
+@example(error=1e-2, velocity_error=10.0, before=0.0, after=1000.0)
 def test_the_step_in_effort_is_small(error: float, velocity_error: float, before: float, after: float) -> None:
     """Issue 5, item 4: k_p times an error is a torque: a step changes the effort by a twentieth at most."""
     joint = Joint(inertia=1.0, friction=Friction(stribeck=1.0, stribeck_velocity=0.01, viscous=1.0))
