@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""One step of y¨ + δ y˙ + κ y = u, compiled and exact, with the force u a polynomial through points of the step.
+"""One step of y¨ + δ y˙ + κ y = u, compiled and exact, with the force u a polynomial through Lobatto points.
 
-The cycle map (``_slip_kernel``) has the spring to count time in, κ = 1 and δ = 2ρ, and Gauss points; it uses what is
-below :data:`POINTS`. The fit (``monitoring.friction._window_step``) counts time in steps, since a joint whose effort is
-known has no spring, and has points at both ends, through which it interpolates the velocity too.
+The first and the last of them are the step's beginning and end. The cycle map (``_slip_kernel``) has the spring to
+count time in, κ = 1 and δ = 2ρ; it uses what is below :data:`POINTS`. The fit (``monitoring.friction._window_step``)
+counts time in steps, since a joint whose effort is known has no spring.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model.bounds import TINY
+
+
+def lobatto_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points as shares of a step, and the coefficients of their Lagrange polynomials, L_j(s) = Σ_k c[k, j] s^k."""
+    inner = np.polynomial.legendre.Legendre.basis(count - 1).deriv().roots().real
+    points = 0.5 * (1.0 + np.concatenate([[-1.0], inner, [1.0]]))
+    return points, np.asarray(np.linalg.inv(np.vander(points, count, increasing=True)), dtype=float)
+
 
 _SERIES_TERMS = 16  # terms of the power series of an impulse response, 1: to rounding for κ and δ of a step up to 1
 
@@ -94,19 +103,12 @@ def fill_polynomial(values, lagrange, coefficients):
         coefficients[k] = total
 
 
-POINTS = 8  # Gauss points of a step, 1
-NODES = 0.5 * (np.polynomial.legendre.leggauss(POINTS)[0] + 1.0)
-# Coefficients of the Lagrange polynomials: L_j(θ) = Σ_k _LAGRANGE[k, j] θ^k.
-_LAGRANGE = np.linalg.inv(np.vander(NODES, POINTS, increasing=True))
-AT_END = _LAGRANGE.sum(axis=0)  # weights of the values at the points in the value at the step's end, 1
-_SHARES = np.append(NODES, 1.0)
-_HIGHEST = (
-    (2 * POINTS - 1)
-    / 2
-    * np.polynomial.legendre.leggauss(POINTS)[1]
-    * np.polynomial.legendre.legval(2.0 * NODES - 1.0, np.eye(POINTS)[-1])
-)
-END_VELOCITY, END_POSITION, ROWS, COLUMNS = POINTS, POINTS + 1, POINTS + 2, POINTS + 2
+POINTS = 8  # points of a step, 1
+NODES, _LAGRANGE = lobatto_points(POINTS)
+# Weights of the values at the points in the highest Legendre coefficient of the polynomial through them.
+_HIGHEST = np.linalg.inv(np.polynomial.legendre.legvander(2.0 * NODES - 1.0, POINTS - 1))[-1].copy()
+# Rows of a step's matrix: velocity at the points, position at the end.
+END_VELOCITY, END_POSITION, ROWS, COLUMNS = POINTS - 1, POINTS, POINTS + 1, POINTS + 2
 
 
 @helper()
@@ -121,12 +123,12 @@ def _scales(step):
 @helper()
 def fill_matrix(step, damping_ratio, matrices, which):
     """The matrix of one step, one of several."""
-    fill_step(step, 1.0, 2.0 * damping_ratio, _SHARES, _scales(step), _LAGRANGE, matrices[which])
+    fill_step(step, 1.0, 2.0 * damping_ratio, NODES, _scales(step), _LAGRANGE, matrices[which])
 
 
 @helper()
 def fill_lagged(step, lag, damping_ratio, lagged, which):
-    """Rows that give the velocity one lag before each Gauss point, where that is inside the step."""
+    """Rows that give the velocity one lag before each point, where that is inside the step."""
     responses, scales = np.empty(POINTS + 2), _scales(step)
     for i in range(POINTS):
         time = NODES[i] * step - lag

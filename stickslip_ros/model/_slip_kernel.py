@@ -3,10 +3,10 @@
 """Compiled integration of the dimensionless slip, Eq. (14); :mod:`stickslip_ros.model.simulation` is its face.
 
 Given the friction, a slip is linear: ξ¨ + 2ρ ξ˙ + ξ = −f. A step therefore needs no integration: friction is
-interpolated through Gauss points, and the propagator of the linear equation applied to the polynomial is
+interpolated through Lobatto points, and the propagator of the linear equation applied to the polynomial is
 exact (``_linear_step``). Two regimes share this:
 
-* steps that divide the lag: the friction at a step's Gauss points depends on the velocity at the same points
+* steps that divide the lag: the friction at a step's points depends on the velocity at the same points
   a whole number of steps ago, which is known; the jumps of derivatives at the multiples of the lag after
   breakaway fall between steps by themselves.
 * steps longer than the lag, for short lags and none: the lagged velocity is inside the step, and friction is
@@ -27,7 +27,6 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model import _friction_law
 from stickslip_ros.model._linear_step import (
-    AT_END,
     COLUMNS,
     END_POSITION,
     END_VELOCITY,
@@ -190,9 +189,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
                 _push_velocity(latest, index, time, position, speed, coefficients)
             if left_over < 1e-3 * rough and halving > 0:
                 halving -= 1
-        force = 0.0
-        for j in range(POINTS):
-            force += AT_END[j] * vector[2 + j]
+        force = vector[COLUMNS - 1]
         acceleration_before = acceleration
         acceleration = -result[END_POSITION] - 2.0 * damping_ratio * result[END_VELOCITY] + force
         if time + step > _NO_ARREST_BEFORE:
@@ -239,7 +236,6 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
             recorded += 1
         for j in range(POINTS):
             note_departure(watched, abs(result[j]))
-        note_departure(watched, abs(speed))
         if time > watched[WINDOW_END]:
             becomes = judge_window(watched, time, velocity, slope, damping_ratio, lag, follow)
             if becomes != GOES_ON:
@@ -288,7 +284,7 @@ def _first_not_above_zero(velocity, result):
         if velocity + result[j] <= 0.0:
             return before, NODES[j]
         before = NODES[j]
-    return before, 1.0 if velocity + result[END_VELOCITY] <= 0.0 else -1.0
+    return before, -1.0
 
 
 @helper()
@@ -304,7 +300,7 @@ def _iterate(
     time, level, velocity, damping_ratio, lag, law, step, acceleration, lagged_rows, halving, latest, index, vector,
     responses, coefficients,
 ):  # fmt: skip
-    """Fill in the friction at the Gauss points of a step longer than the lag; False if it does not settle."""
+    """Fill in the friction at the points of a step longer than the lag; False if it does not settle."""
     first = POINTS
     for j in range(POINTS):
         shift = NODES[j] * step - lag

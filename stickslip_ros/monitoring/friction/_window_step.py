@@ -12,14 +12,11 @@ import math
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
+from stickslip_ros.model._linear_step import lobatto_points
 
-POINTS = 6  # Lobatto points of a step, 1: both ends included
-
-_legendre = np.polynomial.legendre.Legendre.basis(POINTS - 1)
-NODES = 0.5 * (1.0 + np.concatenate([[-1.0], _legendre.deriv().roots().real, [1.0]]))
+POINTS = 6  # points of a step, 1
+NODES, LAGRANGE = lobatto_points(POINTS)
 LATER = NODES[1:].copy()  # all but the step's beginning
-# Coefficients of the Lagrange polynomials: L_j(s) = Σ_k LAGRANGE[k, j] s^k.
-LAGRANGE = np.linalg.inv(np.vander(NODES, POINTS, increasing=True))
 IN_FACTORIALS = LAGRANGE * np.array([[1.0 * math.factorial(k)] for k in range(POINTS)])  # the same, of s^k/k!
 
 # Rows of a step's matrix: velocity at the points after the first, position at the end.
