@@ -37,7 +37,6 @@ from stickslip_ros.model._plant_state import (
     POSITION,
     PRESLIDING_DAMPING,
     PRESLIDING_STIFFNESS,
-    RISE_TIME,
     STEP,
     STIFFNESS,
     STRIBECK,
@@ -48,9 +47,9 @@ from stickslip_ros.model._plant_state import (
     arrests,
     breaks_away,
     control,
+    level_at,
     push_velocity,
     record_breakaway,
-    risen_level,
     shape,
 )
 
@@ -71,7 +70,7 @@ ROOM = (_K4 + 1, 4)
 def _yield_force(time, velocity, state, history, parameters, delayed):
     """S."""
     if state[DIRECTION] == 0.0:
-        level = risen_level(state[LEVEL], parameters[STRIBECK], time - state[EVENT_TIME], parameters[RISE_TIME])
+        level = level_at(time, state, parameters)
         psi = 1.0 if delayed else shape(time, velocity, state, history, parameters, False)
     else:
         level = state[LEVEL]

@@ -17,23 +17,19 @@ from stickslip_ros.model._plant_state import (
     COULOMB,
     DAMPING,
     DEFLECTION,
-    EVENT_TIME,
     INERTIA,
     INTEGRAL,
     INTEGRAL_GAIN,
-    LEVEL,
     LOAD,
     POSITION,
     PRESLIDING_DAMPING,
     PRESLIDING_STIFFNESS,
-    RISE_TIME,
     STIFFNESS,
-    STRIBECK,
     TIME,
     VELOCITY,
     VISCOUS,
     breaks_away,
-    risen_level,
+    level_at,
 )
 
 PROPAGATORS = (2, 3, 3, 3)  # of a whole step and of a part; by order of the input; rows, columns
@@ -94,16 +90,12 @@ def _moved(propagators, which, reference, reference_velocity, state, parameters,
         )
 
 
-@inlined()
-def _excess(deflection, dwell, state, parameters):
-    """The contact's force less what it can hold."""
-    level = risen_level(state[LEVEL], parameters[STRIBECK], dwell, parameters[RISE_TIME])
-    return parameters[PRESLIDING_STIFFNESS] * abs(deflection) - parameters[COULOMB] - level
-
-
 @helper()
 def _excess_after(moved, time, state, parameters):
-    return _excess(state[DEFLECTION] + moved, time - state[EVENT_TIME], state, parameters)
+    """The contact's force less what it can hold, where the joint has moved by so much at a time."""
+    deflection = state[DEFLECTION] + moved
+    held = parameters[COULOMB] + level_at(time, state, parameters)
+    return parameters[PRESLIDING_STIFFNESS] * abs(deflection) - held
 
 
 @inlined()

@@ -33,7 +33,7 @@ COMPENSATION_SIZE = RESOLUTION + 1
 EVENT_COLUMNS = 5  # time, +1 breakaway / -1 arrest, direction of the slip, position, Stribeck friction level
 BREAKAWAY, ARREST = 1.0, -1.0  # kinds of an event, as a number
 
-risen_level = inlined()(_friction_law.risen_level)
+_risen_level = inlined()(_friction_law.risen_level)
 _stribeck_friction = inlined()(_friction_law.stribeck_friction)
 
 
@@ -109,10 +109,16 @@ def _record(events, count, time, kind, position, state):
 
 
 @helper()
+def level_at(time, state, parameters):
+    """F_s of Eq. (6) at a time of the present rest."""
+    return _risen_level(state[LEVEL], parameters[STRIBECK], time - state[EVENT_TIME], parameters[RISE_TIME])
+
+
+@helper()
 def breaks_away(time, direction, state, parameters):
     """The slip's beginning; the ring is empty then."""
     state[REST_TIME], state[REST_LEVEL] = state[EVENT_TIME], state[LEVEL]
-    state[LEVEL] = risen_level(state[LEVEL], parameters[STRIBECK], time - state[EVENT_TIME], parameters[RISE_TIME])
+    state[LEVEL] = level_at(time, state, parameters)
     state[DIRECTION] = direction
     state[EVENT_TIME] = time
     state[SLIP_FROM], state[PENDING] = state[POSITION], 1.0

@@ -3,10 +3,10 @@
 """Compiled integration of the dimensionless slip, Eq. (14); :mod:`stickslip_ros.model.simulation` is its face.
 
 Given the friction, a slip is linear: ξ¨ + 2ρ ξ˙ + ξ = −f. A step therefore needs no integration: friction is
-interpolated through Gauss points, and the propagator of the linear equation applied to the polynomial is
+interpolated through Lobatto points, and the propagator of the linear equation applied to the polynomial is
 exact (``_linear_step``). Two regimes share this:
 
-* steps that divide the lag: the friction at a step's Gauss points depends on the velocity at the same points
+* steps that divide the lag: the friction at a step's points depends on the velocity at the same points
   a whole number of steps ago, which is known; the jumps of derivatives at the multiples of the lag after
   breakaway fall between steps by themselves.
 * steps longer than the lag, for short lags and none: the lagged velocity is inside the step, and friction is
@@ -27,7 +27,6 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model import _friction_law
 from stickslip_ros.model._linear_step import (
-    AT_END,
     COLUMNS,
     END_POSITION,
     END_VELOCITY,
@@ -38,7 +37,7 @@ from stickslip_ros.model._linear_step import (
     fill_lagged,
     fill_matrix,
     find_dip,
-    fit_friction,
+    fit_force,
     inside,
     multiply,
     roughness,
@@ -144,7 +143,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
     if lag_steps == 0 and lag > 0.0:
         for j in range(POINTS):
             coefficients[j] = 0.0
-        coefficients[0] = level * shape
+        coefficients[0] = -level * shape
         _push_velocity(latest, index, time, position, speed, coefficients)
         position, speed, acceleration, _ = inside(lag, damping_ratio, position, speed, coefficients, responses)
         time = lag
@@ -162,10 +161,10 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
             slot = index % lag_steps
             if index < lag_steps:
                 for j in range(POINTS):
-                    vector[2 + j] = level * shape
+                    vector[2 + j] = -level * shape
             else:
                 for j in range(POINTS):
-                    vector[2 + j] = level * ring[slot, j]
+                    vector[2 + j] = -level * ring[slot, j]
                 if roughness(vector) > rough:
                     return TOO_ROUGH, time, position, 0.0, 0.0, recorded
             multiply(matrices, halving, vector, result)
@@ -186,25 +185,23 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
                 halving += 1
             multiply(matrices, halving, vector, result)
             if lag > 0.0:
-                fit_friction(vector, step, coefficients)
+                fit_force(vector, step, coefficients)
                 _push_velocity(latest, index, time, position, speed, coefficients)
             if left_over < 1e-3 * rough and halving > 0:
                 halving -= 1
-        friction = 0.0
-        for j in range(POINTS):
-            friction += AT_END[j] * vector[2 + j]
+        force = vector[COLUMNS - 1]
         acceleration_before = acceleration
-        acceleration = -result[END_POSITION] - 2.0 * damping_ratio * result[END_VELOCITY] - friction
+        acceleration = -result[END_POSITION] - 2.0 * damping_ratio * result[END_VELOCITY] + force
         if time + step > _NO_ARREST_BEFORE:
             low, high = _first_not_above_zero(velocity, result)
             arrest = -1.0
             if high > 0.0:
-                fit_friction(vector, step, coefficients)
+                fit_force(vector, step, coefficients)
                 arrest = crossing(
                     low * step, high * step, damping_ratio, position, speed, coefficients, -velocity, responses
                 )
             elif acceleration_before < 0.0 <= acceleration:
-                fit_friction(vector, step, coefficients)
+                fit_force(vector, step, coefficients)
                 dip = find_dip(step, damping_ratio, position, speed, coefficients, responses)
                 lowest = velocity + inside(dip, damping_ratio, position, speed, coefficients, responses)[1]
                 if lowest < -touch:
@@ -224,8 +221,8 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
                     if forgets and not follow and (rises >= 2 or settles):
                         return SLIDES_ON, time, position, 0.0, 0.0, recorded
             if arrest >= 0.0:
-                end, _, _, friction = inside(arrest, damping_ratio, position, speed, coefficients, responses)
-                arrested = min(max(friction / level, 0.0), 1.0) if level > 0.0 else 1.0
+                end, _, _, force = inside(arrest, damping_ratio, position, speed, coefficients, responses)
+                arrested = min(max(-force / level, 0.0), 1.0) if level > 0.0 else 1.0
                 duration = time + arrest
                 if recorded < record.shape[0]:
                     _record(record, recorded, duration, end, -velocity, arrested)
@@ -235,11 +232,10 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
         index += 1
         position, speed = result[END_POSITION], result[END_VELOCITY]
         if recorded < record.shape[0]:
-            _record(record, recorded, time, position, speed, friction / level if level > 0.0 else 1.0)
+            _record(record, recorded, time, position, speed, -force / level if level > 0.0 else 1.0)
             recorded += 1
         for j in range(POINTS):
             note_departure(watched, abs(result[j]))
-        note_departure(watched, abs(speed))
         if time > watched[WINDOW_END]:
             becomes = judge_window(watched, time, velocity, slope, damping_ratio, lag, follow)
             if becomes != GOES_ON:
@@ -288,7 +284,7 @@ def _first_not_above_zero(velocity, result):
         if velocity + result[j] <= 0.0:
             return before, NODES[j]
         before = NODES[j]
-    return before, 1.0 if velocity + result[END_VELOCITY] <= 0.0 else -1.0
+    return before, -1.0
 
 
 @helper()
@@ -304,7 +300,7 @@ def _iterate(
     time, level, velocity, damping_ratio, lag, law, step, acceleration, lagged_rows, halving, latest, index, vector,
     responses, coefficients,
 ):  # fmt: skip
-    """Fill in the friction at the Gauss points of a step longer than the lag; False if it does not settle."""
+    """Fill in the friction at the points of a step longer than the lag; False if it does not settle."""
     first = POINTS
     for j in range(POINTS):
         shift = NODES[j] * step - lag
@@ -313,16 +309,16 @@ def _iterate(
         else:
             first = min(first, j)
             lagged = velocity + vector[1] + acceleration * shift
-        vector[2 + j] = _stribeck_friction(law, level, lagged)
+        vector[2 + j] = -_stribeck_friction(law, level, lagged)
     for _ in range(_MOST_SWEEPS):
         change = 0.0
         for j in range(first, POINTS):
             lagged = velocity
             for k in range(COLUMNS):
                 lagged += lagged_rows[halving, j, k] * vector[k]
-            friction = _stribeck_friction(law, level, lagged)
-            change = max(change, abs(friction - vector[2 + j]))
-            vector[2 + j] = friction
+            force = -_stribeck_friction(law, level, lagged)
+            change = max(change, abs(force - vector[2 + j]))
+            vector[2 + j] = force
         if change <= 1e-14 * level:
             return True
     return False

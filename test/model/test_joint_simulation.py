@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,15 @@ def test_events_do_not_depend_on_the_step(puma: Joint) -> None:
     for one, other in zip(coarse.events, fine.events, strict=True):
         assert one.kind is other.kind
         assert one.time == pytest.approx(other.time, abs=1e-8)
+
+
+def test_an_arrest_has_the_velocity_of_one_lag_ago(puma: Joint) -> None:
+    """Issue 39: the step in which a joint stops is bisected, and all its parts have the same past."""
+    short = replace(puma, friction=replace(puma.friction, lag=0.01))
+    coarse = move(short, Gains(stiffness=630.0), 0.0058, 6.0, period=0.02)
+    fine = move(short, Gains(stiffness=630.0), 0.0058, 6.0, period=0.02 / 64)
+    assert len(coarse.events) == len(fine.events) > 4
+    np.testing.assert_allclose(coarse.event_rows[:, 4], fine.event_rows[:, 4], rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -19,14 +19,16 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.model import _friction_law
+from stickslip_ros.model._linear_step import fill_polynomial, fill_step
 from stickslip_ros.monitoring.friction._window_step import (
     COLUMNS,
     END_POSITION,
+    IN_FACTORIALS,
+    LAGRANGE,
+    LATER,
     NODES,
     POINTS,
     ROWS,
-    fill_polynomial,
-    fill_step,
     fill_weights,
     first_not_positive,
 )
@@ -149,7 +151,7 @@ def _slide(
     """
     points, columns, halvings = weights.shape[1], matrices.shape[2], matrices.shape[0] - 2
     vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
-    values = np.empty(POINTS)
+    values, unscaled = np.empty(POINTS), np.ones(POINTS)
     unit, lag = plant[STRIBECK_VELOCITY], plant[LAG]
     before_fall = math.ceil(lag / steps[COARSE] - _NO_STEP)
     way, speed = 0.0, creep
@@ -170,7 +172,8 @@ def _slide(
         if not filled[which]:
             filled[which] = True
             inertia = plant[INERTIA]
-            fill_step(stiffness * size * size / inertia, plant[VISCOUS] * size / inertia, matrix)
+            spring, damping = stiffness * size * size / inertia, plant[VISCOUS] * size / inertia
+            fill_step(1.0, spring, damping, LATER, unscaled, IN_FACTORIALS, matrix)
             _fill_lagged_weights(lag / size, weights[which])
         start = begin + elapsed
         mobility = size * size / plant[INERTIA]
@@ -221,7 +224,7 @@ def _slide(
             if change < _SETTLED:
                 break
         spans[index, 0], spans[index, 1] = elapsed, size
-        fill_polynomial(values, polynomials[index])
+        fill_polynomial(values, LAGRANGE, polynomials[index])
         end = 0.0
         for j in range(columns):
             end += matrix[END_POSITION, j] * vector[j]
