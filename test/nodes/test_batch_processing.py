@@ -19,6 +19,14 @@ SPEED = 0.02  # [rad/s]
 JOINTS = [f"joint{number + 1}" for number in range(100)]
 
 
+def test_efforts_in_other_units() -> None:
+    """Efforts in amperes become torques; time, position and velocity stay as they are, and so do the given rows."""
+    settings = JointSettings(joint=None, gains=None, options=MonitorOptions(), gain_scale=1.0, effort_scale=50.0)
+    rows = np.array([[1.0, 2.0, 3.0, 4.0]])
+    assert settings.samples_to_si(rows).tolist() == [[1.0, 2.0, 3.0, 200.0]]
+    assert rows.tolist() == [[1.0, 2.0, 3.0, 4.0]]
+
+
 class Stage:
     """Joints that are fed and followed tick by tick; ``looks`` counts how often each was looked at."""
 
