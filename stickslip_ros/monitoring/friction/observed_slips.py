@@ -264,13 +264,6 @@ class ObservedSlips:
         largest = _LARGEST_JITTER * float(np.median(gaps))
         return min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
 
-    @property
-    def jitter_of_stamps(self) -> float:
-        """Standard deviation of time stamps that the intervals between them show, at most [s]."""
-        gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
-        uneven = gaps - self.sample_interval * np.round(gaps / self.sample_interval)
-        return float(np.sqrt(np.mean(uneven**2)))
-
     def detected(self, level: float) -> FloatArray:
         """The slips' unknowns as the detection sees them, with one level [N·m] for all."""
         return np.stack([self.rests, self.breakaways, np.full(self.count, math.log(level))], axis=1)

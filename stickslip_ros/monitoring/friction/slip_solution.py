@@ -166,11 +166,7 @@ def fit_all(
         parameters = fit.parameters
         problem = _without_outliers(problem, fit)
     for final in range(1, _FINAL + 1):
-        jitter = problem.jitter(fit.residuals, fit.velocities)
-        if final == _FINAL:
-            # What the stamps do not show is something else, as the swing of a load on a spring.
-            jitter = min(jitter, problem.jitter_of_stamps)
-        problem = problem.weighed(fit.velocities, jitter=jitter)
+        problem = problem.weighed(fit.velocities, jitter=problem.jitter(fit.residuals, fit.velocities))
         balance = balance_error(problem, fit)
         link = link_error(problem, fit, balance)
         tolerances = Tolerances(balance=balance, level=link)
