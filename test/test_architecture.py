@@ -112,7 +112,8 @@ def test_the_rooms_are_those_of_the_design() -> None:
 # Modules of monitoring/friction that tests may import, and the public names of those which have inner ones beside.
 PUBLIC_OF_FRICTION: dict[str, set[str]] = {
     "change": set(), "dry_friction": set(), "estimate": set(), "estimation": {"estimate_friction"},
-    "friction_factor": set(), "kept_slips": set(), "late_controller": {"DelayEstimate"}, "learner": set(), "presliding": set(), "ripple": set(),
+    "friction_factor": set(), "kept_slips": set(), "late_controller": {"DelayEstimate"}, "learner": set(),
+    "presliding": set(), "ripple": set(),
     "sliding": set(), "slip_windows": {"ForceSource", "SlipWindow", "slip_window"},
 }  # fmt: skip
 # Mathematical functions with tests of their own: the laws of friction, and a quantile. `compilation` finds files with
