@@ -154,6 +154,19 @@ class Probe:
         message.header.stamp = stamp(at)
         self.states.publish(message)
 
+    def publish_until(self, reached: Callable[[], bool], limit: float, what: str) -> None:
+        """Publish `joint1` at rest until the goal is reached; fails after the limit [s].
+
+        A message that is sent before the monitor has found the probe reaches nobody.
+        """
+        begun = time.monotonic()
+
+        def tried() -> bool:
+            self.publish(["joint1"], 100.0 + time.monotonic() - begun, position=[0.0])
+            return reached()
+
+        self.wait(tried, limit, what)
+
     def set_parameters(self, node: str, values: dict[str, object]) -> list[str]:
         """Set parameters; returns the reasons of refusal, "" for what was taken."""
         client = self._parameters_of(node)

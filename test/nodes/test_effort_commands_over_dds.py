@@ -42,8 +42,10 @@ def test_efforts_move_the_joint_only_as_long_as_they_come(ros_domain: int) -> No
         one.wait(lambda: len(seen) > 100, 60.0, "the joint's states")
 
         def push(effort: float, seconds: float) -> None:
+            # Until it has arrived too, which takes as long as the nodes need to find each other.
             until = time.monotonic() + seconds
-            while time.monotonic() < until:
+            while time.monotonic() < until or seen[-1].effort[0] != pytest.approx(effort):
+                assert time.monotonic() < until + 10.0, f"the joint has {seen[-1].effort[0]}, not {effort}"
                 efforts.publish(JointState(name=["joint1"], effort=[effort]))
                 one.spin(0.02)
 

@@ -52,9 +52,8 @@ def test_another_type_on_the_references(ros_domain: int) -> None:
             "/joint_references carries std_msgs/msg/String from /leader, and reference_type is JointState: "
             "remap joint_references, as no reference_type reads that"
         )
-        one.publish(["joint1"], 100.0, position=[0.0])
         one.wait(lambda: text in own(one), 10.0, "the node's status")
-        one.wait(lambda: f"no reference: {text}" in joint_line(one), 5.0, "the joint's")
+        one.publish_until(lambda: f"no reference: {text}" in joint_line(one), 5.0, "the joint's")
         assert one.diagnostics["joint1"][2]["missing"].startswith("no reference: ")
         assert one.diagnostics[NODE][2]["topics of another type"] == text
         one.spin(2.5)
@@ -71,8 +70,7 @@ def test_a_controller_that_is_not_there(ros_domain: int) -> None:
         one.wait_for_monitor()
         # Before any sample, as after one.
         one.wait(lambda: joint_line(one).startswith("no data yet; gains not known: waiting for /nobody"), 5.0, "why")
-        one.publish(["joint1"], 100.0, position=[0.0])
-        one.wait(lambda: "no data yet" not in joint_line(one), 5.0, "a sample")
+        one.publish_until(lambda: "no data yet" not in joint_line(one), 5.0, "a sample")
         # The names of others are looked up once a second, and are known some time after their topics.
         waiting = "gains not known: waiting for /nobody; there are /probe"
         one.wait(lambda: waiting in joint_line(one), 10.0, waiting)
