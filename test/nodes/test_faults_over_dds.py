@@ -40,9 +40,9 @@ def test_a_robot_that_is_killed_and_comes_back_after_half_a_minute(ros_domain: i
             wait_for_stick_slip(one, "b")
             wait_for_stick_slip(one, "c")
             assert one.diagnostics["a"][0] == STALE
-            # A busy machine loses a few on the way; a restart taken for a loss would be thousands.
+            # A busy machine loses some on the way; a restart taken for a loss would be a third of all or more.
             own = one.diagnostics["stickslip_monitor"][2]
-            assert float(own["messages lost [1]"]) <= 0.01 * float(own["messages received [1]"])
+            assert float(own["messages lost [1]"]) <= 0.1 * float(own["messages received [1]"])
         assert monitor.running
         assert "Traceback" not in monitor.output()
 
