@@ -36,7 +36,7 @@ from stickslip_ros.model._validation import require_not_negative, require_positi
 from stickslip_ros.model.compensation import USUAL_FILTER
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.verdict import verdict
+from stickslip_ros.model.verdict import beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.compensations import compensations
 from stickslip_ros.monitoring.advice.limits import (
     LIMIT_OPTIONS,
@@ -168,9 +168,9 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print(advice, found, joint)
         first = advice[Kind.LEAST_CHANGE]
-        if first.found and limits.condition is Criterion.EXACT and limits.steady_sliding:
-            advised = replace(gains, stiffness=first.stiffness, damping=first.damping)
-            steady = verdict(joint, advised, advice.velocity, loop.conditions).steady_reserve
+        exact = limits.condition is Criterion.EXACT and not beyond_the_paper(joint, gains, loop.conditions)
+        if first.found and exact and limits.steady_sliding:
+            steady = verdict(joint, first.gains, advice.velocity).steady_reserve
             if steady > limits.wanted_margin:
                 print(
                     f"With a reserve below {100.0 * steady:.0f} % the speed would swing, so that the wanted "

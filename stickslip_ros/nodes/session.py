@@ -61,6 +61,7 @@ class Session:
         self._keeper = StateKeeper(state_path, log)
         self._pace = Pace(float(node.get_parameter("publish_rate").value))
         self._poll_at = -math.inf
+        self._reference_type = str(node.get_parameter("reference_type").value)
         self._arrivals: Arrivals | None = None
         self._self: SelfDiagnosis | None = None
         self._compiled = CompiledParts(log)
@@ -94,10 +95,6 @@ class Session:
             raise
         for joint in self.joints.values():
             self._keeper.restore(joint)
-
-    @property
-    def _reference_type(self) -> str:
-        return str(self._node.get_parameter("reference_type").value)
 
     def apply(self, changes: Mapping[str, Parameter]) -> None:
         """Apply parameters of the node that have changed."""

@@ -395,13 +395,13 @@ def _as_number(value: Any, field: MarginField) -> float:
 
 
 # The joint that a monitor believes in, as keys of its diagnostics: a listener can compute with it.
-_BEFORE = "believed "
-_DELAY = f"{_BEFORE}actuation_delay [s]"
+_BELIEVED = "believed "
+_DELAY = f"{_BELIEVED}actuation_delay [s]"
 _SPRING = {
-    one.name: f"{_BEFORE}{one.name} [{one.metadata['unit']}]" if one.metadata else f"{_BEFORE}{one.name}"
+    one.name: f"{_BELIEVED}{one.name} [{one.metadata['unit']}]" if one.metadata else f"{_BELIEVED}{one.name}"
     for one in fields(Transmission)
 }
-_LAW, _CONTACT = f"{_BEFORE}law", f"{_BEFORE}contact"
+_LAW, _CONTACT = f"{_BELIEVED}law", f"{_BELIEVED}contact"
 
 
 def joint_values(joint: Joint) -> list[tuple[str, object]]:
@@ -442,4 +442,4 @@ def published_joint(values: Mapping[str, str]) -> Joint | None:
 
 
 def _key(name: str, unit: str) -> str:
-    return f"{_BEFORE}{name} [{in_ascii(unit)}]"
+    return f"{_BELIEVED}{name} [{in_ascii(unit)}]"

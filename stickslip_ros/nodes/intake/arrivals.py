@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from rclpy.node import Node
@@ -62,7 +63,7 @@ class Arrivals:
 
     def due_until(self, now: float) -> float:
         """Arrival of the last message that one tick processes, a steady time [s]."""
-        return self._oldest + _PENDING_PER_TICK if self.behind(now) else float("inf")
+        return self._oldest + _PENDING_PER_TICK if self.behind(now) else math.inf
 
     def motion_until(self, until: float) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Samples and references of each joint that arrived until a steady time [s]."""
