@@ -18,32 +18,8 @@ from __future__ import annotations
 
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.model import _friction_law
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._plant_state import (
-    COULOMB,
-    DAMPING,
-    DEFLECTION,
-    DIRECTION,
-    EVENT_TIME,
-    HISTORY_COUNT,
-    HISTORY_CURSOR,
-    HISTORY_HEAD,
-    INERTIA,
-    INTEGRAL,
-    INTEGRAL_GAIN,
-    LAG,
-    LAW,
-    LEVEL,
-    LOAD,
-    POSITION,
-    PRESLIDING_DAMPING,
-    PRESLIDING_STIFFNESS,
-    STEP,
-    STIFFNESS,
-    STRIBECK,
-    STRIBECK_VELOCITY,
-    TIME,
-    VELOCITY,
-    VISCOUS,
     arrests,
     breaks_away,
     control,
@@ -69,13 +45,13 @@ ROOM = (_K4 + 1, 4)
 @helper()
 def _yield_force(time, velocity, state, history, parameters, delayed):
     """S."""
-    if state[DIRECTION] == 0.0:
+    if state[at.DIRECTION] == 0.0:
         level = level_at(time, state, parameters)
         psi = 1.0 if delayed else shape(time, velocity, state, history, parameters, False)
     else:
-        level = state[LEVEL]
+        level = state[at.LEVEL]
         psi = shape(time, velocity, state, history, parameters, delayed)
-    return parameters[COULOMB] + level * psi
+    return parameters[at.COULOMB] + level * psi
 
 
 @helper()
@@ -83,16 +59,18 @@ def _rates(elapsed, row, state, history, parameters, delayed, course, room, out)
     """Right sides, into a row of the room; the state is another row of it."""
     x, v, z, integral = room[row, 0], room[row, 1], room[row, 2], room[row, 3]
     start, reference, reference_velocity = course
-    time = state[TIME] + elapsed
+    time = state[at.TIME] + elapsed
     yields = _yield_force(time, v, state, history, parameters, delayed)
     now = reference + reference_velocity * (time - start)
-    deflecting = v - parameters[PRESLIDING_STIFFNESS] * abs(v) * z / yields
-    force = control(x, v, integral, now, reference_velocity, parameters) - parameters[LOAD]
+    deflecting = v - parameters[at.PRESLIDING_STIFFNESS] * abs(v) * z / yields
+    force = control(x, v, integral, now, reference_velocity, parameters) - parameters[at.LOAD]
     force -= (
-        parameters[PRESLIDING_STIFFNESS] * z + parameters[PRESLIDING_DAMPING] * deflecting + parameters[VISCOUS] * v
+        parameters[at.PRESLIDING_STIFFNESS] * z
+        + parameters[at.PRESLIDING_DAMPING] * deflecting
+        + parameters[at.VISCOUS] * v
     )
     room[out, 0] = v
-    room[out, 1] = force / parameters[INERTIA]
+    room[out, 1] = force / parameters[at.INERTIA]
     room[out, 2] = deflecting
     room[out, 3] = now - x
     return yields
@@ -115,23 +93,23 @@ def _stage(right, jacobian, out, room):
 
 @inlined()
 def _jacobian(step, yields, state, parameters, delayed):
-    v, z = state[VELOCITY], state[DEFLECTION]
-    inertia, stiffness = parameters[INERTIA], parameters[PRESLIDING_STIFFNESS]
+    v, z = state[at.VELOCITY], state[at.DEFLECTION]
+    inertia, stiffness = parameters[at.INERTIA], parameters[at.PRESLIDING_STIFFNESS]
     steepness = 0.0
     if not delayed:
-        scale = parameters[STRIBECK_VELOCITY]
-        steepness = _stribeck_slope(parameters[LAW], state[LEVEL], v / scale) / scale
+        scale = parameters[at.STRIBECK_VELOCITY]
+        steepness = _stribeck_slope(parameters[at.LAW], state[at.LEVEL], v / scale) / scale
     sign = 1.0 if v >= 0.0 else -1.0
     by_velocity = 1.0 - stiffness * z * (sign / yields - abs(v) * steepness / (yields * yields))
     by_deflection = -stiffness * abs(v) / yields
-    damping = parameters[DAMPING] + parameters[VISCOUS] + parameters[PRESLIDING_DAMPING] * by_velocity
-    contact = stiffness + parameters[PRESLIDING_DAMPING] * by_deflection
+    damping = parameters[at.DAMPING] + parameters[at.VISCOUS] + parameters[at.PRESLIDING_DAMPING] * by_velocity
+    contact = stiffness + parameters[at.PRESLIDING_DAMPING] * by_deflection
     return (
         1.0 / (_GAMMA * step),
-        parameters[STIFFNESS] / inertia,
+        parameters[at.STIFFNESS] / inertia,
         damping / inertia,
         contact / inertia,
-        parameters[INTEGRAL_GAIN] / inertia,
+        parameters[at.INTEGRAL_GAIN] / inertia,
         by_velocity,
         by_deflection,
     )
@@ -140,8 +118,8 @@ def _jacobian(step, yields, state, parameters, delayed):
 @helper()
 def _try(step, state, history, parameters, delayed, course, room):
     """One step of RODAS3, its result into the room; the error in units of what is tolerated."""
-    room[_STATE, 0], room[_STATE, 1] = state[POSITION], state[VELOCITY]
-    room[_STATE, 2], room[_STATE, 3] = state[DEFLECTION], state[INTEGRAL]
+    room[_STATE, 0], room[_STATE, 1] = state[at.POSITION], state[at.VELOCITY]
+    room[_STATE, 2], room[_STATE, 3] = state[at.DEFLECTION], state[at.INTEGRAL]
     yields = _rates(0.0, _STATE, state, history, parameters, delayed, course, room, _NOW)
     _rates(_FORWARD * step, _STATE, state, history, parameters, delayed, course, room, _LATER)
     jacobian = _jacobian(step, yields, state, parameters, delayed)
@@ -166,8 +144,8 @@ def _try(step, state, history, parameters, delayed, course, room):
     _stage(_RIGHT, jacobian, _K4, room)
     for i in range(4):
         room[_TRIAL, i] += room[_K4, i]
-    length = (parameters[COULOMB] + parameters[STRIBECK]) / parameters[PRESLIDING_STIFFNESS]
-    speed = max(abs(room[_STATE, 1]), abs(room[_TRIAL, 1]), parameters[STRIBECK_VELOCITY])
+    length = (parameters[at.COULOMB] + parameters[at.STRIBECK]) / parameters[at.PRESLIDING_STIFFNESS]
+    speed = max(abs(room[_STATE, 1]), abs(room[_TRIAL, 1]), parameters[at.STRIBECK_VELOCITY])
     return max(abs(room[_K4, 0]), abs(room[_K4, 2])) / (_TOLERANCE * length) + abs(room[_K4, 1]) / (_TOLERANCE * speed)
 
 
@@ -176,8 +154,8 @@ def _excess(time, position, velocity, integral, state, history, parameters, dela
     """Applied force in the direction of the motion, less what the contact holds for long."""
     start, reference, reference_velocity = course
     now = reference + reference_velocity * (time - start)
-    force = control(position, velocity, integral, now, reference_velocity, parameters) - parameters[LOAD]
-    force -= parameters[VISCOUS] * velocity
+    force = control(position, velocity, integral, now, reference_velocity, parameters) - parameters[at.LOAD]
+    force -= parameters[at.VISCOUS] * velocity
     held = _yield_force(time, velocity, state, history, parameters, delayed)
     return (force if velocity > 0.0 else -force) - held
 
@@ -185,62 +163,78 @@ def _excess(time, position, velocity, integral, state, history, parameters, dela
 @helper()
 def creep_until(end, reference, reference_velocity, state, history, parameters, delayed, room, events, count):
     """Integrate to ``end``, through slips and rests; returns the number of events."""
-    course = state[TIME], reference, reference_velocity
-    period = end - state[TIME]
-    step = state[STEP] if state[STEP] > 0.0 else 1e-3 * period
-    while state[TIME] < end - _SHORTEST * period:
-        time = state[TIME]
+    course = state[at.TIME], reference, reference_velocity
+    period = end - state[at.TIME]
+    step = state[at.STEP] if state[at.STEP] > 0.0 else 1e-3 * period
+    while state[at.TIME] < end - _SHORTEST * period:
+        time = state[at.TIME]
         largest = end - time
-        if delayed and state[DIRECTION] != 0.0:
-            largest = min(largest, (1.0 - _SPACING) * parameters[LAG])
-            jump = state[EVENT_TIME] + parameters[LAG]
+        if delayed and state[at.DIRECTION] != 0.0:
+            largest = min(largest, (1.0 - _SPACING) * parameters[at.LAG])
+            jump = state[at.EVENT_TIME] + parameters[at.LAG]
             if time < jump - _SHORTEST * period and time + largest > jump:
                 largest = jump - time
         size = min(step, largest)
-        cursor = state[HISTORY_CURSOR]
+        cursor = state[at.HISTORY_CURSOR]
         error = _try(size, state, history, parameters, delayed, course, room)
         factor = min(_GROWS, max(_SHRINKS, _CAUTION / max(error, 1e-12) ** (1.0 / 3.0)))
         if not error <= 1.0 and size > _SHORTEST * period:
-            state[HISTORY_CURSOR] = cursor
+            state[at.HISTORY_CURSOR] = cursor
             step = size * (factor if error > 1.0 else _SHRINKS)
             continue
         if size == step or factor < 1.0:
             step = size * factor
         velocity = room[_TRIAL, 1]
         before = 0.0
-        if state[DIRECTION] == 0.0:
+        if state[at.DIRECTION] == 0.0:
             before = _excess(
-                time, state[POSITION], state[VELOCITY], state[INTEGRAL], state, history, parameters, delayed, course
+                time,
+                state[at.POSITION],
+                state[at.VELOCITY],
+                state[at.INTEGRAL],
+                state,
+                history,
+                parameters,
+                delayed,
+                course,
             )
-        direction = state[DIRECTION]
+        direction = state[at.DIRECTION]
         if direction != 0.0 and velocity * direction < 0.0:
-            share = state[VELOCITY] / (state[VELOCITY] - velocity)
-            state[TIME] = time + share * size
-            state[POSITION] += share * (room[_TRIAL, 0] - state[POSITION])
+            share = state[at.VELOCITY] / (state[at.VELOCITY] - velocity)
+            state[at.TIME] = time + share * size
+            state[at.POSITION] += share * (room[_TRIAL, 0] - state[at.POSITION])
             count = record_breakaway(state, parameters, events, count)
-            count = arrests(shape(state[TIME], 0.0, state, history, parameters, delayed), state, events, count)
-        state[TIME] = time + size
-        state[POSITION], state[VELOCITY] = room[_TRIAL, 0], velocity
-        state[DEFLECTION], state[INTEGRAL] = room[_TRIAL, 2], room[_TRIAL, 3]
+            count = arrests(shape(state[at.TIME], 0.0, state, history, parameters, delayed), state, events, count)
+        state[at.TIME] = time + size
+        state[at.POSITION], state[at.VELOCITY] = room[_TRIAL, 0], velocity
+        state[at.DEFLECTION], state[at.INTEGRAL] = room[_TRIAL, 2], room[_TRIAL, 3]
         if direction == 0.0:
             after = _excess(
-                state[TIME], state[POSITION], velocity, state[INTEGRAL], state, history, parameters, delayed, course
+                state[at.TIME],
+                state[at.POSITION],
+                velocity,
+                state[at.INTEGRAL],
+                state,
+                history,
+                parameters,
+                delayed,
+                course,
             )
             if after > 0.0:
                 share = -before / (after - before) if before < 0.0 else 0.0
                 breaks_away(time + share * size, 1.0 if velocity > 0.0 else -1.0, state, parameters)
         if (
             delayed
-            and state[DIRECTION] != 0.0
+            and state[at.DIRECTION] != 0.0
             and (
-                state[HISTORY_COUNT] == 0.0
-                or state[TIME] - history[int(state[HISTORY_HEAD] - 1) % history.shape[0], 0]
-                >= _SPACING * parameters[LAG]
+                state[at.HISTORY_COUNT] == 0.0
+                or state[at.TIME] - history[int(state[at.HISTORY_HEAD] - 1) % history.shape[0], 0]
+                >= _SPACING * parameters[at.LAG]
             )
         ):
             _rates(0.0, _TRIAL, state, history, parameters, delayed, course, room, _NOW)
-            push_velocity(state[TIME], velocity, room[_NOW, 1], state, history)
+            push_velocity(state[at.TIME], velocity, room[_NOW, 1], state, history)
         count = record_breakaway(state, parameters, events, count)
-    state[STEP] = step
-    state[TIME] = end
+    state[at.STEP] = step
+    state[at.TIME] = end
     return count

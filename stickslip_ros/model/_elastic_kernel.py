@@ -13,24 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined
-from stickslip_ros.model._plant_state import (
-    COULOMB,
-    DAMPING,
-    DEFLECTION,
-    INERTIA,
-    INTEGRAL,
-    INTEGRAL_GAIN,
-    LOAD,
-    POSITION,
-    PRESLIDING_DAMPING,
-    PRESLIDING_STIFFNESS,
-    STIFFNESS,
-    TIME,
-    VELOCITY,
-    VISCOUS,
-    breaks_away,
-    level_at,
-)
+from stickslip_ros.model import _plant_state as at
+from stickslip_ros.model._plant_state import breaks_away, level_at
 
 PROPAGATORS = (2, 3, 3, 3)  # of a whole step and of a part; by order of the input; rows, columns
 _TERMS = 16  # terms of the power series of a propagator, 1
@@ -41,10 +25,10 @@ _EXACT = 1e-11  # error of a breakaway's time, of a step
 @helper()
 def _fill(time, parameters, propagators, which):
     """e^(Bt), ∫ e^(Bs) ds and ∫ (t − s) e^(Bs) ds over (0, t), of position, velocity and integral of the error."""
-    inertia = parameters[INERTIA]
-    spring = (parameters[STIFFNESS] + parameters[PRESLIDING_STIFFNESS]) / inertia
-    damping = (parameters[DAMPING] + parameters[PRESLIDING_DAMPING] + parameters[VISCOUS]) / inertia
-    drive = parameters[INTEGRAL_GAIN] / inertia
+    inertia = parameters[at.INERTIA]
+    spring = (parameters[at.STIFFNESS] + parameters[at.PRESLIDING_STIFFNESS]) / inertia
+    damping = (parameters[at.DAMPING] + parameters[at.PRESLIDING_DAMPING] + parameters[at.VISCOUS]) / inertia
+    drive = parameters[at.INTEGRAL_GAIN] / inertia
     for j in range(3):
         x, v, z = 1.0 * (j == 0), 1.0 * (j == 1), 1.0 * (j == 2)
         for m in range(3):
@@ -68,16 +52,16 @@ def _fill(time, parameters, propagators, which):
 def _moved(propagators, which, reference, reference_velocity, state, parameters, out):
     """Position, velocity and integral after a step, into ``out``; the reference at the step's start."""
     # Measured from where the joint is: the contact's force is a small difference of positions otherwise.
-    x, v, z = 0.0, state[VELOCITY], state[INTEGRAL]
-    inertia = parameters[INERTIA]
-    ahead = reference - state[POSITION]
+    x, v, z = 0.0, state[at.VELOCITY], state[at.INTEGRAL]
+    inertia = parameters[at.INERTIA]
+    ahead = reference - state[at.POSITION]
     push = (
-        parameters[STIFFNESS] * ahead
-        + parameters[DAMPING] * reference_velocity
-        - parameters[LOAD]
-        - parameters[PRESLIDING_STIFFNESS] * state[DEFLECTION]
+        parameters[at.STIFFNESS] * ahead
+        + parameters[at.DAMPING] * reference_velocity
+        - parameters[at.LOAD]
+        - parameters[at.PRESLIDING_STIFFNESS] * state[at.DEFLECTION]
     ) / inertia
-    growth = parameters[STIFFNESS] * reference_velocity / inertia
+    growth = parameters[at.STIFFNESS] * reference_velocity / inertia
     for i in range(3):
         out[i] = (
             propagators[which, 0, i, 0] * x
@@ -93,26 +77,26 @@ def _moved(propagators, which, reference, reference_velocity, state, parameters,
 @helper()
 def _excess_after(moved, time, state, parameters):
     """The contact's force less what it can hold, where the joint has moved by so much at a time."""
-    deflection = state[DEFLECTION] + moved
-    held = parameters[COULOMB] + level_at(time, state, parameters)
-    return parameters[PRESLIDING_STIFFNESS] * abs(deflection) - held
+    deflection = state[at.DEFLECTION] + moved
+    held = parameters[at.COULOMB] + level_at(time, state, parameters)
+    return parameters[at.PRESLIDING_STIFFNESS] * abs(deflection) - held
 
 
 @inlined()
 def longest_step(parameters):
     """So short that no peak is missed."""
-    inertia = parameters[INERTIA]
-    spring = abs(parameters[STIFFNESS] + parameters[PRESLIDING_STIFFNESS]) / inertia
-    damping = abs(parameters[DAMPING] + parameters[PRESLIDING_DAMPING] + parameters[VISCOUS]) / inertia
+    inertia = parameters[at.INERTIA]
+    spring = abs(parameters[at.STIFFNESS] + parameters[at.PRESLIDING_STIFFNESS]) / inertia
+    damping = abs(parameters[at.DAMPING] + parameters[at.PRESLIDING_DAMPING] + parameters[at.VISCOUS]) / inertia
     return _ANGLE / max(np.sqrt(spring), damping)
 
 
 @helper()
 def _accept(step, state, out):
-    state[TIME] += step
-    state[POSITION] += out[0]
-    state[DEFLECTION] += out[0]
-    state[VELOCITY], state[INTEGRAL] = out[1], out[2]
+    state[at.TIME] += step
+    state[at.POSITION] += out[0]
+    state[at.DEFLECTION] += out[0]
+    state[at.VELOCITY], state[at.INTEGRAL] = out[1], out[2]
 
 
 @helper()
@@ -121,7 +105,7 @@ def hold_until(end, reference, reference_velocity, state, parameters, propagator
 
     ``kept`` has the step that the first propagator is of; nothing is computed anew while that stays.
     """
-    start = state[TIME]
+    start = state[at.TIME]
     steps = int(np.ceil((end - start) / longest_step(parameters) - 1e-9))
     step = (end - start) / max(steps, 1)
     if abs(step - kept[0]) > 1e-9 * step:
@@ -132,7 +116,7 @@ def hold_until(end, reference, reference_velocity, state, parameters, propagator
         ahead = reference + reference_velocity * (time - start)
         _moved(propagators, 0, ahead, reference_velocity, state, parameters, out)
         high = -1.0
-        before, after = state[VELOCITY], out[1]
+        before, after = state[at.VELOCITY], out[1]
         if _excess_after(out[0], time + step, state, parameters) > 0.0:
             high = step
         elif before * after < 0.0:
@@ -156,7 +140,7 @@ def hold_until(end, reference, reference_velocity, state, parameters, propagator
         _fill(high, parameters, propagators, 1)
         _moved(propagators, 1, ahead, reference_velocity, state, parameters, out)
         _accept(high, state, out)
-        breaks_away(state[TIME], 1.0 if state[DEFLECTION] > 0.0 else -1.0, state, parameters)
+        breaks_away(state[at.TIME], 1.0 if state[at.DEFLECTION] > 0.0 else -1.0, state, parameters)
         return True
-    state[TIME] = end
+    state[at.TIME] = end
     return False

@@ -11,55 +11,28 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import inlined, kernel
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._creeping_kernel import ROOM, creep_until
 from stickslip_ros.model._elastic_kernel import PROPAGATORS
 from stickslip_ros.model._friction_law import CREEPING
 from stickslip_ros.model._plant_kernel import TRIAL, move_until
-from stickslip_ros.model._plant_state import (
-    CONTACT,
-    DAMPING,
-    DEADBAND,
-    DITHER,
-    DITHER_RATE,
-    EFFORT,
-    ERROR_INTEGRAL,
-    FADE,
-    FEEDBACK,
-    FILTER,
-    INTEGRAL,
-    INTEGRAL_GAIN,
-    LAG,
-    LOAD,
-    LOAD_POSITION,
-    LOAD_VELOCITY,
-    MEASURED,
-    ON_LOAD,
-    POSITION,
-    PUSH,
-    RESOLUTION,
-    SPEED,
-    STIFFNESS,
-    TIME,
-    VELOCITY,
-    WIDTH,
-    control,
-)
+from stickslip_ros.model._plant_state import control
 
 
 @inlined()
 def _compensating(time, reference, position, period, compensation, held):
     """Torque of a friction compensation that sees a quantized position at the start of each period."""
-    resolution = compensation[RESOLUTION]
+    resolution = compensation[at.RESOLUTION]
     measured = resolution * np.floor(position / resolution + 0.5) if resolution > 0.0 else position
-    speed = (measured - held[MEASURED]) / period
-    held[MEASURED] = measured
-    held[SPEED] += (speed - held[SPEED]) * compensation[FILTER]
-    torque = compensation[FEEDBACK] * np.tanh(held[SPEED] / compensation[WIDTH])
+    speed = (measured - held[at.MEASURED]) / period
+    held[at.MEASURED] = measured
+    held[at.SPEED] += (speed - held[at.SPEED]) * compensation[at.FILTER]
+    torque = compensation[at.FEEDBACK] * np.tanh(held[at.SPEED] / compensation[at.WIDTH])
     error = reference - measured
-    fading = 1.0 - abs(held[SPEED]) / compensation[FADE]
-    if fading > 0.0 and abs(error) > compensation[DEADBAND]:
-        torque += compensation[PUSH] * fading * (1.0 if error > 0.0 else -1.0)
-    return torque + compensation[DITHER] * np.sin(compensation[DITHER_RATE] * time)
+    fading = 1.0 - abs(held[at.SPEED]) / compensation[at.FADE]
+    if fading > 0.0 and abs(error) > compensation[at.DEADBAND]:
+        torque += compensation[at.PUSH] * fading * (1.0 if error > 0.0 else -1.0)
+    return torque + compensation[at.DITHER] * np.sin(compensation[at.DITHER_RATE] * time)
 
 
 @kernel(nogil=True)
@@ -79,32 +52,32 @@ def advance(
     controller applies one period later, and the controller's own integral, position and speed.
     """
     plant = parameters.copy()
-    seen, seen_velocity = POSITION, VELOCITY
-    if parameters[ON_LOAD] > 0.0:
-        seen, seen_velocity = LOAD_POSITION, LOAD_VELOCITY
+    seen, seen_velocity = at.POSITION, at.VELOCITY
+    if parameters[at.ON_LOAD] > 0.0:
+        seen, seen_velocity = at.LOAD_POSITION, at.LOAD_VELOCITY
     if sampled:
-        plant[STIFFNESS] = plant[DAMPING] = plant[INTEGRAL_GAIN] = 0.0
+        plant[at.STIFFNESS] = plant[at.DAMPING] = plant[at.INTEGRAL_GAIN] = 0.0
     count = np.int64(0)
-    applied, origin, lagged = 0.0, state[TIME], parameters[LAG] > 1e-3 * step
+    applied, origin, lagged = 0.0, state[at.TIME], parameters[at.LAG] > 1e-3 * step
     room, trial, propagators, kept = np.empty(ROOM), np.empty(TRIAL), np.empty(PROPAGATORS), np.zeros(1)
     for i in range(references.shape[0]):
         reference, velocity_d = references[i], reference_velocities[i]
         effort = added[i]
-        if compensation[FILTER] > 0.0:
+        if compensation[at.FILTER] > 0.0:
             effort += _compensating(origin + i * period, reference, state[seen], period, compensation, held)
         if sampled:
             error = reference - state[seen]
-            held[ERROR_INTEGRAL] += error * period
+            held[at.ERROR_INTEGRAL] += error * period
             effort += (
-                parameters[STIFFNESS] * error
-                + parameters[DAMPING] * (velocity_d - state[seen_velocity])
-                + parameters[INTEGRAL_GAIN] * held[ERROR_INTEGRAL]
+                parameters[at.STIFFNESS] * error
+                + parameters[at.DAMPING] * (velocity_d - state[seen_velocity])
+                + parameters[at.INTEGRAL_GAIN] * held[at.ERROR_INTEGRAL]
             )
-        applied = held[EFFORT] if delayed else effort
-        held[EFFORT] = effort
-        plant[LOAD] = parameters[LOAD] - applied
+        applied = held[at.EFFORT] if delayed else effort
+        held[at.EFFORT] = effort
+        plant[at.LOAD] = parameters[at.LOAD] - applied
         end = origin + (i + 1) * period
-        if parameters[CONTACT] == CREEPING:
+        if parameters[at.CONTACT] == CREEPING:
             count = creep_until(end, reference, velocity_d, state, history, plant, lagged, room, events, count)
         else:
             count = move_until(
@@ -115,6 +88,11 @@ def advance(
         samples[i, 2] = applied
         if not sampled:
             samples[i, 2] += control(
-                state[seen], state[seen_velocity], state[INTEGRAL], reference + velocity_d * period, velocity_d, plant
+                state[seen],
+                state[seen_velocity],
+                state[at.INTEGRAL],
+                reference + velocity_d * period,
+                velocity_d,
+                plant,
             )
     return count

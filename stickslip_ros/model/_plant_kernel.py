@@ -17,33 +17,10 @@ and the spring's force counts in the balance at breakaway.
 from __future__ import annotations
 
 from stickslip_ros.compilation import helper
+from stickslip_ros.model import _plant_state as at
 from stickslip_ros.model._elastic_kernel import hold_until
 from stickslip_ros.model._friction_law import RIGID
 from stickslip_ros.model._plant_state import (
-    CONTACT,
-    COULOMB,
-    DEFLECTION,
-    DIRECTION,
-    EVENT_TIME,
-    HISTORY_CURSOR,
-    INERTIA,
-    INTEGRAL,
-    LAG,
-    LEVEL,
-    LOAD,
-    LOAD_INERTIA,
-    LOAD_POSITION,
-    LOAD_VELOCITY,
-    MOST_EVENTS,
-    ON_LOAD,
-    POSITION,
-    PRESLIDING_DAMPING,
-    PRESLIDING_STIFFNESS,
-    SPRING,
-    SPRING_DAMPING,
-    TIME,
-    VELOCITY,
-    VISCOUS,
     arrests,
     breaks_away,
     control,
@@ -64,38 +41,38 @@ TRIAL = _W + 1
 def _force(x, v, z, y, w, reference, reference_velocity, parameters):
     """What acts on the motor, but for friction; and the spring's force on the load."""
     spring, position, velocity = 0.0, x, v
-    if parameters[SPRING] > 0.0:
-        spring = parameters[SPRING] * (x - y) + parameters[SPRING_DAMPING] * (v - w)
-        if parameters[ON_LOAD] > 0.0:
+    if parameters[at.SPRING] > 0.0:
+        spring = parameters[at.SPRING] * (x - y) + parameters[at.SPRING_DAMPING] * (v - w)
+        if parameters[at.ON_LOAD] > 0.0:
             position, velocity = y, w
     effort = control(position, velocity, z, reference, reference_velocity, parameters)
-    return effort - parameters[LOAD] - spring, spring
+    return effort - parameters[at.LOAD] - spring, spring
 
 
 @helper()
 def _rates(x, v, z, y, w, reference, reference_velocity, psi, state, parameters):
     """Slopes of the motor's velocity, the error's integral and the load's velocity."""
-    direction = state[DIRECTION]
+    direction = state[at.DIRECTION]
     force, spring = _force(x, v, z, y, w, reference, reference_velocity, parameters)
     if direction != 0.0:
-        force -= direction * (parameters[COULOMB] + state[LEVEL] * psi) + parameters[VISCOUS] * v
-    elif parameters[CONTACT] != RIGID:
-        force -= parameters[PRESLIDING_STIFFNESS] * (state[DEFLECTION] + x - state[POSITION])
-        force -= (parameters[PRESLIDING_DAMPING] + parameters[VISCOUS]) * v
+        force -= direction * (parameters[at.COULOMB] + state[at.LEVEL] * psi) + parameters[at.VISCOUS] * v
+    elif parameters[at.CONTACT] != RIGID:
+        force -= parameters[at.PRESLIDING_STIFFNESS] * (state[at.DEFLECTION] + x - state[at.POSITION])
+        force -= (parameters[at.PRESLIDING_DAMPING] + parameters[at.VISCOUS]) * v
     else:
         force = 0.0
-    error = reference - (y if parameters[ON_LOAD] > 0.0 else x)
-    return force / parameters[INERTIA], error, spring / parameters[LOAD_INERTIA] if spring != 0.0 else 0.0
+    error = reference - (y if parameters[at.ON_LOAD] > 0.0 else x)
+    return force / parameters[at.INERTIA], error, spring / parameters[at.LOAD_INERTIA] if spring != 0.0 else 0.0
 
 
 @helper()
 def _rates_now(reference, reference_velocity, state, history, parameters, delayed):
     """The same in the state."""
     psi = 1.0
-    if state[DIRECTION] != 0.0:
-        psi = shape(state[TIME], state[VELOCITY], state, history, parameters, delayed)
+    if state[at.DIRECTION] != 0.0:
+        psi = shape(state[at.TIME], state[at.VELOCITY], state, history, parameters, delayed)
     return _rates(
-        state[POSITION], state[VELOCITY], state[INTEGRAL], state[LOAD_POSITION], state[LOAD_VELOCITY],
+        state[at.POSITION], state[at.VELOCITY], state[at.INTEGRAL], state[at.LOAD_POSITION], state[at.LOAD_VELOCITY],
         reference, reference_velocity, psi, state, parameters,
     )  # fmt: skip
 
@@ -103,7 +80,13 @@ def _rates_now(reference, reference_velocity, state, history, parameters, delaye
 @helper()
 def _try(size, reference, reference_velocity, rates, state, history, parameters, delayed, trial):
     """One step from the state with its slopes, into ``trial``; the reference at the step's start."""
-    x, v, z, y, w = state[POSITION], state[VELOCITY], state[INTEGRAL], state[LOAD_POSITION], state[LOAD_VELOCITY]
+    x, v, z, y, w = (
+        state[at.POSITION],
+        state[at.VELOCITY],
+        state[at.INTEGRAL],
+        state[at.LOAD_POSITION],
+        state[at.LOAD_VELOCITY],
+    )
     dv, dz, dw = rates
     pace, load_pace, psi = v, w, 1.0
     sum_x, sum_v, sum_z, sum_y, sum_w = v, dv, dz, w, dw
@@ -111,8 +94,8 @@ def _try(size, reference, reference_velocity, rates, state, history, parameters,
         share, weight = (size, 1.0) if stage == 3 else (0.5 * size, 2.0)
         at_x, at_y, at_z = x + share * pace, y + share * load_pace, z + share * dz
         pace, load_pace = v + share * dv, w + share * dw
-        if state[DIRECTION] != 0.0 and (stage != 2 or not delayed):
-            psi = shape(state[TIME] + share, pace, state, history, parameters, delayed)
+        if state[at.DIRECTION] != 0.0 and (stage != 2 or not delayed):
+            psi = shape(state[at.TIME] + share, pace, state, history, parameters, delayed)
         now = reference + reference_velocity * share
         dv, dz, dw = _rates(at_x, pace, at_z, at_y, load_pace, now, reference_velocity, psi, state, parameters)
         sum_x, sum_v, sum_z = sum_x + weight * pace, sum_v + weight * dv, sum_z + weight * dz
@@ -125,8 +108,8 @@ def _try(size, reference, reference_velocity, rates, state, history, parameters,
 @helper()
 def _contact_force(trial, reference, reference_velocity, state, parameters):
     """What static friction has to hold of a motor at rest."""
-    if parameters[CONTACT] != RIGID:
-        return parameters[PRESLIDING_STIFFNESS] * (state[DEFLECTION] + trial[_X] - state[POSITION])
+    if parameters[at.CONTACT] != RIGID:
+        return parameters[at.PRESLIDING_STIFFNESS] * (state[at.DEFLECTION] + trial[_X] - state[at.POSITION])
     return _force(
         trial[_X], trial[_V], trial[_Z], trial[_Y], trial[_W], reference, reference_velocity, parameters
     )[0]  # fmt: skip
@@ -135,9 +118,9 @@ def _contact_force(trial, reference, reference_velocity, state, parameters):
 @helper()
 def _ends(trial, time, reference, reference_velocity, state, parameters):
     """Whether the slip, or the rest, of the state has ended where a step has led to at a time."""
-    if state[DIRECTION] != 0.0:
-        return trial[_V] * state[DIRECTION] < 0.0
-    held = parameters[COULOMB] + level_at(time, state, parameters)
+    if state[at.DIRECTION] != 0.0:
+        return trial[_V] * state[at.DIRECTION] < 0.0
+    held = parameters[at.COULOMB] + level_at(time, state, parameters)
     return abs(_contact_force(trial, reference, reference_velocity, state, parameters)) > held
 
 
@@ -147,35 +130,35 @@ def move_until(
     count,
 ):  # fmt: skip
     """Integrate to ``end``, through slips and rests; returns the number of events."""
-    before, start = count, state[TIME]
-    rigid, one_mass = parameters[CONTACT] == RIGID, parameters[SPRING] == 0.0
+    before, start = count, state[at.TIME]
+    rigid, one_mass = parameters[at.CONTACT] == RIGID, parameters[at.SPRING] == 0.0
     rates, known = (0.0, 0.0, 0.0), False
-    while state[TIME] < end - _TOGETHER:
-        time, rests = state[TIME], state[DIRECTION] == 0.0
+    while state[at.TIME] < end - _TOGETHER:
+        time, rests = state[at.TIME], state[at.DIRECTION] == 0.0
         ahead = reference + reference_velocity * (time - start)
-        if rests and count - before >= MOST_EVENTS:
+        if rests and count - before >= at.MOST_EVENTS:
             # Ever shorter hops, without end: the joint creeps, and rests as far as can be seen.
             break
         if rests and one_mass and not rigid:
             if not hold_until(end, ahead, reference_velocity, state, parameters, propagators, kept, trial):
                 continue
-            ahead += reference_velocity * (state[TIME] - time)
+            ahead += reference_velocity * (state[at.TIME] - time)
         else:
             size = end - time
             if not (rests and one_mass):
                 size = min(size, step)
             if not rests and delayed:
-                size = min(size, parameters[LAG])
-                memory_begins = state[EVENT_TIME] + parameters[LAG]
+                size = min(size, parameters[at.LAG])
+                memory_begins = state[at.EVENT_TIME] + parameters[at.LAG]
                 if time < memory_begins - _TOGETHER and time + size > memory_begins:
                     size = memory_begins - time
             if not known:
                 rates = _rates_now(ahead, reference_velocity, state, history, parameters, delayed)
-            ended, cursor = False, state[HISTORY_CURSOR]
+            ended, cursor = False, state[at.HISTORY_CURSOR]
             if rests and rigid:
                 # A controller may jump, the deflection of a contact not.
-                trial[_X], trial[_V], trial[_Z] = state[POSITION], state[VELOCITY], state[INTEGRAL]
-                trial[_Y], trial[_W] = state[LOAD_POSITION], state[LOAD_VELOCITY]
+                trial[_X], trial[_V], trial[_Z] = state[at.POSITION], state[at.VELOCITY], state[at.INTEGRAL]
+                trial[_Y], trial[_W] = state[at.LOAD_POSITION], state[at.LOAD_VELOCITY]
                 ended = _ends(trial, time, ahead, reference_velocity, state, parameters)
             if ended:
                 size = 0.0
@@ -186,7 +169,7 @@ def move_until(
                 for bisection in range(_BISECTIONS + 1):
                     # At last at the end that is found.
                     size = 0.5 * (low + high) if bisection < _BISECTIONS else high
-                    state[HISTORY_CURSOR] = cursor
+                    state[at.HISTORY_CURSOR] = cursor
                     _try(size, ahead, reference_velocity, rates, state, history, parameters, delayed, trial)
                     now = ahead + reference_velocity * size
                     if _ends(trial, time + size, now, reference_velocity, state, parameters):
@@ -195,25 +178,25 @@ def move_until(
                         low = size
             ahead = now
             holding = _contact_force(trial, ahead, reference_velocity, state, parameters)
-            state[TIME] = time + size
-            state[DEFLECTION] += trial[_X] - state[POSITION]
-            state[POSITION], state[VELOCITY], state[INTEGRAL] = trial[_X], trial[_V], trial[_Z]
-            state[LOAD_POSITION], state[LOAD_VELOCITY] = trial[_Y], trial[_W]
+            state[at.TIME] = time + size
+            state[at.DEFLECTION] += trial[_X] - state[at.POSITION]
+            state[at.POSITION], state[at.VELOCITY], state[at.INTEGRAL] = trial[_X], trial[_V], trial[_Z]
+            state[at.LOAD_POSITION], state[at.LOAD_VELOCITY] = trial[_Y], trial[_W]
             if ended and rests:
-                breaks_away(state[TIME], 1.0 if holding >= 0.0 else -1.0, state, parameters)
+                breaks_away(state[at.TIME], 1.0 if holding >= 0.0 else -1.0, state, parameters)
             elif ended:
-                state[VELOCITY] = 0.0
-                psi = shape(state[TIME], 0.0, state, history, parameters, delayed)
+                state[at.VELOCITY] = 0.0
+                psi = shape(state[at.TIME], 0.0, state, history, parameters, delayed)
                 if not rigid:
                     # The contact is as far out as it can be, and springs back.
-                    held = parameters[COULOMB] + state[LEVEL] * psi
-                    state[DEFLECTION] = state[DIRECTION] * held / parameters[PRESLIDING_STIFFNESS]
+                    held = parameters[at.COULOMB] + state[at.LEVEL] * psi
+                    state[at.DEFLECTION] = state[at.DIRECTION] * held / parameters[at.PRESLIDING_STIFFNESS]
                     count = record_breakaway(state, parameters, events, count)
                 count = arrests(psi, state, events, count)
-        known = state[DIRECTION] != 0.0
+        known = state[at.DIRECTION] != 0.0
         if known:
             rates = _rates_now(ahead, reference_velocity, state, history, parameters, delayed)
-            push_velocity(state[TIME], state[VELOCITY], rates[0], state, history)
+            push_velocity(state[at.TIME], state[at.VELOCITY], rates[0], state, history)
             count = record_breakaway(state, parameters, events, count)
-    state[TIME] = end
+    state[at.TIME] = end
     return count
