@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import nightly
 from nodes.support_ros import Probe, play, probe, sticking_motion
 
 import stickslip_ros
@@ -281,16 +282,23 @@ def compilers(cache: Path, *, patience: float = 5.0) -> list[str]:
         time.sleep(0.05)
 
 
-def test_where_nothing_can_be_kept_it_is_said(tmp_path: Path) -> None:
-    """Issue 15: a cache that cannot be written is said, and how to choose another; commands work all the same."""
+@pytest.mark.parametrize("command", ["convert", nightly("simulate")])
+def test_where_nothing_can_be_kept_it_is_said(tmp_path: Path, command: str) -> None:
+    """Issue 15: a cache that cannot be written is said, and how to choose another; commands work all the same.
+
+    One of them, `simulate`, compiles everything, which takes a minute of a core.
+    """
     nowhere, passing = tmp_path / "file", tmp_path / "passing"
     nowhere.write_text("in the way")
     passing.mkdir()
     done = run("warm-up", cache=nowhere, TMPDIR=str(passing))
     assert done.returncode == 2
     assert re.fullmatch(r"stickslip: what is compiled cannot be kept.*set NUMBA_CACHE_DIR.*\n", done.stderr)
-    simulate = ("simulate", "--out", tmp_path / "a.mcap", "--duration", "1")
-    assert run(*simulate, cache=nowhere, TMPDIR=str(passing)).returncode == 0
+    table = tmp_path / "table.csv"
+    table.write_text("time,position\n0,0\n1,1\n2,2\n")
+    needs = {"convert": (table,), "simulate": ("--duration", "1")}[command]
+    done = run(command, *needs, "--out", tmp_path / "a.mcap", cache=nowhere, TMPDIR=str(passing))
+    assert done.returncode == 0, done.stderr
     # Folders of processes that can keep nothing go with them.
     assert not list(passing.iterdir())
 
