@@ -99,3 +99,24 @@ def test_a_joint_that_is_seen_to_stand_nowhere() -> None:
     assert window is not None
     assert window.before is None
     assert window.after is not None
+
+
+@pytest.mark.parametrize(("change", "fitted"), [(0.313, True), (0.05, True), (0.2005, False)])
+def test_a_step_of_the_references_speed_is_where_it_is(change: float, fitted: bool) -> None:
+    """Smeared between the observations beside it, such a step put positions up to 0.4 % of a slip off. What a step that
+    sets a slip off adds to its force is not known, for the breakaway is not known to a sample.
+    """
+    times = np.arange(700) / 1000.0
+    way = 0.5 - 0.5 * np.cos(math.pi * np.clip((times - 0.2) / 0.2, 0.0, 1.0))
+    reference = 0.3 * times + 0.5 * np.maximum(times - change, 0.0)
+    samples = Batch(
+        time=times, position=np.round(50.0 * way) / 50.0,
+        reference_position=reference, reference_velocity=np.gradient(reference, times),
+    )  # fmt: skip
+    cycle = Cycle(breakaway=0.2, arrest=0.4, dwell=0.2, slip_distance=1.0, position=0.0, effort=math.nan)
+    window = slip_window(samples, cycle, Gains(stiffness=10.0, damping=1.0), resolution=1.0 / 50.0, noise=0.0)
+    assert (window is not None) == fitted
+    if window is not None:
+        within = (times >= window.times[0]) & (times <= window.times[-1])
+        between = np.interp(times[within], window.times, window.references)
+        np.testing.assert_allclose(between, reference[within], rtol=0.0, atol=1e-4 * 0.001)

@@ -47,7 +47,7 @@ def test_friction_that_drifts_is_known_as_it_is_at_the_end(seed: int) -> None:
     changed = (machine.coulomb + machine.stribeck) * DRIFT * float(np.ptp(recording.batch.time))
     assert estimate.scatter < 0.1 * changed
     for name in ("inertia", "stribeck", "stribeck_velocity"):
-        assert abs(estimate[name].value - getattr(machine, name)) < 2.5 * estimate[name].std
+        assert abs(estimate[name].value - getattr(machine, name)) < 3.0 * estimate[name].std
     assert estimate["inertia"].identified
     together = estimate.coulomb_and_load
     assert abs(together.value - machine.coulomb) < 2.5 * together.std

@@ -120,17 +120,20 @@ def fitted_laws(
     plain = FittedLaw(solution=solution)
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
-    trend = first.problem.model.term(Trend) is not None
-    why = unexplained(first) or ("kinetic friction varies" if trend else "")
+    fits = weighed_laws(first, rejected)
+    # A force that varies with position explains much of what another law does: the laws come first.
+    why = unexplained(fits[0]) or ("kinetic friction varies" if fits[0].problem.model.term(Trend) else "")
     if why and not first.problem.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.
+        best, trend = fits[0], first.problem.model.term(Trend) is not None
         for base in (with_optional_terms(steady) if trend else first, plain):
             over_position = with_position_disturbance(base, why)
-            if over_position.misfit < first.misfit:
-                first = over_position
-            if not unexplained(first) or first.solution is solution:
+            if over_position.misfit < best.misfit:
+                best = over_position
+            if not unexplained(best) or first.solution is solution:
                 break
-    fits = weighed_laws(first, rejected)
+        if best is not fits[0]:
+            fits = weighed_laws(best, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
 
 

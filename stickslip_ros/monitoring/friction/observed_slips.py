@@ -31,7 +31,6 @@ _PARTS = 16  # parts of a slip in which residuals are compared from slip to slip
 _FINEST = 2e-5  # error of a position, of a slip: neither stamps nor integration are more exact
 # Errors of a reference's speed, of it: known, as a mean, of few cycles.
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03
-_LARGEST_JITTER = 0.5  # standard deviation of time stamps, sample intervals: more would exchange samples
 
 _Slips = TypeVar("_Slips", bound="ObservedSlips")
 
@@ -260,8 +259,10 @@ class ObservedSlips:
         in_time = self.noise.errors[fast] / speed[fast]
         expected = in_time**2 - self.noise.jitter**2
         excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
+        # What even stamps do not show is something else, as the swing of a load on a spring, or a fit on its way.
         gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
-        largest = _LARGEST_JITTER * float(np.median(gaps))
+        uneven = gaps - self.sample_interval * np.round(gaps / self.sample_interval)
+        largest = float(np.sqrt(np.mean(uneven**2)))
         return min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
 
     def detected(self, level: float) -> FloatArray:

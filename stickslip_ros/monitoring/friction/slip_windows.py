@@ -33,6 +33,7 @@ _LEAST_OBSERVATIONS = 5  # observations of a slip or samples of a rest, 1: at le
 _ANALOG = 0.5  # noise, of a resolution: with more the counts say nothing of their own
 _EFFORT_SMOOTHING = 1.0 / 12.0  # span over which the effort is smoothed, of the slip
 _EVEN = 0.02  # mean deviation of sample intervals, of their mean: stamps with less jitter count as even
+_STEP = 0.4  # change of the reference's speed from sample to sample, of all its changes in a slip: more is a step
 _LINE_REACH = 4  # samples on either side of a local line, 1
 _SAME_STIFFNESS = 0.1  # difference of two stiffnesses, of the stiffness: with less they are one
 _LEAST_SHOWN = 3  # slips whose effort may contradict the gains, 1: at least
@@ -194,11 +195,19 @@ def slip_window(
     shape = np.round(np.linspace(0, len(part) - 1, min(_SHAPE_NODES, len(part)))).astype(int)
     stop = max(int(np.searchsorted(part.time, cycle.arrest + _OF_DWELL * (end - cycle.arrest))), int(indices[-1]) + 1)
     stop = min(stop, len(part) - 1)
-    nodes = np.unique(np.concatenate([indices, shape, [stop]]))
     shown = _effort_stiffness(samples.where(resting))
     source, in_force, forces = _forces(samples, part, resting, gains, duration, resolution, shown)
     known = np.isfinite(part.reference_position).all()
-    references = _reference(part)[nodes] if known else np.zeros(len(nodes))
+    references = _reference(part) if known else np.zeros(len(part))
+    # Between nodes the reference is a line: where its speed changes at once, samples in a row are nodes.
+    changes = np.abs(np.diff(references, 2))
+    bend = int(np.argmax(changes)) + np.arange(3)
+    if changes.max() > _STEP * changes.sum():
+        # By how much the force then exceeds what held the joint is known no better than when the joint broke away.
+        moved = float(part.time[indices][part.time[indices] > left].min(initial=cycle.arrest))
+        if abs(part.time[bend[1]] - left) <= moved - left:
+            return None
+    nodes = np.unique(np.concatenate([indices, shape, bend, [stop]]))
     if np.isfinite(part.reference_velocity).all():
         speed = float(part.reference_velocity.mean())
     elif known:
@@ -220,7 +229,7 @@ def slip_window(
         source=source,
         gains=in_force,
         times=part.time[nodes],
-        references=references,
+        references=references[nodes],
         forces=forces[nodes],
         reference_speed=speed,
         observed=np.searchsorted(nodes, np.append(indices, stop)),
