@@ -24,6 +24,7 @@ from stickslip_ros.model.joint_simulation import EventKind
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.learner import FrictionLearner
+from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 
@@ -125,15 +126,15 @@ def _verdicts(recording: RandomRecording, estimate: FrictionEstimate) -> list[tu
 def _bounds(recording: RandomRecording) -> dict[str, float]:
     """Cramér-Rao bounds of the relative errors, from the slope of all observed slips at the truth."""
     windows, _ = cut_slips(recording.batch, recording.gains)
-    problem = SlipProblem(windows)
+    problem = SlipProblem(SlipData(windows))
     truth = _truth(recording)
     order = ("inertia", "viscous", "stribeck_velocity", "lag", "stribeck", "rise_time")
     parameters = np.log([truth[name] for name in order])
     begins = [event for event in recording.events if event.kind is EventKind.BREAKAWAY]
-    detected = problem.breakaways + problem.origin
+    detected = problem.data.breakaways + problem.data.origin
     nearest = [min(begins, key=lambda event: abs(event.time - time)) for time in detected]
     unknowns = np.array([(event.position, event.time, math.log(event.stribeck_level)) for event in nearest])
-    unknowns[:, 1] -= problem.origin
+    unknowns[:, 1] -= problem.data.origin
     problem = problem.weighed(problem.simulate(parameters, unknowns)[1])
     try:
         known = fit_at_fixed_parameters(

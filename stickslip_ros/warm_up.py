@@ -92,6 +92,7 @@ def _use_verdict() -> None:
 
 def _use_simulation() -> None:
     from stickslip_ros.model.joint_simulation import simulate
+    from stickslip_ros.monitoring.friction.slip_data import SlipData
     from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
     from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
     from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -105,10 +106,10 @@ def _use_simulation() -> None:
         observed=np.arange(6, 15), values=np.linspace(0.0, 1.0, 9), gaps=np.full(9, 0.01), resolution=0.1, noise=0.0,
         sample_interval=0.01,
     )  # fmt: skip
-    problem = SlipProblem([window])
+    data = SlipData([window])
     fit_at_fixed_parameters(
-        problem, Tolerances(), parameters=np.zeros(PARAMETERS), kinetic=np.zeros(1), unknowns=problem.detected(1.0),
-        iterations=1, scored=True,
+        SlipProblem(data), Tolerances(), parameters=np.zeros(PARAMETERS), kinetic=np.zeros(1),
+        unknowns=data.detected(1.0), iterations=1, scored=True,
     )  # fmt: skip
 
 

@@ -77,9 +77,9 @@ def drive_gains(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArr
 def gains_in_slips(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArray) -> FloatArray:
     """k_p and k_v that each slip shows by itself, shape (slips, 2); NaN where one shows nothing."""
     positions, velocities, _ = problem.simulate(parameters, unknowns)
-    seen = np.full((problem.count, 2), math.nan)
-    for number, window in enumerate(problem.windows):
-        nodes = slice(problem.edges[number], problem.edges[number + 1])
+    seen = np.full((problem.data.count, 2), math.nan)
+    for number, window in enumerate(problem.data.windows):
+        nodes = slice(problem.data.edges[number], problem.data.edges[number + 1])
         if len(window.times) < _LEAST_NODES:
             continue
         errors = _reference(window) - positions[nodes]

@@ -169,7 +169,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         jitter=problem.noise.jitter,
         tolerance=solution.tolerance,
         link_error=solution.link_error,
-        last_window=problem.windows[-1],
+        last_window=problem.data.windows[-1],
         stribeck_fraction=stribeck_fraction(fit),
         drifts=problem.model.term(Trend) is not None,
         position_disturbance=fits[0].position_disturbance,

@@ -45,7 +45,7 @@ class CurvedViscous(SlipTerm):
     def apply(self, variants: Variants, problem: SlipProblem) -> None:
         """What goes with the square of the speed is no part of the damping."""
         squared = variants.parameters[:, problem.column["curvature"]] * variants.plants[:, VISCOUS]
-        variants.drags = np.repeat(squared[:, None] / self.speed, problem.count, axis=1)
+        variants.drags = np.repeat(squared[:, None] / self.speed, problem.data.count, axis=1)
         variants.plants[:, VISCOUS] -= squared
 
 
@@ -102,7 +102,7 @@ def _with_curve(fitted: FittedLaw) -> SlipProblem | None:
     problem = fitted.problem
     if not fitted.may_lack_terms or problem.model.term(CurvedViscous) is not None or may_hide_a_delay(fitted):
         return None
-    return problem.changed(model=problem.model.with_term(CurvedViscous(speed=_SWIFT * problem.usual_speed)))
+    return problem.changed(model=problem.model.with_term(CurvedViscous(speed=_SWIFT * problem.data.usual_speed)))
 
 
 CURVED_VISCOUS = ScoredTerm(

@@ -243,14 +243,15 @@ class PositionDisturbance:
 
 def dry_friction_of(problem: SlipProblem, fit: SlipFit) -> DryFriction | None:
     """What the kinetic friction of fitted slips depends on; those set aside do not count."""
+    data = problem.data
     used = problem.noise.usable
     # No force is known better than the position that the spring rested at.
-    errors = problem.stiffness(fit.parameters) * problem.rest_errors
+    errors = problem.stiffness(fit.parameters) * data.rest_errors
     return dry_friction(
         (fit.misfits + problem.balance @ fit.kinetic + problem.subtracted_force)[used],
-        problem.directions[used],
-        problem.rests[used],
-        (problem.breakaways + problem.origin)[used],
+        data.directions[used],
+        data.rests[used],
+        (data.breakaways + data.origin)[used],
         standard_error=float(np.median(errors[used])) if used.any() else 0.0,
     )
 

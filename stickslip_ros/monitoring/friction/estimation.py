@@ -50,6 +50,7 @@ from stickslip_ros.monitoring.friction.late_controller import (
 )
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
+from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
@@ -108,13 +109,13 @@ def fitted_laws(
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
     known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
-    problem = SlipProblem(windows, model_of(windows, known=known), budget=budget)
+    problem = SlipProblem(SlipData(windows), model_of(windows, known=known), budget=budget)
     solution = fit_with_contact(problem, start) if yields and start is not None else None
     if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.problem.noise.usable)
         if len(kept) < len(windows):
-            solution = search(SlipProblem(kept, model_of(kept, known=known), budget=budget), start)
+            solution = search(SlipProblem(SlipData(kept), model_of(kept, known=known), budget=budget), start)
     if solution is None:
         return []
     plain = FittedLaw(solution=solution)
@@ -123,7 +124,7 @@ def fitted_laws(
     fits = weighed_laws(first, rejected)
     # A force that varies with position explains much of what another law does: the laws come first.
     why = unexplained(fits[0]) or ("kinetic friction varies" if fits[0].problem.model.term(Trend) else "")
-    if why and not first.problem.normalised and not first.unsettled:
+    if why and not first.problem.data.normalised and not first.unsettled:
         # What varies with position may look like a trend, or like a late controller.
         best, trend = fits[0], first.problem.model.term(Trend) is not None
         for base in (with_optional_terms(steady) if trend else first, plain):
@@ -139,8 +140,8 @@ def fitted_laws(
 
 def may_be_usable(windows: list[SlipWindow]) -> bool:
     """Whether an estimate from these slips may be usable: not if too many are set aside before anything is fitted."""
-    problem = SlipProblem(_of_known_directions(windows, np.ones(len(windows), dtype=bool)))
-    return bool((~problem.noise.usable).sum() <= USABLE_ASIDE * problem.count)
+    data = SlipData(_of_known_directions(windows, np.ones(len(windows), dtype=bool)))
+    return bool((~data.single).sum() <= USABLE_ASIDE * data.count)
 
 
 def _of_known_directions(windows: list[SlipWindow], usable: NDArray[np.bool_]) -> list[SlipWindow]:
@@ -198,17 +199,17 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     reservations = (
         f"{DOES_NOT_FIT}: {why}" if why else "",
         CUT_SHORT if fits[0].cut_short else "",
-        contradiction(problem.windows),
+        contradiction(problem.data.windows),
     )
     blank = FrictionEstimate(
-        source=problem.windows[0].source,
-        normalised=problem.normalised,
+        source=problem.data.windows[0].source,
+        normalised=problem.data.normalised,
         logarithms=fit.parameters[:PARAMETERS],
         covariance=np.zeros((PARAMETERS, PARAMETERS)),
         coulomb=NOT_ESTIMATED,
         load=NOT_ESTIMATED,
         coulomb_and_load=NOT_ESTIMATED,
-        slips=problem.count - aside,
+        slips=problem.data.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
         left_over=solution.left_over,
@@ -217,7 +218,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         configured=configured,
         law=law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
-        dry=None if problem.normalised else dry_friction_of(problem, fit),
+        dry=None if problem.data.normalised else dry_friction_of(problem, fit),
         friction_factor=friction_factor_of(fits[0], covariance),
         may_be_late=may_hide_a_delay(fits[0]),
         curvature=curvature_of(fits[0], covariance),
@@ -239,8 +240,8 @@ def unexplained(fitted: FittedLaw) -> str:
         reasons.append(f"kinetic friction varies by {100 * scatter:.2g} % of the Stribeck friction from slip to slip")
     if fitted.unsettled:
         reasons.append("its contact yields, and the joint slips again before it has come to rest")
-    if aside > _ASIDE * problem.count:
-        reasons.append(f"{aside} of {problem.count} slips do not fit at all")
+    if aside > _ASIDE * problem.data.count:
+        reasons.append(f"{aside} of {problem.data.count} slips do not fit at all")
     return "; ".join(reasons)
 
 

@@ -111,10 +111,11 @@ def _residual_of_parts(problem: SlipProblem, fit: SlipFit) -> tuple[FloatArray, 
 
     In the direction of the slip; all of the same shape (parts,).
     """
-    parts = problem.parts_of_slips
+    data = problem.data
+    parts = data.parts_of_slips
     used = problem.noise.counted
-    shares = (fit.residuals * problem.noise.errors * problem.directions[problem.slip_of])[used]
-    shares = shares / problem.distances[problem.slip_of[used]]
+    shares = (fit.residuals * problem.noise.errors * data.directions[data.slip_of])[used]
+    shares = shares / data.distances[data.slip_of[used]]
     counts = np.bincount(parts[used])
     means = np.bincount(parts[used], shares) / np.maximum(counts, 1)
     scatter = np.bincount(parts[used], (shares - means[parts[used]]) ** 2) / np.maximum(counts - 1, 1)
@@ -130,12 +131,12 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
     """
     size, columns = len(fit.parameters), fit.information.shape[0]
     variances = np.zeros(columns)
-    if not problem.normalised:
-        angle = problem.natural_frequency(fit.parameters) * problem.sample_interval
+    if not problem.data.normalised:
+        angle = problem.natural_frequency(fit.parameters) * problem.data.sample_interval
         variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
-        variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.sample_interval) ** 2
+        variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.data.sample_interval) ** 2
     if problem.may_be_late and problem.model.term(Delay) is None:
-        lighter = late * problem.sample_interval * problem.latest_gains[1]
+        lighter = late * problem.data.sample_interval * problem.latest_gains[1]
         variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2
     return np.diag(variances)
 
@@ -147,14 +148,15 @@ def _by_steps(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> Flo
     that does to the parameters is what it does to the residuals in each part of the slips. A controller that is seen to
     act late is known to act in steps; of another it is not known.
     """
+    data = problem.data
     size = fit.information.shape[0]
     if problem.model.term(Delay) is None or not problem.noise.usable.any():
         return np.zeros((size, size))
-    surplus = _HALF_A_STEP * problem.sample_interval * problem.loading_rates(fit.parameters)
+    surplus = _HALF_A_STEP * data.sample_interval * problem.loading_rates(fit.parameters)
     balanced, quicker = (problem.simulate(fit.parameters, fit.unknowns, one)[0] for one in (None, surplus))
-    ways = (quicker - balanced)[problem.observed] / (problem.directions * problem.distances)[problem.slip_of]
+    ways = (quicker - balanced)[data.observed] / (data.directions * data.distances)[data.slip_of]
     used = problem.noise.counted & np.isfinite(ways)
-    parts, count = problem.parts_of_slips[used], len(fit.bias_sensitivity)
+    parts, count = data.parts_of_slips[used], len(fit.bias_sensitivity)
     mean = np.bincount(parts, ways[used], count) / np.maximum(np.bincount(parts, minlength=count), 1)
     moved = covariance @ fit.bias_sensitivity.T @ mean
     return np.asarray(np.outer(moved, moved))
@@ -164,7 +166,7 @@ def _by_trend(problem: SlipProblem, fit: SlipFit) -> FloatArray:
     """Covariance of what a trend of viscous friction unlike that of the Stribeck friction makes of the former."""
     variances = np.zeros(fit.information.shape[0])
     if problem.model.term(Trend) is not None:
-        variances[VISCOUS] = float(fit.parameters[problem.column["trend"]] ** 2 * np.mean(problem.since**2))
+        variances[VISCOUS] = float(fit.parameters[problem.column["trend"]] ** 2 * np.mean(problem.data.since**2))
     return np.diag(variances)
 
 
@@ -173,7 +175,7 @@ def _by_effort(problem: SlipProblem, fit: SlipFit) -> FloatArray:
 
     Slips show friction and inertia in proportion to the gains: M, F_s and the kinetic friction to k_p, F_v + k_v too.
     """
-    ratio, error = stiffness_difference(problem.windows)
+    ratio, error = stiffness_difference(problem.data.windows)
     moves = np.concatenate([np.zeros(len(fit.parameters)), fit.kinetic])
     moves[[INERTIA, STRIBECK]] = 1.0
     moves[VISCOUS] = 1.0 + problem.latest_gains[1] / math.exp(float(fit.parameters[VISCOUS]))
@@ -189,9 +191,9 @@ def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> F
     nothing of the other.
     """
     variances = np.zeros(len(fit.information))
-    usual = float(np.median(problem.dwells[problem.noise.usable])) if problem.noise.usable.any() else math.inf
+    usual = float(np.median(problem.data.dwells[problem.noise.usable])) if problem.noise.usable.any() else math.inf
     risen = fit.parameters[RISE_TIME] < math.log(_RISEN * usual)
-    contradicted = np.any(problem.dwells[~problem.noise.usable] > _LONGER * usual)
+    contradicted = np.any(problem.data.dwells[~problem.noise.usable] > _LONGER * usual)
     # What is left by a slip that was not seen is not known, and Eq. (6) ties the next one's level but loosely.
     contradicted |= np.any(fit.unknowns[problem.noise.usable, LEVEL] > fit.parameters[STRIBECK] + _MORE)
     if risen and contradicted and prior.information[RISE_TIME, RISE_TIME] < _CONFIGURED:

@@ -88,7 +88,7 @@ class FittedLaw:
     @property
     def may_lack_terms(self) -> bool:
         """Whether a scored term may be missing: not where only speeds are known, or a subtracted force nearly right."""
-        return not (self.problem.normalised or self.position_disturbance is not None or self.unsettled)
+        return not (self.problem.data.normalised or self.position_disturbance is not None or self.unsettled)
 
     @property
     def cut_short(self) -> bool:
@@ -128,8 +128,8 @@ class ModelTerm:
         found = fit_near(problem, first.solution.fit.parameters, first.solution.fit)
         if found is None:
             return first
-        gain = misfit_of(first.solution, problem.observed) - misfit_of(found)
-        if found.mean_square >= GOOD or gain < self.parameters * math.log(problem.count):
+        gain = misfit_of(first.solution, problem.data.observed) - misfit_of(found)
+        if found.mean_square >= GOOD or gain < self.parameters * math.log(problem.data.count):
             return first
         return first.refitted(found) if self.settles(found) else replace(first, unsettled=True)
 
@@ -165,7 +165,7 @@ def _worth_the_parameters(first: FittedLaw, problem: SlipProblem, more: int) -> 
     fits = truncated_fit(without, start), truncated_fit(together, start)
     if fits[0] is None or fits[1] is None:
         return False
-    return misfit_of(fits[0]) - misfit_of(fits[1]) > more * math.log(without.count)
+    return misfit_of(fits[0]) - misfit_of(fits[1]) > more * math.log(without.data.count)
 
 
 def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> float:
@@ -177,7 +177,7 @@ def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> flo
         say nothing of each other.
     """
     problem, fit = solution.problem, solution.fit
-    shared = np.ones(len(problem.observed), dtype=bool) if nodes is None else np.isin(problem.observed, nodes)
+    shared = np.ones(len(problem.data.observed), dtype=bool) if nodes is None else np.isin(problem.data.observed, nodes)
     used = problem.noise.counted & shared
     share = int(shared.sum()) / max(int(used.sum()), 1)
     total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.noise.errors[used]).sum()))
@@ -195,7 +195,7 @@ def residuals_per_observation(solution: Solution) -> float:
     """Residuals per independent observation, by runs of one sign; at least one."""
     problem, residuals = solution.problem, solution.fit.residuals
     used = problem.noise.counted
-    ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.slip_of) != 0)
+    ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.data.slip_of) != 0)
     runs = 1 + int(np.count_nonzero(ends[used[1:]]))
     return max(float(used.sum()) / runs / _WHITE, 1.0)
 

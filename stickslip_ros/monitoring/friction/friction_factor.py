@@ -50,7 +50,7 @@ class PositionGrowth(FrictionGrowth):
 
     def covariate(self, problem: SlipProblem) -> FloatArray:
         """Of the places where the slips began."""
-        return self.disturbance.covariate(problem.rests, decreasing=self.decreasing)
+        return self.disturbance.covariate(problem.data.rests, decreasing=self.decreasing)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,14 +178,14 @@ def _round(plain: FittedLaw, best: FittedLaw, why: str) -> FittedLaw | None:
         # A ripple is not reliable while a varying load is not subtracted.
         dry = replace(dry, ripple=None)
     disturbance = PositionDisturbance(dry=dry, without=why)
-    windows = plain.problem.windows
+    windows = plain.problem.data.windows
     off = np.array([disturbance.subtracted_force(window) for window in windows])
     changed = plain.problem.changed([disturbance.applied(window) for window in windows], subtracted_force=off)
     try:
         solution = search(changed)
     except LinAlgError:
         return None
-    count = math.log(changed.count)
+    count = math.log(changed.data.count)
     if solution is None or plain.misfit - misfit_of(solution) < _OF_DISTURBANCE * count:
         return None
     even = FittedLaw(solution=solution, position_disturbance=disturbance)

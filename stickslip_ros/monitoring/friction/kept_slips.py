@@ -19,7 +19,7 @@ import numpy as np
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.friction.observed_slips import follows_on
+from stickslip_ros.monitoring.friction.slip_data import follows_on
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 

@@ -47,17 +47,18 @@ class Delay(SlipTerm):
 
     def apply(self, variants: Variants, problem: SlipProblem) -> None:
         """k_p τ less damping, and k_v τ less inertia, by which all that is per inertia grows."""
-        lighter, stiffness = _inertia_left(variants, problem), problem.gains[:, 0]
+        data = problem.data
+        lighter, stiffness = _inertia_left(variants, problem), data.gains[:, 0]
         taken = _delays(variants, problem) * stiffness
         viscous = variants.plants[:, VISCOUS, None]
         damping = (variants.gains[:, :, 1] - taken + viscous) / lighter - viscous
         variants.gains = np.stack(np.broadcast_arrays(stiffness / lighter, damping), axis=2)
-        late = taken[:, problem.slip_of_node] * problem.rates
-        variants.drives = (variants.drives - late) / lighter[:, problem.slip_of_node]
+        late = taken[:, data.slip_of_node] * data.rates
+        variants.drives = (variants.drives - late) / lighter[:, data.slip_of_node]
         variants.starts[:, :, LEVEL] /= lighter
         variants.drags = variants.drags / lighter
         variants.contacts = variants.contacts * np.stack([lighter, 1.0 / lighter], axis=2)
-        variants.standing = (variants.standing - late[:, problem.edges[:-1]]) / lighter
+        variants.standing = (variants.standing - late[:, data.edges[:-1]]) / lighter
         variants.stopped = variants.stopped / lighter
 
     def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
@@ -67,12 +68,12 @@ class Delay(SlipTerm):
 
 def _delays(variants: Variants, problem: SlipProblem) -> FloatArray:
     """τ of each variant [s], shape (variants, 1)."""
-    return np.asarray(variants.parameters[:, problem.column["delay"], None] * problem.sample_interval)
+    return np.asarray(variants.parameters[:, problem.column["delay"], None] * problem.data.sample_interval)
 
 
 def _inertia_left(variants: Variants, problem: SlipProblem) -> FloatArray:
     """Share of the inertia that the delay leaves in each slip, shape (variants, slips)."""
-    taken = _delays(variants, problem) * problem.gains[:, 1]
+    taken = _delays(variants, problem) * problem.data.gains[:, 1]
     return np.asarray(np.maximum(1.0 - taken / variants.plants[:, INERTIA, None], _LEAST_INERTIA))
 
 
@@ -161,7 +162,7 @@ def delay_estimate(problem: SlipProblem, parameters: FloatArray, covariance: Flo
         left=viscous - _taken_by_an_interval(problem) * float(parameters[problem.column["delay"]]),
         std=math.sqrt(max(float(slopes @ covariance @ slopes), 0.0)),
         stiffness=problem.latest_gains[0],
-        longest=_LATEST * LATE * problem.sample_interval,
+        longest=_LATEST * LATE * problem.data.sample_interval,
     )
 
 
@@ -194,7 +195,7 @@ def _slopes_of_what_is_left(problem: SlipProblem, parameters: FloatArray, size: 
 
 def _taken_by_an_interval(problem: SlipProblem) -> float:
     """Damping that a delay of one sample interval takes off at the latest gains [N·m·s/rad]."""
-    return problem.latest_gains[0] * problem.sample_interval
+    return problem.latest_gains[0] * problem.data.sample_interval
 
 
 def may_hide_a_delay(fitted: FittedLaw) -> bool:

@@ -83,7 +83,7 @@ def weighed_laws(first: FittedLaw, rejected: Collection[str] = ()) -> list[Fitte
 
 def _misfits(fits: list[FittedLaw]) -> list[float]:
     """What each does not explain of the observations that all of them have."""
-    nodes = reduce(np.intersect1d, [fit.problem.observed for fit in fits])
+    nodes = reduce(np.intersect1d, [fit.problem.data.observed for fit in fits])
     return [misfit_of(fit.solution, nodes) for fit in fits]
 
 
@@ -96,7 +96,7 @@ def _beside(law: str, first: FittedLaw) -> FittedLaw | None:
     if worse > _WORSE or not (first.fits or worse < -CLEARLY_BETTER):
         return None
     problem = first.problem
-    plain = problem.changed(model=model_of(problem.windows, LAWS[law], problem.model.known))
+    plain = problem.changed(model=model_of(problem.data.windows, LAWS[law], problem.model.known))
     solution = fit_near(plain, start, first.solution.fit)
     if solution is None:
         return None
@@ -144,7 +144,7 @@ def _same_curve(law: str, first: FittedLaw) -> FloatArray:
     speeds = np.quantile(speeds[speeds > 0.0], np.linspace(0.0, 1.0, _SPEEDS))
     curve = np.asarray(stribeck_friction(LAWS[first.law], level, speeds / unit))
     curve += math.exp(fit.parameters[VISCOUS]) * speeds
-    usual = problem.usual_speed
+    usual = problem.data.usual_speed
     best = math.inf
     for scale in _SCALES * math.exp(start[STRIBECK_VELOCITY]):
         falling = np.asarray(stribeck_friction(LAWS[law], 1.0, speeds / scale))

@@ -27,7 +27,7 @@ from stickslip_ros.monitoring.friction.estimation import best_known
 from stickslip_ros.monitoring.friction.fitted_law import of_law
 from stickslip_ros.monitoring.friction.friction_factor import KnownFactor
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
-from stickslip_ros.monitoring.friction.observed_slips import follows_on
+from stickslip_ros.monitoring.friction.slip_data import SlipData, follows_on
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit, Tolerances, fit_at_fixed_parameters
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
@@ -259,15 +259,15 @@ class FrictionLearner:
                 return
             window = window.between_creep()
         problem = SlipProblem(
-            [window],
+            SlipData([window]),
             model,
             before=(state.last_window.arrest, state.stribeck_fraction) if follows else None,
             both_directions=len(state.kinetic) > 1,
         ).weighed(jitter=state.jitter, tolerance=state.tolerance)
         # A level to begin with, as Eq. (6) has it.
         left = state.stribeck_fraction if follows else 0.5
-        share = float(risen_level(0.0, 1.0, problem.dwells[0], math.exp(state.parameters[RISE_TIME])))
-        unknowns = problem.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
+        share = float(risen_level(0.0, 1.0, problem.data.dwells[0], math.exp(state.parameters[RISE_TIME])))
+        unknowns = problem.data.detected(math.exp(state.parameters[STRIBECK]) * (left + (1.0 - left) * share))
         try:
             with np.errstate(all="ignore"):
                 fixed_fit = fit_at_fixed_parameters(
@@ -293,12 +293,12 @@ class FrictionLearner:
     def _is_outlier(self, problem: SlipProblem, fixed_fit: SlipFit, state: Learnt) -> bool:
         """Whether a slip differs from the estimate by more than the errors of both."""
         square = float(np.mean(fixed_fit.residuals**2))
-        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.noise.errors) ** 2))) / float(problem.distances[0])
+        off = float(np.sqrt(np.mean((fixed_fit.residuals * problem.noise.errors) ** 2)))
         force = abs(float(fixed_fit.misfits[0]))
         level = math.exp(state.parameters[STRIBECK])
         # A controller that acts on samples begins each slip with some more or less of a step of its force.
-        step = problem.loading_rate(state.parameters) * problem.sample_interval / level if problem.may_be_late else 0.0
-        enough = max(_OFF, _STEPS * step)
+        step = problem.loading_rate(state.parameters) * problem.data.sample_interval / level
+        enough = max(_OFF, _STEPS * step if problem.may_be_late else 0.0) * float(problem.data.distances[0])
         return (square > OUTLIER * max(1.0, state.estimate.mean_square) and off > enough) or (
             force > _FORCE_OUTLIER * math.hypot(state.balance_error, _FORCE_OFF * level)
         )

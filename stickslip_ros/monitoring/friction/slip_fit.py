@@ -27,6 +27,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     RISE_TIME,
     SHAPE,
 )
+from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -157,19 +158,19 @@ class _Fit:
     """The problem with its prior and tolerances: residuals and their slopes."""
 
     def __init__(self, problem: SlipProblem, prior: Prior, tolerances: Tolerances) -> None:
-        self.problem, self.prior = problem, prior
+        self.problem, self.prior, data = problem, prior, problem.data
         self.free = [k for k in range(len(prior.mean)) if prior.information[k, k] < _FIXED**-2]
         self.columns = len(prior.mean) + problem.balance.shape[1]
         # Where the slip before is unknown, the Stribeck fraction left by it is anything from 0 to 1.
-        share = risen_level(0.0, 1.0, problem.dwells, math.exp(prior.mean[RISE_TIME]))
+        share = risen_level(0.0, 1.0, data.dwells, math.exp(prior.mean[RISE_TIME]))
         unknown = np.hypot(0.5 * np.log(share), min(tolerances.level, 1.0))
         linked = problem.noise.linked.copy()
         linked[0] = problem.before is not None
         # The kernel's columns.
         self.slips = np.stack(
             [
-                problem.rests, problem.rest_errors, problem.rests_begin, problem.breakaways, problem.durations,
-                problem.dwells, problem.last_times, problem.directions, problem.noise.usable / tolerances.balance,
+                data.rests, data.rest_errors, data.rests_begin, data.breakaways, data.durations,
+                data.dwells, data.last_times, data.directions, problem.noise.usable / tolerances.balance,
                 np.where(linked, tolerances.level, unknown), linked,
             ],
             axis=1,
@@ -178,14 +179,14 @@ class _Fit:
         self._scale = problem.noise.counted / problem.noise.errors
 
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> SlipFit:
-        problem = self.problem
+        problem, data = self.problem, self.problem.data
         positions, velocities, found = problem.simulate(parameters, unknowns)
-        observed, balance, links = np.empty(len(problem.observed)), np.empty(problem.count), np.empty(problem.count)
-        ties = np.empty((problem.count, kernel.TIES))
+        observed, balance, links = np.empty(len(data.observed)), np.empty(data.count), np.empty(data.count)
+        ties = np.empty((data.count, kernel.TIES))
         off = parameters - self.prior.mean
         cost = float(off @ self.prior.information @ off) + kernel.measure(
             parameters, unknowns, kinetic, positions, found, self._before, self.slips, problem.balance,
-            problem.noise.targets, self._scale, problem.observed, observed, balance, links, ties,
+            problem.noise.targets, self._scale, data.observed, observed, balance, links, ties,
         )  # fmt: skip
         return SlipFit(
             parameters=parameters,
@@ -221,10 +222,10 @@ class _Fit:
 
     def equations(self, point: SlipFit, active: Collection[int]) -> _Equations:
         """Equations by the active parameters, and by each slip's unknowns; slopes by other parameters are zero."""
-        problem, count = self.problem, self.problem.count
+        problem, data, count = self.problem, self.problem.data, self.problem.data.count
         moving = np.array([k for k in active if not len(SHAPE) <= k < PARAMETERS], dtype=np.int64)
         steps = np.empty((len(moving) + 2, count))
-        steps[:-2], steps[-2], steps[-1] = _STEP, 1e-4 * problem.durations, 1e-3
+        steps[:-2], steps[-2], steps[-1] = _STEP, 1e-4 * data.durations, 1e-3
         parameters = np.repeat(point.parameters[None], len(steps), axis=0)
         unknowns = np.repeat(point.unknowns[None], len(steps), axis=0)
         parameters[np.arange(len(moving)), moving] += _STEP
@@ -235,7 +236,7 @@ class _Fit:
         is_active[list(active)] = True
         new = _Equations(
             moving=moving,
-            slopes=np.empty((len(steps) + 2, len(problem.observed))),
+            slopes=np.empty((len(steps) + 2, len(data.observed))),
             by_shared=np.zeros((2, count, self.columns)),
             by_own=np.zeros((3, count, UNKNOWNS)),
             matrix=np.zeros((self.columns, self.columns)),
@@ -246,36 +247,36 @@ class _Fit:
         )
         kernel.fill_slopes(
             positions, found, steps, moving, is_active, point.unknowns, problem.stiffness(point.parameters), self.slips,
-            problem.balance, problem.noise.targets, self._scale, problem.observed, problem.observation_edges,
+            problem.balance, problem.noise.targets, self._scale, data.observed, data.observation_edges,
             point.residuals, point.found, point.ties, new.slopes, new.by_shared, new.by_own,
         )  # fmt: skip
         kernel.collect(
-            new.slopes, problem.observation_edges, moving, new.by_shared, new.by_own, point.balance, point.links,
+            new.slopes, data.observation_edges, moving, new.by_shared, new.by_own, point.balance, point.links,
             point.unknowns, self.slips, new.matrix, new.gradient, new.mixed, new.band, new.step,
         )  # fmt: skip
         return new
 
     def scored(self, point: SlipFit) -> SlipFit:
         """The point with information, gradient, scores and bias sensitivity, the slips' own unknowns eliminated."""
-        problem, equations = self.problem, self.equations(point, self.free)
+        problem, data, equations = self.problem, self.problem.data, self.equations(point, self.free)
         information, gradient, by_parameters, _ = equations.eliminate(0.0)
         balance, links = equations.by_shared
         own_balance, own_link, next_link = equations.by_own
         shared = len(equations.moving)
-        follow = by_parameters.reshape(problem.count, UNKNOWNS, -1)
-        projected = -np.einsum("am,mac->mc", equations.slopes[shared:-1], follow[problem.slip_of])
+        follow = by_parameters.reshape(data.count, UNKNOWNS, -1)
+        projected = -np.einsum("am,mac->mc", equations.slopes[shared:-1], follow[data.slip_of])
         projected[:, equations.moving] += equations.slopes[:shared].T
         projected *= _weights(point.residuals)[:, None]
-        way = (problem.directions * problem.distances)[problem.slip_of] / problem.noise.errors
-        bias_sensitivity = np.zeros((problem.parts_of_slips.max() + 1, projected.shape[1]))
-        np.add.at(bias_sensitivity, problem.parts_of_slips, projected * way[:, None])
-        scores = np.add.reduceat(projected * point.residuals[:, None], problem.observation_edges[:-1], axis=0)
+        way = (data.directions * data.distances)[data.slip_of] / problem.noise.errors
+        bias_sensitivity = np.zeros((data.parts_of_slips.max() + 1, projected.shape[1]))
+        np.add.at(bias_sensitivity, data.parts_of_slips, projected * way[:, None])
+        scores = np.add.reduceat(projected * point.residuals[:, None], data.observation_edges[:-1], axis=0)
         projected = balance - np.einsum("na,nac->nc", own_balance, follow)
         scores += projected * (_weights(point.balance) * point.balance)[:, None]
         projected = links - np.einsum("na,nac->nc", own_link, follow)
         projected[1:] -= np.einsum("na,nac->nc", next_link[:-1], follow[:-1])
         scores += projected * (_weights(point.links) * point.links)[:, None]
-        rest = (point.unknowns[:, POSITION] - problem.rests) / problem.rest_errors**2
+        rest = (point.unknowns[:, POSITION] - data.rests) / data.rest_errors**2
         scores -= rest[:, None] * follow[:, POSITION]
         return replace(
             point, information=information, gradient=gradient, scores=-scores, bias_sensitivity=bias_sensitivity
@@ -335,7 +336,7 @@ def fit_slips(
             own = (by_slope - by_parameters @ step).reshape(-1, UNKNOWNS)
             candidate = fit.evaluate(
                 np.clip(point.parameters + step[:size], prior.lower, prior.upper),
-                _moved(problem, point.unknowns, own),
+                _moved(problem.data, point.unknowns, own),
                 point.kinetic + step[size:],
             )
             if candidate.cost < point.cost:
@@ -384,7 +385,7 @@ def fit_at_fixed_parameters(
         before = point.cost
         while damping < 1.0:
             own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
-            candidate = fit.evaluate(parameters, _moved(problem, point.unknowns, own), kinetic)
+            candidate = fit.evaluate(parameters, _moved(problem.data, point.unknowns, own), kinetic)
             if candidate.cost < point.cost:
                 point = candidate
                 break
@@ -395,12 +396,12 @@ def fit_at_fixed_parameters(
     return fit.scored(point) if scored else point
 
 
-def _moved(problem: SlipProblem, unknowns: FloatArray, step: FloatArray) -> FloatArray:
+def _moved(data: SlipData, unknowns: FloatArray, step: FloatArray) -> FloatArray:
     """The unknowns after a step, each no further than where the equations hold."""
-    limits = np.stack([4.0 * problem.rest_errors, 0.1 * problem.durations, np.full(problem.count, 0.7)], axis=1)
+    limits = np.stack([4.0 * data.rest_errors, 0.1 * data.durations, np.full(data.count, 0.7)], axis=1)
     moved = unknowns + np.clip(step, -limits, limits)
-    latest = problem.last_times - 0.2 * problem.durations
-    moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], problem.first_times, latest)
+    latest = data.last_times - 0.2 * data.durations
+    moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], data.first_times, latest)
     return moved
 
 

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import HESS_SOOM
-from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import (
     FITTED,
@@ -28,7 +29,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
-from stickslip_ros.monitoring.friction.observed_slips import ObservedSlips
+from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -154,7 +155,7 @@ class Budget:
         return self.steps <= 0.0
 
 
-class SlipProblem(ObservedSlips):
+class SlipProblem:
     """Observed slips, and what a simulation of them needs.
 
     Where gains or force are unknown the inertia is taken as one, and its place among the parameters holds the
@@ -162,22 +163,22 @@ class SlipProblem(ObservedSlips):
 
     Parameters
     ----------
-    windows : in order of time, all with the force from one source; at least one.
-    model : law and terms; the paper's law alone by default.
+    data : the slips. model : law and terms; the paper's law alone by default.
     before : arrest before the first slip [s] and the share of F_s∞ that was left then, if known.
     both_directions : whether the load is told from the Coulomb friction even if these slips are all of one direction,
         because slips of both are known; where the reference's speeds are all that is known it means nothing.
     subtracted_force : known disturbance that was subtracted from each slip's force, shape (slips,) [N·m].
     budget : of the simulations of this problem and of all that are made of it; None for no bound.
 
-    ``term_parameters`` are the parameters beyond those of the law: the reference's speeds, where only they are known,
-    relative; then those of the model's terms. ``column`` is their index, ``term_means`` and ``term_stds`` are their
-    priors. Growth of the kinetic friction with a term's covariate is the last column of ``balance``.
+    ``noise`` is at first that of speeds as measured and exact stamps. ``term_parameters`` are the parameters beyond
+    those of the law: the reference's speeds, where only they are known, relative; then those of the model's terms.
+    ``column`` is their index, ``term_means`` and ``term_stds`` are their priors. Growth of the kinetic friction with a
+    term's covariate is the last column of ``balance``.
     """
 
     def __init__(
         self,
-        windows: list[SlipWindow],
+        data: SlipData,
         model: SlipModel | None = None,
         *,
         before: tuple[float, float] | None = None,
@@ -185,32 +186,15 @@ class SlipProblem(ObservedSlips):
         subtracted_force: FloatArray | None = None,
         budget: Budget | None = None,
     ) -> None:
-        super().__init__(windows)
+        self.data = data
+        self.noise = data.noise_model(data.measured_speeds, tolerance=0.0, jitter=0.0, usable=data.single)
         self.model = model = model or SlipModel()
         self.budget = budget or Budget()
-        self.subtracted_force = np.zeros(self.count) if subtracted_force is None else subtracted_force
-        self.before = (before[0] - self.origin, before[1]) if before else None
-        self._usual_duration = float(np.median(self.durations))
-        self._least_rate = _LEAST_STEPS / self._usual_duration
-        self._most_rate = _MOST_STEPS / float(self.durations.max())
-        self.references = np.concatenate([window.references for window in windows])
-        self.forces = np.concatenate([window.forces for window in windows])
-        self.slip_of_node = np.repeat(np.arange(self.count), np.diff(self.edges))
-        self.gains = np.array(
-            [
-                (float(window.gains.stiffness), float(window.gains.damping)) if window.gains else (0.0, 0.0)
-                for window in windows
-            ]
-        )
-        self.rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
-        stiffness, damping = self.gains[self.slip_of_node].T
-        # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
-        self.drives = stiffness * self.references + damping * self.rates + self.forces
-        self._none, self._rigid = np.zeros((1, self.count)), np.zeros((1, self.count, 2))
-        # Of the time of the slips, from -1 to 0.
-        self.since: FloatArray = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), TINY)
+        self.subtracted_force = np.zeros(data.count) if subtracted_force is None else subtracted_force
+        self.before = (before[0] - data.origin, before[1]) if before else None
+        self._none, self._rigid = np.zeros((1, data.count)), np.zeros((1, data.count, 2))
         self.term_parameters = {
-            f"speed {k}": TermParameter(std=float(error)) for k, error in enumerate(self.speed_errors)
+            f"speed {k}": TermParameter(std=float(error)) for k, error in enumerate(data.speed_errors)
         }
         self.covariate: FloatArray | None = None
         growing: set[str] = set()
@@ -222,28 +206,62 @@ class SlipProblem(ObservedSlips):
         self.term_stds = np.array([one.std for one in self.term_parameters.values()])
         self.column = {name: PARAMETERS + k for k, name in enumerate(self.term_parameters)}
         # Columns: what the kinetic friction is made of. With both directions the load shows, in one it is part of it.
-        if self.normalised:
-            self.balance = np.eye(len(self.speeds))[self.groups]
-        elif both_directions or self.directions.min() < self.directions.max():
-            self.balance = np.stack([np.ones(self.count), self.directions], axis=1)
+        if data.normalised:
+            self.balance = np.eye(len(data.speeds))[data.groups]
+        elif both_directions or data.directions.min() < data.directions.max():
+            self.balance = np.stack([np.ones(data.count), data.directions], axis=1)
         else:
-            self.balance = np.ones((self.count, 1))
+            self.balance = np.ones((data.count, 1))
         # Indices of the parameters, and of the kinetic friction, without those of drift or covariate.
         parameters, kinetic = np.arange(PARAMETERS + len(self.column)), np.arange(self.balance.shape[1])
         self.without_drift = np.delete(parameters, [self.column[name] for name in growing]), kinetic
         if self.covariate is not None:
             self.balance = np.column_stack([self.balance, self.covariate])
 
+    def weighed(
+        self,
+        speeds: FloatArray | None = None,
+        *,
+        tolerance: float = 0.0,
+        jitter: float | None = None,
+        usable: NDArray[np.bool_] | None = None,
+    ) -> SlipProblem:
+        """The same with what the observations say at other speeds.
+
+        Parameters
+        ----------
+        speeds : at the nodes; as measured if None. tolerance, jitter, usable : as of :class:`NoiseModel`; the latter
+            two are kept if None. A tolerance makes the cost smoother while the parameters are far off.
+        """
+        return self._with_noise(
+            self.data.noise_model(
+                self.data.measured_speeds if speeds is None else speeds,
+                tolerance=tolerance,
+                jitter=self.noise.jitter if jitter is None else jitter,
+                usable=self.noise.usable if usable is None else usable,
+            )
+        )
+
+    def without(self, outliers: NDArray[np.bool_]) -> SlipProblem:
+        """The same with fewer slips that count; what follows the others begins anew."""
+        return self._with_noise(replace(self.noise, **self.data.counted(self.noise.usable & ~outliers)))
+
+    def _with_noise(self, noise: NoiseModel) -> SlipProblem:
+        other = copy(self)
+        other.noise = noise
+        return other
+
     def stiffness(self, parameters: FloatArray) -> FloatArray:
         """Of the spring in each slip [N·m/rad], shape (slips,); per inertia ω²."""
-        return np.full(self.count, math.exp(parameters[INERTIA])) if self.normalised else self.gains[:, 0].copy()
+        data = self.data
+        return np.full(data.count, math.exp(parameters[INERTIA])) if data.normalised else data.gains[:, 0].copy()
 
     def natural_frequency(self, parameters: FloatArray) -> float:
         """ω [1/s] with the largest gain; that of the slips' duration where there is no stiffness."""
         stiffness = float(self.stiffness(parameters).max())
         if stiffness <= 0:
-            return 2.0 * math.pi / self._usual_duration
-        return math.sqrt(stiffness / (1.0 if self.normalised else math.exp(parameters[INERTIA])))
+            return 2.0 * math.pi / self.data.usual_duration
+        return math.sqrt(stiffness / (1.0 if self.data.normalised else math.exp(parameters[INERTIA])))
 
     def loading_rate(self, parameters: FloatArray) -> float:
         """How fast the force on the resting joint rises, median of the slips [N·m/s]."""
@@ -251,12 +269,12 @@ class SlipProblem(ObservedSlips):
 
     def loading_rates(self, parameters: FloatArray) -> FloatArray:
         """How fast the force on the resting joint rises before each slip [N·m/s], shape (slips,)."""
-        if self.normalised:
-            rates = np.abs(self.speeds * np.exp(parameters[PARAMETERS:]))[self.groups]
+        data = self.data
+        if data.normalised:
+            rates = np.abs(data.speeds * np.exp(parameters[PARAMETERS:]))[data.groups]
         else:
-            ends = self.edges[1:] - 1
-            rates = np.abs(self.references[ends] - self.references[self.edges[:-1]])
-            rates /= self.last_times - self.first_times
+            rates = np.abs(data.references[data.edges[1:] - 1] - data.references[data.edges[:-1]])
+            rates /= data.last_times - data.first_times
         return np.asarray(self.stiffness(parameters) * rates)
 
     def simulate(
@@ -278,14 +296,15 @@ class SlipProblem(ObservedSlips):
         variants = self._variants(parameters, unknowns)
         for term in reversed(self.model.terms):
             term.apply(variants, self)
-        positions, velocities = np.empty((2, len(parameters), len(self.times)))
-        found = np.empty((len(parameters), self.count, kernel.FOUND_COLUMNS))
+        data = self.data
+        positions, velocities = np.empty((2, len(parameters), len(data.times)))
+        found = np.empty((len(parameters), data.count, kernel.FOUND_COLUMNS))
         plants, gains = variants.plants, variants.gains
         # What was chosen by slip lies the other way round in memory, and would have the kernel compiled once more.
         drags, standing, drives = map(np.ascontiguousarray, (variants.drags, variants.standing, variants.drives))
         self.budget.steps -= kernel.simulate_windows(
-            plants, self.model.law, self.directions, variants.starts, surpluses, gains, drags, variants.contacts,
-            standing, self.edges, self.times, drives, self._steps(plants, gains), positions, velocities, found,
+            plants, self.model.law, data.directions, variants.starts, surpluses, gains, drags, variants.contacts,
+            standing, data.edges, data.times, drives, self._steps(plants, gains), positions, velocities, found,
         )  # fmt: skip
         for term in self.model.terms:
             term.correct(variants, self, positions, found)
@@ -293,15 +312,16 @@ class SlipProblem(ObservedSlips):
 
     def _variants(self, parameters: FloatArray, unknowns: FloatArray) -> Variants:
         """What is simulated without terms."""
+        data = self.data
         plants = np.exp(parameters[:, :PARAMETERS])
-        gains, drives = self.gains[None], self.drives[None]
-        if self.normalised:
+        gains, drives = data.gains[None], data.drives[None]
+        if data.normalised:
             stiffness = plants[:, INERTIA].copy()
             plants[:, INERTIA] = 1.0
-            gains = np.zeros((len(plants), self.count, 2))
+            gains = np.zeros((len(plants), data.count, 2))
             gains[:, :, 0] = stiffness[:, None]
-            speeds = stiffness[:, None] * self.speeds * np.exp(parameters[:, PARAMETERS:])
-            drives = speeds[:, self.groups[self.slip_of_node]] * (self.times - self.times[0])
+            speeds = stiffness[:, None] * data.speeds * np.exp(parameters[:, PARAMETERS:])
+            drives = speeds[:, data.groups[data.slip_of_node]] * (data.times - data.times[0])
         levels, starts = np.exp(unknowns[:, :, LEVEL]), unknowns.copy()
         starts[:, :, LEVEL] = levels
         return Variants(
@@ -311,21 +331,23 @@ class SlipProblem(ObservedSlips):
 
     def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
         """Steps of the simulation [s], smooth in the parameters: columns of the kernel, shape (variants, 3)."""
+        data = self.data
         inertia = plants[:, INERTIA]
         stiffness, damping = gains.max(axis=1).T
-        frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / self._usual_duration)
+        frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / data.usual_duration)
         coarse = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
-        coarse = 1.0 / np.minimum(np.maximum(coarse, self._least_rate), self._most_rate)
-        growth = _OF_CHANGE * plants[:, STRIBECK_VELOCITY] * _SPEEDING_UP * self._usual_duration / self.usual_speed
-        fine = np.maximum(growth + _OF_CHANGE * _OF_LAG * plants[:, LAG], 1.0 / self._most_rate)
-        if not self.normalised:
+        least_rate, most_rate = _LEAST_STEPS / data.usual_duration, _MOST_STEPS / float(data.durations.max())
+        coarse = 1.0 / np.minimum(np.maximum(coarse, least_rate), most_rate)
+        growth = _OF_CHANGE * plants[:, STRIBECK_VELOCITY] * _SPEEDING_UP * data.usual_duration / data.usual_speed
+        fine = np.maximum(growth + _OF_CHANGE * _OF_LAG * plants[:, LAG], 1.0 / most_rate)
+        if not data.normalised:
             # A sampled force has a bend at every sample. Steps of one length keep the error by them smooth.
             coarse, growth = np.minimum(coarse, fine), np.zeros(len(plants))
         return np.stack([coarse, fine, growth], axis=1)
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
-        return self.changed([window.thinned(most) for window in self.windows])
+        return self.changed([window.thinned(most) for window in self.data.windows])
 
     def spread(self) -> SlipProblem:
         """The problem of a dozen usable slips from everywhere at most, with some observations of each."""
@@ -336,12 +358,12 @@ class SlipProblem(ObservedSlips):
     @property
     def may_be_late(self) -> bool:
         """Whether the force is that of a controller's gains, which may act late."""
-        return self.windows[0].source is ForceSource.GAINS
+        return self.data.windows[0].source is ForceSource.GAINS
 
     @property
     def latest_gains(self) -> tuple[float, float]:
         """Stiffness [N·m/rad] and damping [N·m·s/rad] at the last slip."""
-        return float(self.gains[-1, 0]), float(self.gains[-1, 1])
+        return float(self.data.gains[-1, 0]), float(self.data.gains[-1, 1])
 
     def changed(
         self,
@@ -354,10 +376,10 @@ class SlipProblem(ObservedSlips):
 
         The subtracted force is kept as long as the windows are the same.
         """
-        if windows is None:
-            windows, subtracted_force = self.windows, self.subtracted_force
-        return SlipProblem(windows, model or self.model, subtracted_force=subtracted_force, budget=self.budget)
+        data = self.data if windows is None else SlipData(windows)
+        subtracted_force = self.subtracted_force if windows is None else subtracted_force
+        return SlipProblem(data, model or self.model, subtracted_force=subtracted_force, budget=self.budget)
 
     def only(self, which: list[int]) -> SlipProblem:
         """The problem of some of the slips."""
-        return self.changed([self.windows[number] for number in which])
+        return self.changed([self.data.windows[number] for number in which])

@@ -29,6 +29,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
@@ -123,18 +124,19 @@ def _best_loose_fit(problem: SlipProblem, tight: Solution, shapes: list[SlipFit]
 
 def _most_similar(problem: SlipProblem) -> list[int]:
     """Indices of a few consecutive slips, the most similar ones."""
-    number = min(_SIMILAR, problem.count)
+    data = problem.data
+    number = min(_SIMILAR, data.count)
     best, least = 0, math.inf
-    for first in range(problem.count - number + 1):
+    for first in range(data.count - number + 1):
         part = slice(first, first + number)
-        distances, durations = problem.distances[part], problem.durations[part]
+        distances, durations = data.distances[part], data.durations[part]
         spread = float(np.std(distances) / np.mean(distances) + np.std(durations) / np.mean(durations))
-        spread += 5.0 * len(np.unique(problem.groups[part])) + 5.0 * float((~problem.noise.usable[part]).sum())
-        spread += float((~problem.follows[first + 1 : first + number]).sum())
-        spread += 5.0 * len({problem.windows[slip].gains for slip in range(first, first + number)})
-        spread += 5.0 * float(np.ptp(problem.directions[part]))
+        spread += 5.0 * len(np.unique(data.groups[part])) + 5.0 * float((~problem.noise.usable[part]).sum())
+        spread += float((~data.follows[first + 1 : first + number]).sum())
+        spread += 5.0 * len({data.windows[slip].gains for slip in range(first, first + number)})
+        spread += 5.0 * float(np.ptp(data.directions[part]))
         # Of longer slips there are more counts.
-        spread += 0.05 * float(problem.distances.max() / np.mean(distances))
+        spread += 0.05 * float(data.distances.max() / np.mean(distances))
         if spread < least:
             best, least = first, spread
     return list(range(best, best + number))
@@ -154,10 +156,10 @@ def _distinct(guesses: list[_ShapeGuess]) -> list[_ShapeGuess]:
 
 def _fit_shape(problem: SlipProblem, guess: _ShapeGuess) -> SlipFit:
     """Fit similar slips, each with its own level."""
-    duration = float(np.median(problem.durations))
+    duration = float(np.median(problem.data.durations))
     parameters = np.concatenate([np.zeros(PARAMETERS), problem.term_means])
     parameters[INERTIA] = math.log(guess.inertia)
-    mass = 1.0 if problem.normalised else guess.inertia
+    mass = 1.0 if problem.data.normalised else guess.inertia
     parameters[VISCOUS] = math.log(max(guess.viscous, 0.02 * mass * problem.natural_frequency(parameters)))
     parameters[STRIBECK_VELOCITY] = math.log(guess.stribeck_velocity)
     parameters[LAG] = math.log(max(guess.lag, 0.003 * duration))
@@ -173,8 +175,8 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
     lower, upper = bounds(problem, math.exp(parameters[INERTIA]))
     lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
     prior = Prior.of(parameters, deviation, lower, upper)
-    unknowns = problem.detected(level)
-    distance = float(np.median(problem.distances))
+    unknowns = problem.data.detected(level)
+    distance = float(np.median(problem.data.distances))
     speeds: FloatArray | None = None
     for tolerance in _SHAPE_TOLERANCES:
         problem = problem.weighed(speeds, tolerance=tolerance * distance)
@@ -218,27 +220,28 @@ class _ShapeGuess:
 
 def _shape_guesses(problem: SlipProblem, slip: int) -> list[_ShapeGuess]:
     """Guesses from one slip, the best first; empty if the equations have no solution that can be."""
-    duration, distance = float(problem.durations[slip]), float(problem.distances[slip])
-    mine = problem.slip_of == slip
-    detected = float(problem.breakaways[slip])
-    latest = min(float(problem.times[problem.observed[mine]][0]), detected + _AROUND * duration)
+    data = problem.data
+    duration, distance = float(data.durations[slip]), float(data.distances[slip])
+    mine = data.slip_of == slip
+    detected = float(data.breakaways[slip])
+    latest = min(float(data.times[data.observed[mine]][0]), detected + _AROUND * duration)
     lags = duration * _LAGS
     guesses = []
     for breakaway in np.linspace(detected - _AROUND * duration, latest, _BREAKAWAYS):
-        times, way, speed, misfit = _smooth(problem, slip, float(breakaway))
+        times, way, speed, misfit = _smooth(data, slip, float(breakaway))
         lagged = np.stack([np.interp(times - lag, times, speed, left=0.0) for lag in lags])
         units = speed.max() * _STRIBECK_VELOCITIES
         falling = np.asarray(fallen_share(problem.model.law, lagged / units[:, None, None]))
         columns = np.empty((len(units), len(lags), 3, _POINTS))
-        columns[:, :, 0] = _known_force(problem, slip, times, way)
+        columns[:, :, 0] = _known_force(data, slip, times, way)
         columns[:, :, 1] = -_integral(times, way)
         columns[:, :, 2] = _integral(times, _integral(times, falling))
         solutions, rests = _least_squares(columns / distance, way / distance)
         for place in zip(*np.nonzero(np.isfinite(rests)), strict=True):
             mobility, decay, level = solutions[place].tolist()
             # One of known stiffness has its inertia from the mobility; else that is ω² itself.
-            inertia = mobility if problem.normalised else 1.0 / mobility
-            unit = 1.0 if problem.normalised else inertia
+            inertia = mobility if data.normalised else 1.0 / mobility
+            unit = 1.0 if data.normalised else inertia
             guesses.append(
                 _ShapeGuess(
                     misfit=math.hypot(float(rests[place]) / math.sqrt(_POINTS), misfit),
@@ -277,16 +280,16 @@ def _solved(products: FloatArray, sides: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(regular, sides[..., None])[..., 0])
 
 
-def _smooth(problem: SlipProblem, slip: int, breakaway: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def _smooth(data: SlipData, slip: int, breakaway: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Time, way and speed since breakaway as a polynomial that begins and ends at rest, and its misfit."""
-    mine = problem.slip_of == slip
-    duration = float(problem.arrests[slip]) - breakaway
-    distance, direction = float(problem.distances[slip]), float(problem.directions[slip])
-    gaps = np.nan_to_num(problem.gaps[mine])
-    at_edge = np.isfinite(problem.gaps[mine])
-    resolution = problem.windows[slip].resolution
-    times = problem.times[problem.observed[mine]] - 0.5 * gaps - breakaway
-    ways = (problem.values[mine] - problem.rests[slip]) * direction - np.where(at_edge, 0.5 * resolution, 0.0)
+    mine = data.slip_of == slip
+    duration = float(data.arrests[slip]) - breakaway
+    distance, direction = float(data.distances[slip]), float(data.directions[slip])
+    gaps = np.nan_to_num(data.gaps[mine])
+    at_edge = np.isfinite(data.gaps[mine])
+    resolution = data.windows[slip].resolution
+    times = data.times[data.observed[mine]] - 0.5 * gaps - breakaway
+    ways = (data.values[mine] - data.rests[slip]) * direction - np.where(at_edge, 0.5 * resolution, 0.0)
     inside = times < duration
     share, ways = np.maximum(times[inside] / duration, 0.0), ways[inside] / distance
     degree = min(_HIGHEST_DEGREE, max(4, len(share) // 3))
@@ -309,19 +312,19 @@ def _smooth(problem: SlipProblem, slip: int, breakaway: float) -> tuple[FloatArr
     return grid * duration, values @ coefficients * distance, speed, misfit
 
 
-def _known_force(problem: SlipProblem, slip: int, times: FloatArray, way: FloatArray) -> FloatArray:
+def _known_force(data: SlipData, slip: int, times: FloatArray, way: FloatArray) -> FloatArray:
     """The force that is known, less that at breakaway, integrated twice, in the slip's direction."""
-    if problem.normalised:
-        ahead = abs(float(problem.speeds[problem.groups[slip]])) * times
+    if data.normalised:
+        ahead = abs(float(data.speeds[data.groups[slip]])) * times
         return _integral(times, _integral(times, ahead - way))
-    window, direction = problem.windows[slip], float(problem.directions[slip])
+    window, direction = data.windows[slip], float(data.directions[slip])
     assert window.gains is not None
     # Times here count from the breakaway; the windows begin before it.
-    nodes = slice(problem.edges[slip], problem.edges[slip + 1])
-    absolute = times + (float(problem.arrests[slip]) - times[-1])
-    ahead = np.interp(absolute, problem.times[nodes], problem.references[nodes]) * direction
+    nodes = slice(data.edges[slip], data.edges[slip + 1])
+    absolute = times + (float(data.arrests[slip]) - times[-1])
+    ahead = np.interp(absolute, data.times[nodes], data.references[nodes]) * direction
     ahead = ahead - ahead[0]
-    force = np.interp(absolute, problem.times[nodes], problem.forces[nodes]) * direction
+    force = np.interp(absolute, data.times[nodes], data.forces[nodes]) * direction
     force = float(window.gains.stiffness) * (ahead - way) + force - force[0]
     known = _integral(times, _integral(times, force))
     begin_speed = (ahead[1] - ahead[0]) / times[1]

@@ -81,7 +81,7 @@ class Solution:
     @property
     def left_over(self) -> float:
         """The tolerance as a share of a slip."""
-        return self.tolerance / float(np.median(self.problem.distances))
+        return self.tolerance / float(np.median(self.problem.data.distances))
 
     @property
     def tolerance(self) -> float:
@@ -145,7 +145,7 @@ def fit_all(
     ----------
     patience : iterations of each of the last stages, where the fit is nearly good.
     """
-    distance = float(np.median(problem.distances))
+    distance = float(np.median(problem.data.distances))
     lower, upper = bounds(problem, math.exp(shape[INERTIA]))
     problem, fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
@@ -166,7 +166,9 @@ def fit_all(
         parameters = fit.parameters
         problem = _without_outliers(problem, fit)
     for final in range(1, _FINAL + 1):
-        problem = problem.weighed(fit.velocities, jitter=problem.jitter(fit.residuals, fit.velocities))
+        problem = problem.weighed(
+            fit.velocities, jitter=problem.data.jitter(problem.noise, fit.residuals, fit.velocities)
+        )
         balance = balance_error(problem, fit)
         link = link_error(problem, fit, balance)
         tolerances = Tolerances(balance=balance, level=link)
@@ -196,11 +198,11 @@ def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[
 
     Earlier fits are undone: all slips that hold one slip count, and time stamps are exact.
     """
-    tolerance = 0.005 * float(np.median(problem.distances))
-    problem = problem.weighed(tolerance=tolerance, jitter=0.0, usable=problem.single)
+    tolerance = 0.005 * float(np.median(problem.data.distances))
+    problem = problem.weighed(tolerance=tolerance, jitter=0.0, usable=problem.data.single)
     parameters = np.concatenate([shape[:PARAMETERS], problem.term_means])
     held = Prior.of(parameters, np.full(len(parameters), FIXED_STD), parameters - 1.0, parameters + 1.0)
-    unknowns = problem.detected(level)
+    unknowns = problem.data.detected(level)
     fit = fit_slips(
         problem, held, Tolerances(), parameters=parameters, unknowns=unknowns, iterations=12, enough=ROUGHLY
     )
@@ -210,7 +212,7 @@ def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[
 
 def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution | None:
     """Fit slips that the model explains only in part: what is left over is measured and taken as error."""
-    distance = float(np.median(problem.distances))
+    distance = float(np.median(problem.data.distances))
     try:
         problem, fit, parameters = _breakaways(problem, shape.parameters, usual_level(shape))
         parameters = np.clip(parameters, prior.lower, prior.upper)
@@ -236,14 +238,15 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
 
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
-    duration, dwell = float(np.median(problem.durations)), float(np.median(problem.dwells))
+    data = problem.data
+    duration, dwell = float(np.median(data.durations)), float(np.median(data.dwells))
     lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.term_parameters.values()])
     upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.term_parameters.values()])
-    mass = 1.0 if problem.normalised else inertia
+    mass = 1.0 if data.normalised else inertia
     # Not so little that it makes no difference any more: what makes none has no error that could be told.
     lower[VISCOUS], upper[VISCOUS] = math.log(_LEAST_VISCOUS * mass / duration), math.log(1e3 * mass / duration)
-    lower[STRIBECK_VELOCITY] = math.log(_LEAST_STRIBECK_VELOCITY * problem.usual_speed)
-    upper[STRIBECK_VELOCITY] = math.log(30.0 * problem.usual_speed)
+    lower[STRIBECK_VELOCITY] = math.log(_LEAST_STRIBECK_VELOCITY * data.usual_speed)
+    upper[STRIBECK_VELOCITY] = math.log(30.0 * data.usual_speed)
     lower[LAG], upper[LAG] = math.log(_LEAST_LAG * duration), math.log(duration)
     lower[RISE_TIME], upper[RISE_TIME] = math.log(1e-3 * dwell), math.log(300.0 * dwell)
     return lower, upper
@@ -282,7 +285,8 @@ def link_error(problem: SlipProblem, fit: SlipFit, balance: float) -> float:
 
 def _without_outliers(problem: SlipProblem, fit: SlipFit) -> SlipProblem:
     """The problem without slips that nothing explains, as those with an unseen rest: they would bend the others."""
-    squares = np.bincount(problem.slip_of, fit.residuals**2, problem.count) / np.bincount(problem.slip_of)
+    data = problem.data
+    squares = np.bincount(data.slip_of, fit.residuals**2, data.count) / np.bincount(data.slip_of)
     usual = float(np.median(squares[problem.noise.usable]))
     outliers = squares > max(OUTLIER, _OUTLIER_SHARE * usual)
     if outliers.any() and problem.noise.usable.sum() - outliers.sum() >= 2:
@@ -292,16 +296,17 @@ def _without_outliers(problem: SlipProblem, fit: SlipFit) -> SlipProblem:
 
 def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
     """Stribeck friction and rise time that best explain the levels of the slips and the forces at breakaway."""
+    data = problem.data
     levels = np.exp(fit.unknowns[:, LEVEL])
-    dwell = float(np.median(problem.dwells))
+    dwell = float(np.median(data.dwells))
     usable = problem.noise.usable
     scale = float(np.median(levels))
     best, least = (scale, dwell), math.inf
     for rise_time in dwell * np.geomspace(0.02, 50.0, 24):
-        shares = np.empty(problem.count)
+        shares = np.empty(data.count)
         stribeck_fraction = 1.0
-        for slip in range(problem.count):
-            began = fit.found[slip - 1, kernel.ARREST] if problem.noise.linked[slip] else problem.rests_begin[slip]
+        for slip in range(data.count):
+            began = fit.found[slip - 1, kernel.ARREST] if problem.noise.linked[slip] else data.rests_begin[slip]
             stribeck_fraction = stribeck_fraction if problem.noise.linked[slip] else 1.0
             rest = max(float(fit.unknowns[slip, 1]) - float(began), 0.0)
             shares[slip] = max(risen_level(stribeck_fraction, 1.0, rest, rise_time), _LEAST_SHARE)

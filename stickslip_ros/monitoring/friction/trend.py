@@ -54,7 +54,7 @@ class Trend(FrictionGrowth):
 
     def covariate(self, problem: SlipProblem) -> FloatArray:
         """The time."""
-        return problem.since
+        return problem.data.since
 
     def apply(self, variants: Variants, problem: SlipProblem) -> None:
         """Viscous friction is more damping, its quadratic part more drag."""
@@ -74,13 +74,13 @@ def _shows(first: FittedLaw) -> bool:
     misfits, columns = first.solution.fit.misfits[used], problem.balance[used]
     steady, changing = (
         misfits - one @ np.linalg.lstsq(one, misfits, rcond=None)[0]
-        for one in (columns, np.column_stack([columns, problem.since[used]]))
+        for one in (columns, np.column_stack([columns, problem.data.since[used]]))
     )
     return bool(float(steady @ steady) > count ** (1.0 / count) * float(changing @ changing))
 
 
 def _added(fitted: FittedLaw) -> SlipProblem | None:
-    if fitted.problem.normalised or fitted.solution.tolerance > 0 or not _shows(fitted):
+    if fitted.problem.data.normalised or fitted.solution.tolerance > 0 or not _shows(fitted):
         return None
     return fitted.problem.changed(model=fitted.problem.model.with_term(Trend()))
 

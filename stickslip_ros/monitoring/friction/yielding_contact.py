@@ -62,20 +62,21 @@ class YieldingContact(SlipTerm):
 
     def apply(self, variants: Variants, problem: SlipProblem) -> None:
         """Compliance and damping of the contact, and where the joint stood: where it was not seen to, at the nodes."""
+        data = problem.data
         inertia = variants.plants[:, INERTIA]
         compliances = np.maximum(variants.parameters[:, problem.column["compliance"]], _LEAST_COMPLIANCE) * self.unit
         dampings = 2.0 * variants.parameters[:, problem.column["damping_ratio"]] * np.sqrt(inertia / compliances)
-        variants.contacts = np.repeat(np.stack([compliances, dampings], axis=1)[:, None], problem.count, axis=1)
-        before, after = problem.drives_before, problem.drives_after
-        ends = problem.drives[problem.last_observed]
-        variants.standing = np.where(np.isfinite(before), before, problem.drives[problem.edges[:-1]])[None]
+        variants.contacts = np.repeat(np.stack([compliances, dampings], axis=1)[:, None], data.count, axis=1)
+        before, after = data.drives_before, data.drives_after
+        ends = data.drives[data.last_observed]
+        variants.standing = np.where(np.isfinite(before), before, data.drives[data.edges[:-1]])[None]
         variants.stopped = (np.where(np.isfinite(after), after, ends) - ends)[None]
 
     def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
         """Where the joint stands after a slip is a mean over a time in which it creeps on."""
         softness = variants.contacts[:, :, COMPLIANCE]
         softness = softness / (1.0 + softness * variants.gains[:, :, 0])
-        positions[:, problem.last_observed] += softness * variants.stopped
+        positions[:, problem.data.last_observed] += softness * variants.stopped
 
 
 def fit_with_contact(problem: SlipProblem, start: FloatArray) -> Solution | None:
@@ -92,18 +93,18 @@ def _comes_to_rest(solution: Solution) -> bool:
     assert contact is not None
     compliance = float(parameters[problem.column["compliance"]]) * contact.unit
     swing = 2.0 * math.pi * math.sqrt(math.exp(float(parameters[INERTIA])) * compliance)
-    return float(np.median(problem.dwells[problem.noise.usable])) > _SETTLING_PERIODS * swing
+    return float(np.median(problem.data.dwells[problem.noise.usable])) > _SETTLING_PERIODS * swing
 
 
 def _added(problem: SlipProblem) -> SlipProblem | None:
-    if problem.normalised or problem.model.term(YieldingContact) is not None:
+    if problem.data.normalised or problem.model.term(YieldingContact) is not None:
         return None
-    contact = contact_of(problem.windows)
+    contact = contact_of(problem.data.windows)
     if contact is None:
         return None
     # A trend has to be fitted anew.
     model = problem.model.without(Trend).with_term(contact)
-    return problem.changed([window.between_creep() for window in problem.windows], model=model)
+    return problem.changed([window.between_creep() for window in problem.data.windows], model=model)
 
 
 def contact_of(windows: list[SlipWindow]) -> YieldingContact | None:

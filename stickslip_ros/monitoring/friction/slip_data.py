@@ -3,21 +3,21 @@
 """Observed slips of one joint side by side: where it was seen when, and what the detection has of each slip.
 
 What an observation says depends on the speed, and on how far the stamps are trusted; slips that nothing explains are
-set aside. That is the noise model; a fit ends with another one than it begins with, and slips with another noise model
-are other slips. Where only the motion is known the slips say at which speeds the reference moved.
+set aside. That is the noise model, of which a fit ends with another one than it begins with. Where only the motion is
+known the slips say at which speeds the reference moved.
 """
 
 from __future__ import annotations
 
 import math
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import ROUNDING_STD, FloatArray
 
@@ -31,8 +31,6 @@ _PARTS = 16  # parts of a slip in which residuals are compared from slip to slip
 _FINEST = 2e-5  # error of a position, of a slip: neither stamps nor integration are more exact
 # Errors of a reference's speed, of it: known, as a mean, of few cycles.
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03
-
-_Slips = TypeVar("_Slips", bound="ObservedSlips")
 
 
 def follows_on(before: SlipWindow, window: SlipWindow) -> bool:
@@ -69,8 +67,8 @@ class NoiseModel:
     tolerance: float
 
 
-class ObservedSlips:
-    """Several slips as they were observed.
+class SlipData:
+    """Several slips as they were observed; nothing of it changes.
 
     Parameters
     ----------
@@ -88,6 +86,7 @@ class ObservedSlips:
         self.breakaways = np.array([window.breakaway - origin for window in windows])
         self.arrests = np.array([window.arrest - origin for window in windows])
         self.durations = self.arrests - self.breakaways
+        self.usual_duration = float(np.median(self.durations))
         self.dwells = self.breakaways - self.rests_begin
         self.distances = np.array([abs(window.slip_distance) for window in windows])
         self.rests = np.array([window.rest_position for window in windows])
@@ -105,8 +104,10 @@ class ObservedSlips:
         self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
         self.groups, self.speeds, self.speed_errors = self._reference_speeds()
         self.single = ~self._not_alone()  # slips that hold one slip
-        self._measured_speeds = self._speeds_of_observations()
-        self.noise = self._noise_model(self._measured_speeds, tolerance=0.0, jitter=0.0, usable=self.single)
+        self.measured_speeds = self._speeds_of_observations()
+        self._collect_forces()
+        # Of the time of the slips, from -1 to 0.
+        self.since: FloatArray = (self.breakaways - self.breakaways[-1]) / max(float(np.ptp(self.breakaways)), TINY)
 
     def _collect_observations(self) -> None:
         windows = self.windows
@@ -123,6 +124,22 @@ class ObservedSlips:
         self.parts_of_slips = np.clip(np.floor(_PARTS * since), 0, _PARTS - 1).astype(np.int64)
         self._resolutions = np.repeat([window.resolution for window in windows], sizes)
         self._noises = np.repeat([window.noise for window in windows], sizes)
+
+    def _collect_forces(self) -> None:
+        windows = self.windows
+        self.references = np.concatenate([window.references for window in windows])
+        self.forces = np.concatenate([window.forces for window in windows])
+        self.slip_of_node = np.repeat(np.arange(self.count), np.diff(self.edges))
+        self.gains = np.array(
+            [
+                (float(window.gains.stiffness), float(window.gains.damping)) if window.gains else (0.0, 0.0)
+                for window in windows
+            ]
+        )
+        self.rates = np.concatenate([np.gradient(window.references, window.times) for window in windows])
+        stiffness, damping = self.gains[self.slip_of_node].T
+        # Force at the nodes that would be on a joint at zero, without its velocity's part [N·m].
+        self.drives = stiffness * self.references + damping * self.rates + self.forces
 
     def _not_alone(self) -> NDArray[np.bool_]:
         """Which slips hold more than one slip at one speed.
@@ -191,43 +208,13 @@ class ObservedSlips:
             )
         return speeds
 
-    def weighed(
-        self: _Slips,
-        speeds: FloatArray | None = None,
-        *,
-        tolerance: float = 0.0,
-        jitter: float | None = None,
-        usable: NDArray[np.bool_] | None = None,
-    ) -> _Slips:
-        """The same slips with what their observations say at other speeds.
-
-        Parameters
-        ----------
-        speeds : at the nodes; as measured if None. tolerance, jitter, usable : as of :class:`NoiseModel`; the latter
-            two are kept if None. A tolerance makes the cost smoother while the parameters are far off.
-        """
-        return self._with_noise(
-            self._noise_model(
-                self._measured_speeds if speeds is None else speeds,
-                tolerance=tolerance,
-                jitter=self.noise.jitter if jitter is None else jitter,
-                usable=self.noise.usable if usable is None else usable,
-            )
-        )
-
-    def without(self: _Slips, outliers: NDArray[np.bool_]) -> _Slips:
-        """The same with fewer slips that count; what follows the others begins anew."""
-        return self._with_noise(replace(self.noise, **self._counted(self.noise.usable & ~outliers)))
-
-    def _with_noise(self: _Slips, noise: NoiseModel) -> _Slips:
-        other = copy(self)
-        other.noise = noise
-        return other
-
-    def _noise_model(
+    def noise_model(
         self, speeds: FloatArray, *, tolerance: float, jitter: float, usable: NDArray[np.bool_]
     ) -> NoiseModel:
-        """Where a count changed the joint was at the edge between two counts some time in the sample's gap."""
+        """What the observations say at speeds of the nodes [rad/s]; the rest is as of :class:`NoiseModel`.
+
+        Where a count changed the joint was at the edge between two counts some time in the sample's gap.
+        """
         gaps = np.where(self._at_edge, self.gaps, 0.0)
         # In the middle of the gap: while the joint gets faster its way is shorter than its speed at the end has it.
         speed = np.interp(self.times[self.observed] - 0.5 * gaps, self.times, np.abs(speeds))
@@ -236,7 +223,7 @@ class ObservedSlips:
         count = np.where(self._at_edge, np.maximum(way, _SLOWEST * self._resolutions), self._resolutions)
         finest = _FINEST * self.distances[self.slip_of]
         return NoiseModel(
-            **self._counted(usable),
+            **self.counted(usable),
             targets=np.where(self._at_edge, edge, self.values),
             errors=np.sqrt(
                 (ROUNDING_STD * count) ** 2 + self._noises**2 + (speed * jitter) ** 2 + tolerance**2 + finest**2
@@ -245,19 +232,19 @@ class ObservedSlips:
             tolerance=tolerance,
         )
 
-    def _counted(self, usable: NDArray[np.bool_]) -> dict[str, Any]:
+    def counted(self, usable: NDArray[np.bool_]) -> dict[str, Any]:
         """Slips that count, those that go on from one, and the observations of slips that count."""
         linked = self.follows & np.append(False, usable[:-1]) & usable
         return {"usable": usable, "linked": linked, "counted": usable[self.slip_of]}
 
-    def jitter(self, residuals: FloatArray, velocities: FloatArray) -> float:
-        """Jitter of time stamps [s] by residuals of a fit [1] where the joint moves fast."""
+    def jitter(self, noise: NoiseModel, residuals: FloatArray, velocities: FloatArray) -> float:
+        """Jitter of time stamps [s] by residuals of a fit under a noise model [1] where the joint moves fast."""
         speed = np.abs(velocities[self.observed])
-        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & self.noise.counted
+        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & noise.counted
         if not fast.any():
-            return self.noise.jitter
-        in_time = self.noise.errors[fast] / speed[fast]
-        expected = in_time**2 - self.noise.jitter**2
+            return noise.jitter
+        in_time = noise.errors[fast] / speed[fast]
+        expected = in_time**2 - noise.jitter**2
         excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
         # What even stamps do not show is something else, as the swing of a load on a spring, or a fit on its way.
         gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
