@@ -17,6 +17,7 @@ from ordinary_days import DayTally, is_found, ordinary_day, watch_day
 from scipy.signal import lfilter, lsim, lti
 from support import record
 
+from stickslip_ros.analysis.judgement import overall_status
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, simulate
@@ -507,3 +508,12 @@ def test_a_dropout_does_not_make_it_blind(puma: Joint, count: float) -> None:
     assert len(cycles) > 18
     assert spent(segments, Status.STICK_SLIP) > 22.0
     assert spent(segments, Status.SMOOTH) + spent(segments, Status.AT_RISK) < 1.0
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0, 50.0, 200.0])
+def test_a_joint_that_never_moves_is_at_rest_at_any_rate(rate: float) -> None:
+    """The samples that are waited for, before anything can be measured, are no motion: at 10 Hz they take 3 s."""
+    time = np.arange(0.0, 40.0, 1.0 / rate)
+    _, segments, _ = watch(Batch(time=time, position=np.full(len(time), 0.3)))
+    assert [one.status for one in segments] == [Status.AT_REST]
+    assert overall_status(segments) is Status.AT_REST
