@@ -517,3 +517,27 @@ def test_a_joint_that_never_moves_is_at_rest_at_any_rate(rate: float) -> None:
     _, segments, _ = watch(Batch(time=time, position=np.full(len(time), 0.3)))
     assert [one.status for one in segments] == [Status.AT_REST]
     assert overall_status(segments) is Status.AT_REST
+
+
+def short_slow_moves(rate: float, stand: float, slips: int) -> tuple[Batch, list[float]]:
+    """Moves of 0.1 rad in 4 s, with a few slips each, and commanded stands between them; when the moves begin [s]."""
+    time = np.arange(0.0, 4.0 * (4.0 + stand), 1.0 / rate)
+    number, within = np.floor(time / (4.0 + stand)), time % (4.0 + stand) - stand
+    reference = 0.1 * (number + np.clip(within / 4.0, 0.0, 1.0))
+    steps = slips / 4.0 * np.clip(within - 0.2, 0.0, None)
+    risen = np.floor(steps) + 0.5 * (1.0 - np.cos(math.pi * np.clip((steps % 1.0 - 0.8) / 0.2, 0.0, 1.0)))
+    position = 0.1 * (number + np.clip(risen, 0.0, slips) / slips)
+    begins = [float(stand + one * (4.0 + stand)) for one in range(4)]
+    return Batch(time=time, position=rounded(position, 1.5e-3), reference_position=reference), begins
+
+
+@pytest.mark.parametrize("rate", [50.0, 500.0])
+@pytest.mark.parametrize("slips", [3, 6])
+def test_a_commanded_stand_between_two_slow_moves_is_no_stick_slip(rate: float, slips: int) -> None:
+    """An arm that sticks and slips in each of its short moves stands for 20 s between them, as it was told to."""
+    batch, begins = short_slow_moves(rate, 20.0, slips)
+    cycles, segments, _ = watch(batch)
+    assert len(cycles) >= 3 * slips
+    for begin in begins:
+        assert spent(segments, Status.STICK_SLIP, begin, begin + 4.0) > 1.0
+        assert spent(segments, Status.STICK_SLIP, begin - 16.0, begin) == 0.0
