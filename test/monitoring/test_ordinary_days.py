@@ -394,6 +394,20 @@ def test_a_reading_that_wanders_does_not_hunt(rate: int, correlation: float) -> 
     assert {one.status for one in segments} <= {Status.AT_REST, Status.NOT_JUDGED}
 
 
+@pytest.mark.parametrize("rate", [50, 500])
+def test_a_joint_that_another_pushes_to_and_fro_short_of_its_reference_does_not_hunt(rate: int) -> None:
+    """An arm's elbow hangs 0.024 rad below its command; whenever the next joint moves, it comes up by 0.021 rad."""
+    time = np.arange(0.0, 60.0, 1.0 / rate)
+    within = time % 5.7
+    pushed = np.clip(within - 3.0, 0.0, 0.7) / 0.7 - np.clip(within - 5.0, 0.0, 0.7) / 0.7
+    position = 0.5 + 0.024 - 0.021 * 0.5 * (1.0 - np.cos(math.pi * pushed))
+    cycles, segments, _ = watch(
+        Batch(time=time, position=rounded(position, 1.5e-3), reference_position=np.full(len(time), 0.5))
+    )
+    assert not cycles
+    assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
 def test_a_joint_that_is_swung_by_its_reference_does_not_hunt() -> None:
     """A joint with little damping, under a sine near its resonance and under a square wave, and without friction."""
     time = np.arange(0.0, 40.0, 0.01)

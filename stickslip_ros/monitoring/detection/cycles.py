@@ -44,7 +44,6 @@ _HUNTING_SHRINKS = 0.7  # swing, of the last one: with less the motion settles; 
 _EVEN = 1.4  # duration without its stop, of the swing before the last, which went the same way
 _SUSTAINED = 0.95  # swing without a stop, of the last one: less is free oscillation that dies out
 _MIDDLE_OF_HUNTING = 0.5  # duration of 80 % of a swing's way, of the swing's: half a cosine takes 0.59
-_BEYOND = 0.2  # distance of the reference from the places that a hunting joint swings between, of a swing: at most
 _TRAIN = 9  # cycles whose median is the usual slip, 1
 _PENDING = 64  # cycles that wait for their train, 1: at most
 
@@ -213,8 +212,9 @@ class CycleDetector:
         """Take a swing about the reference, and return the cycles of hunting that are now certain."""
         if not _hunts_on(self._swings, swing):
             self._end_hunting()
-        # A joint that hunts overshoots its reference; one that is moved by hand does not know of it.
-        if not -_BEYOND <= swing.error / swing.distance <= 1.0 + _BEYOND:
+        # A joint that hunts overshoots its reference; one that is pushed, by hand or by the load of another, need not.
+        beyond = swing.band / abs(swing.distance)
+        if not -beyond <= swing.error / swing.distance <= 1.0 + beyond:
             self._end_hunting()
             return []
         self._swings.append(swing)
