@@ -108,7 +108,9 @@ class SampleChecks:
         ways = np.diff(position[: count + 1 : _STRETCH])
         parts = 0.5 * (velocity[1 : count + 1] + velocity[:count]) * np.diff(time[: count + 1])
         integrals = parts.reshape(-1, _STRETCH).sum(axis=1)
-        known = np.isfinite(integrals)
+        # A joint at rest goes to and fro by its noise, which its velocity, measured in another way, need not share.
+        paths = np.abs(np.diff(position[: count + 1])).reshape(-1, _STRETCH).sum(axis=1)
+        known = np.isfinite(integrals) & (np.abs(ways) > _BETWEEN * paths)
         self._ways += list(zip(ways[known].tolist(), integrals[known].tolist(), strict=True))
 
     def _single(self) -> str:

@@ -78,8 +78,9 @@ def finding(joint: JointAnalysis) -> str:
 
 
 def _sticking(joint: JointAnalysis, speed: str) -> str:
-    period = sum(cycle.period for cycle in joint.cycles)
-    rest = sum(cycle.dwell for cycle in joint.cycles)
+    driven = [cycle for cycle in joint.cycles if cycle.driven]
+    period = sum(cycle.period for cycle in driven)
+    rest = sum(cycle.dwell for cycle in driven)
     hunts = any(cycle.hunting for cycle in joint.cycles[-3:])
     what = "hunts about its reference" if hunts else "sticks and slips"
     usual = {

@@ -524,7 +524,8 @@ class JointMonitor:
 
 def _follows(cycle: Cycle, last: Cycle) -> bool:
     """Whether a cycle belongs to the same train as the last one: at about its speed, and at most one between unseen."""
-    unseen = cycle.breakaway - cycle.dwell - last.arrest
+    # Of a stand that the reference did not draw on, it is not known either what it was.
+    unseen = cycle.breakaway - (cycle.dwell if cycle.driven else 0.0) - last.arrest
     speeds = [abs(one.reference_speed) for one in (cycle, last)]
     if not all(speed > 0.0 for speed in speeds):  # NaN included
         speeds = [one.mean_speed for one in (cycle, last)]

@@ -44,6 +44,10 @@ RAMP = 0.006 * np.arange(2000) + 0.03 * np.sin(0.02 * np.arange(2000))
 SPEED = 0.2 * np.cos(0.5 * 0.02 * np.arange(2000))
 
 
+# A joint at rest, and the noise of its velocity, which is not that of its position.
+STANDS, NOISE = np.array([[2e-6], [1e-3]]) * np.random.default_rng(5).standard_normal((2, 2000))
+
+
 def _with(values: np.ndarray, at: Any, wrong: float) -> np.ndarray:
     found = values.copy()
     found[at] = wrong
@@ -64,6 +68,7 @@ def _with(values: np.ndarray, at: Any, wrong: float) -> np.ndarray:
         (SWING, np.zeros(2000), "its velocity is zero where its position changes"),
         (SWING, np.cos(2.3 * np.arange(2000) ** 1.1), "its velocity contradicts its position"),
         (SWING, SPEED, ""),
+        (STANDS, NOISE, ""),
         (SWING, None, ""),
         (np.round(SWING / 1e-3) * 1e-3, np.round(SPEED / 0.05) * 0.05, ""),
         (0.001 * np.floor(np.arange(2000) / 5.0), None, ""),

@@ -17,6 +17,7 @@ from ordinary_days import DayTally, is_found, ordinary_day, watch_day
 from scipy.signal import lfilter, lsim, lti
 from support import record
 
+from stickslip_ros.analysis.judgement import overall_status
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, simulate
@@ -393,6 +394,20 @@ def test_a_reading_that_wanders_does_not_hunt(rate: int, correlation: float) -> 
     assert {one.status for one in segments} <= {Status.AT_REST, Status.NOT_JUDGED}
 
 
+@pytest.mark.parametrize("rate", [50, 500])
+def test_a_joint_that_another_pushes_to_and_fro_short_of_its_reference_does_not_hunt(rate: int) -> None:
+    """An arm's elbow hangs 0.024 rad below its command; whenever the next joint moves, it comes up by 0.021 rad."""
+    time = np.arange(0.0, 60.0, 1.0 / rate)
+    within = time % 5.7
+    pushed = np.clip(within - 3.0, 0.0, 0.7) / 0.7 - np.clip(within - 5.0, 0.0, 0.7) / 0.7
+    position = 0.5 + 0.024 - 0.021 * 0.5 * (1.0 - np.cos(math.pi * pushed))
+    cycles, segments, _ = watch(
+        Batch(time=time, position=rounded(position, 1.5e-3), reference_position=np.full(len(time), 0.5))
+    )
+    assert not cycles
+    assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
 def test_a_joint_that_is_swung_by_its_reference_does_not_hunt() -> None:
     """A joint with little damping, under a sine near its resonance and under a square wave, and without friction."""
     time = np.arange(0.0, 40.0, 0.01)
@@ -507,3 +522,36 @@ def test_a_dropout_does_not_make_it_blind(puma: Joint, count: float) -> None:
     assert len(cycles) > 18
     assert spent(segments, Status.STICK_SLIP) > 22.0
     assert spent(segments, Status.SMOOTH) + spent(segments, Status.AT_RISK) < 1.0
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0, 50.0, 200.0])
+def test_a_joint_that_never_moves_is_at_rest_at_any_rate(rate: float) -> None:
+    """The samples that are waited for, before anything can be measured, are no motion: at 10 Hz they take 3 s."""
+    time = np.arange(0.0, 40.0, 1.0 / rate)
+    _, segments, _ = watch(Batch(time=time, position=np.full(len(time), 0.3)))
+    assert [one.status for one in segments] == [Status.AT_REST]
+    assert overall_status(segments) is Status.AT_REST
+
+
+def short_slow_moves(rate: float, stand: float, slips: int) -> tuple[Batch, list[float]]:
+    """Moves of 0.1 rad in 4 s, with a few slips each, and commanded stands between them; when the moves begin [s]."""
+    time = np.arange(0.0, 4.0 * (4.0 + stand), 1.0 / rate)
+    number, within = np.floor(time / (4.0 + stand)), time % (4.0 + stand) - stand
+    reference = 0.1 * (number + np.clip(within / 4.0, 0.0, 1.0))
+    steps = slips / 4.0 * np.clip(within - 0.2, 0.0, None)
+    risen = np.floor(steps) + 0.5 * (1.0 - np.cos(math.pi * np.clip((steps % 1.0 - 0.8) / 0.2, 0.0, 1.0)))
+    position = 0.1 * (number + np.clip(risen, 0.0, slips) / slips)
+    begins = [float(stand + one * (4.0 + stand)) for one in range(4)]
+    return Batch(time=time, position=rounded(position, 1.5e-3), reference_position=reference), begins
+
+
+@pytest.mark.parametrize("rate", [50.0, 500.0])
+@pytest.mark.parametrize("slips", [3, 6])
+def test_a_commanded_stand_between_two_slow_moves_is_no_stick_slip(rate: float, slips: int) -> None:
+    """An arm that sticks and slips in each of its short moves stands for 20 s between them, as it was told to."""
+    batch, begins = short_slow_moves(rate, 20.0, slips)
+    cycles, segments, _ = watch(batch)
+    assert len(cycles) >= 3 * slips
+    for begin in begins:
+        assert spent(segments, Status.STICK_SLIP, begin, begin + 4.0) > 1.0
+        assert spent(segments, Status.STICK_SLIP, begin - 16.0, begin) == 0.0

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 from stickslip_ros.monitoring.detection._swing_kernel import STANDS
@@ -44,7 +44,6 @@ _HUNTING_SHRINKS = 0.7  # swing, of the last one: with less the motion settles; 
 _EVEN = 1.4  # duration without its stop, of the swing before the last, which went the same way
 _SUSTAINED = 0.95  # swing without a stop, of the last one: less is free oscillation that dies out
 _MIDDLE_OF_HUNTING = 0.5  # duration of 80 % of a swing's way, of the swing's: half a cosine takes 0.59
-_BEYOND = 0.2  # distance of the reference from the places that a hunting joint swings between, of a swing: at most
 _TRAIN = 9  # cycles whose median is the usual slip, 1
 _PENDING = 64  # cycles that wait for their train, 1: at most
 
@@ -65,6 +64,7 @@ class Cycle:
     creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
     stands : for how long the joint stood after it, as far as that is known [s].
     dated : whether breakaway and arrest are known better than to a sample, so that friction can be learnt from it.
+    driven : whether the reference went on during the dwell, steadily, as far as that is known; else it may have stood.
     """
 
     breakaway: float
@@ -78,6 +78,7 @@ class Cycle:
     creep: float = 0.0
     stands: float = math.inf
     dated: bool = True
+    driven: bool = True
 
     @property
     def slip_duration(self) -> float:
@@ -123,13 +124,15 @@ class CycleDetector:
         last = recent[-1]
         in_last_rest = rest is not None and before is not None and last.breakaway == before.breakaway
         seen = last_breakaway if in_last_rest else self._turned if last.hunting else last.arrest
+        # A stand that the reference did not draw on says nothing of how long the joint sticks.
+        timed = [cycle for cycle in recent if cycle.driven] or recent
         return CycleRecord(
             cycles=len(recent),
             # The median, because a long smooth stretch between two rests makes a long cycle too.
-            period=median(cycle.period for cycle in recent),
+            period=median(cycle.period for cycle in timed),
             # A swing is known only when the joint has turned: until then its period alone speaks.
             slip=math.inf if last.hunting else max(cycle.slip_duration for cycle in recent),
-            dwell=math.inf if last.hunting else max(cycle.dwell for cycle in recent),
+            dwell=math.inf if last.hunting else max(cycle.dwell for cycle in timed),
             distance=max(abs(cycle.slip_distance) for cycle in recent),
             reached=last.position + last.slip_distance,
             cycle_end=seen,
@@ -209,8 +212,9 @@ class CycleDetector:
         """Take a swing about the reference, and return the cycles of hunting that are now certain."""
         if not _hunts_on(self._swings, swing):
             self._end_hunting()
-        # A joint that hunts overshoots its reference; one that is moved by hand does not know of it.
-        if not -_BEYOND <= swing.error / swing.distance <= 1.0 + _BEYOND:
+        # A joint that hunts overshoots its reference; one that is pushed, by hand or by the load of another, need not.
+        beyond = swing.band / abs(swing.distance)
+        if not -beyond <= swing.error / swing.distance <= 1.0 + beyond:
             self._end_hunting()
             return []
         self._swings.append(swing)
@@ -237,6 +241,8 @@ class CycleDetector:
             certain = self._without_reference(cycle, rest)
         else:
             self._restart()
+            if cycle is not None:
+                cycle = replace(cycle, driven=_is_driven(before, cycle, before, rest))
             certain = self._with_reference(cycle, before, rest, distance_before) if cycle is not None else []
         if cycle is None or cycle not in certain:
             self._train.clear()
@@ -251,7 +257,7 @@ class CycleDetector:
         # The last one, before the reference stops or turns, is like those before it.
         went_on = distance_before * cycle.slip_distance > 0
         usual = not self._train or abs(cycle.slip_distance) <= _LARGEST_SLIP * self._train[-1]
-        return [cycle] if went_on and usual and _is_driven(before, cycle, before, rest) else []
+        return [cycle] if went_on and usual and cycle.driven else []
 
     def _without_reference(self, cycle: Cycle | None, rest: Rest) -> list[Cycle]:
         if cycle is None:

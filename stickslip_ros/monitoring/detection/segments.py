@@ -48,15 +48,16 @@ class Segments:
     def __init__(self, kept: int | None) -> None:
         self.all: deque[Segment] = deque(maxlen=kept)
         self._from = math.nan  # where the last segment began [rad]
+        self._unmeasured = False  # whether it is the first samples, of which nothing is known yet
 
     def extend(self, rows: FloatArray, codes: NDArray[np.int_]) -> None:
         """Go on with slices of time, one or more, as the compiled path reports them, and what each shows."""
         if len(rows) == 1:
-            self._extend(rows, STATUS_OF[int(codes[0])])
+            self._extend(rows, int(codes[0]))
             return
         edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(rows)]
         for begin, end in pairwise(edges):
-            self._extend(rows[begin:end], STATUS_OF[int(codes[begin])])
+            self._extend(rows[begin:end], int(codes[begin]))
 
     def relabel(self, start: float, end: float) -> None:
         """Let a stretch of time be stick-slip after all, as became certain only later."""
@@ -92,10 +93,14 @@ class Segments:
             segment = replace(segment, start=self.all.pop().start, velocity=velocity)
         self.all.append(segment)
 
-    def _extend(self, rows: FloatArray, status: Status) -> None:
+    def _extend(self, rows: FloatArray, code: int) -> None:
+        status = STATUS_OF[code]
         start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
         last = self.all[-1] if self.all else None
-        if last is not None and last.status is status and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
+        # A joint that stands as soon as its samples can be measured stood before: waiting for samples is no motion.
+        same = last is not None and (last.status is status or (self._unmeasured and status is Status.AT_REST))
+        self._unmeasured = code == judgement.TOO_FEW
+        if last is not None and same and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
             start = last.start
             self.all.pop()
         else:
