@@ -142,7 +142,8 @@ class FrictionLearner:
     def _learn(self, window: SlipWindow) -> None:
         self._seen += 1
         self._kept.add(window)
-        if self._state is not None and not self._state.estimate.normalised:
+        # An estimate that does not explain the slips it is of says nothing of another.
+        if self._state is not None and self._state.explains and not self._state.estimate.normalised:
             self._compare(window)
         self._request_study(min(_LATER_STUDIES * self._studied, self._studied + self.memory))
 
@@ -308,8 +309,7 @@ class FrictionLearner:
         self._outliers.append(window)
         if len(self._outliers) < OUTLIERS_IN_A_ROW:
             return
-        assert self._state is not None
-        if self._studied < _WELL_STUDIED or not self._state.explains:
+        if self._studied < _WELL_STUDIED:
             # What was learnt from so few may simply be wrong.
             self._outliers = []
         elif len(self._kept) == len(self._outliers):
