@@ -62,3 +62,14 @@ def test_steady_motion_on_a_coarse_encoder_is_smooth(interval: float, noise: flo
     monitor.process(Batch(time=time, position=1e-3 * np.round(counts)))
     assert monitor.finding().status is Status.SMOOTH
     assert not [segment for segment in monitor.segments if segment.start > 6.0 and segment.status is not Status.SMOOTH]
+
+
+@pytest.mark.parametrize("counts", [25, 40])
+def test_short_stops_between_slips_of_few_counts_are_not_smooth(counts: float) -> None:
+    """To few counts a slip a short stop is one long gap; averaged over three gaps the speed fell to a third only."""
+    time = np.arange(0.0, 30.0, 0.004)
+    number, phase = np.divmod(time, 0.6)
+    way = number + 0.5 - 0.5 * np.cos(np.pi * np.minimum(phase / 0.55, 1.0))
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=1e-3 * np.round(counts * way)))
+    assert Status.SMOOTH not in {segment.status for segment in monitor.segments if segment.start > 2.0}

@@ -208,6 +208,17 @@ def test_smooth_joint_is_called_smooth(puma: Joint) -> None:
     assert list(monitor.segments)[-1].velocity == pytest.approx(0.0116, rel=0.01)
 
 
+@pytest.mark.parametrize("hold", [0.05, 0.1])
+def test_a_reference_slower_than_the_samples(puma: Joint, hold: float) -> None:
+    """A reference that comes at 10 or 20 Hz goes on in steps, which are no speed to compare a slip's with."""
+    recording = record(puma, Gains(stiffness=2000.0), 0.0058, every=4)
+    time = recording.batch.time
+    latest = np.searchsorted(time, hold * np.floor(time / hold + 1e-6) - 1e-6)
+    held = recording.batch.reference_position[latest]
+    batch = Batch(time=time, position=recording.batch.position, reference_position=held)
+    assert len(cycles_of(batch)) >= 0.95 * len(recording.sticks)
+
+
 def test_a_sensor_slower_than_its_messages(puma: Joint) -> None:
     """Issue 2: thresholds follow the signal: positions repeated ten times each make no sticks, and hide none."""
     recording = record(puma, Gains(stiffness=630.0), 0.0058, duration=20.0)

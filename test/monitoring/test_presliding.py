@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from presliding import Creeping, creeping
 
 from stickslip_ros.monitoring.detection.rests import Rest, RestDetector
@@ -16,13 +17,17 @@ PERIOD = 0.63
 
 def rests_of(joint: Creeping, counts: float, pieces: int = 1) -> list[Rest]:
     """The rests that are told where an encoder has so many counts in a slip."""
+    return _rests(joint, counts, np.full(len(joint.time), np.nan), pieces)
+
+
+def _rests(joint: Creeping, counts: float, velocity: NDArray[np.float64], pieces: int = 1) -> list[Rest]:
     count = joint.slip / counts
     position = count * np.round(joint.position / count + 0.37)
     detector = RestDetector()
     return [
         rest
         for part in np.array_split(np.arange(len(joint.time)), pieces)
-        for rest in detector.feed(Batch(time=joint.time[part], position=position[part]))
+        for rest in detector.feed(Batch(time=joint.time[part], position=position[part], velocity=velocity[part]))
         if rest.complete and rest.direction_before
     ]
 
@@ -54,3 +59,13 @@ def test_batches_make_no_difference_to_creeping_joints() -> None:
     ends = [[(rest.arrest, rest.breakaway) for rest in rests_of(joint, 300, pieces)] for pieces in (1, 7, 400)]
     assert len(ends[0]) > 10
     assert ends[0] == ends[1] == ends[2]
+
+
+@pytest.mark.parametrize(("creep", "speed"), [(0.05, 0.05), (0.1, 0.1)])
+def test_a_fine_velocity_shows_creep_and_hides_no_rest(creep: float, speed: float) -> None:
+    """A contact that gives way is never at rest to a velocity without noise; the rests are those of the position."""
+    joint = creeping(creep=creep, speed=speed, interval=0.002, period=PERIOD)
+    velocity = np.gradient(joint.position, joint.time)
+    seen = [_rests(joint, 300, one) for one in (np.full(len(velocity), np.nan), velocity)]
+    assert len(seen[0]) >= 8
+    assert len(seen[1]) >= 0.9 * len(seen[0])

@@ -88,7 +88,7 @@ _REVERSAL_OF_UNIT_NOISE = 0.7236
 _BANDS_PER_NOISE = 5.0  # band, standard deviations of the noise
 _LEAST_BAND = 1e-15  # band, unit of the signal
 _ROUNDING = 1e-10  # difference of two readings, of the largest reading: a smaller one is arithmetic, not motion
-_STEPS_OF_SPEED = 3.0  # step, bands: a larger one has a speed of its own
+STEPS_OF_SPEED = 3.0  # step, bands: a larger one has a speed of its own
 _HOLD_LIMIT = 2.5  # gap, intervals of a sensor's update: in a longer one the joint stood
 _CROSSINGS_TO_LEAVE = 4  # crossings after the longest gap, 1: with fewer a low-speed interval has not ended
 _CROSSINGS_TO_WAIT = 128  # crossings until a slip that does not get faster has ended it, 1
@@ -221,7 +221,7 @@ def _set_crossing(time, position, step, reference, effort, detector):
     detector.crossings[new, SPEED] = 0.0
     if head > 0:
         before = last
-        if abs(step) >= _STEPS_OF_SPEED * detector.position.band:
+        if abs(step) >= STEPS_OF_SPEED * detector.position.band:
             gap = crossing_time - detector.crossings[last, TIME]
             between = time - detector.last_time
             # Samples that are missing are no slow sensor.
@@ -257,7 +257,7 @@ def _follow_low_speed(detector):
     now, gap = newest % RING, (newest - 1) % RING
     band, speed = detector.position.band, abs(detector.crossings[now, SPEED])
     step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
-    large = step >= _STEPS_OF_SPEED * band
+    large = step >= STEPS_OF_SPEED * band
     stood = _time_for_a_band(newest, detector)
     if not detector.in_low_speed:
         if band < SLOW * detector.peak * stood:
@@ -291,7 +291,7 @@ def _time_for_a_band(newest, detector):
     lasted = detector.crossings[now, TIME] - detector.crossings[gap, TIME]
     flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
     # A flat of few updates before a large step is a sensor that repeats itself.
-    if step >= _STEPS_OF_SPEED * band and flat <= (_HOLD_LIMIT - 1.0) * detector.update:
+    if step >= STEPS_OF_SPEED * band and flat <= (_HOLD_LIMIT - 1.0) * detector.update:
         flat = 0.0
     return max(flat, lasted * band / max(step, band))
 

@@ -215,6 +215,12 @@ def slowest_share(since, detector):
         way = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[before, kernel.POSITION])
         speed = way / (detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME])
         candidate = min(candidate, speed)
+        last = (n - 1) % kernel.RING
+        step = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[last, kernel.POSITION])
+        stood = detector.crossings[last, kernel.FLAT_END] - detector.crossings[last, kernel.TIME]
+        if step < kernel.STEPS_OF_SPEED * detector.position.band and stood > 0.0:
+            # In all of what was seen of a stand the joint went a band at most: a stop, to a coarse encoder.
+            candidate = min(candidate, detector.position.band / stood)
         if speed >= 0.5 * mean:
             recovered = True
             slowest = min(slowest, candidate)

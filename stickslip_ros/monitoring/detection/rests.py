@@ -38,6 +38,9 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _LEAST_SLIP_BANDS = 3.0  # way of a slip, bands: less is no motion before a rest
 _LEAST_DWELL = 0.105  # dwell, of the span of the crossings that it is extrapolated from
+# The same where a measured velocity never stood: a dip of the speed looks like a dwell of 0.44 at most. A longer one is
+# a rest on a contact that gives way, whose creep a fine velocity shows.
+_LEAST_DWELL_OF_CREEP = 0.5
 _CREEP = 0.05  # speed, of the fastest motion beside it: a joint at rest may creep so fast
 _CREEP_OF_COUNTS = 0.025  # the same where counts show how slow the creep is
 _GENTLE = (
@@ -253,9 +256,10 @@ class RestDetector:
         flat_end = rest_end
         measured = crossings[first : last + 1, kernel.SLOWEST]
         # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
-        least = self.motion.velocity_band + _STANDING * slowest
-        if np.isfinite(measured).any() and float(np.nanmin(measured)) > least:
+        pace = float(np.nanmin(measured)) - self.motion.velocity_band if np.isfinite(measured).any() else math.nan
+        if pace > creep * slowest:
             return None
+        crept_on = pace > _STANDING * slowest
         direction_after = 1 if float(after[-1, kernel.POSITION] - crossings[last, kernel.POSITION]) > 0 else -1
         direction_before = 0
         if not initial:
@@ -290,11 +294,13 @@ class RestDetector:
         stops = initial or self._stops(crossings, longest - oldest, slowest)
         if certain and breakaway > arrest:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
-            certain = breakaway - arrest < _LEAST_DWELL * span
+            certain = breakaway - arrest < (_LEAST_DWELL_OF_CREEP if crept_on else _LEAST_DWELL) * span
+        elif crept_on:
+            return None
         if certain or breakaway <= arrest:
             # By the motion on both sides the joint only slowed down. Of a stop of few samples they say nothing.
             short = flat_end - rest_begin < _FEW_SAMPLES * self.motion.update
-            if not (short and stops and direction_before * direction_after > 0):
+            if crept_on or not (short and stops and direction_before * direction_after > 0):
                 return None
             arrest, breakaway, dated = rest_begin, flat_end, False
         elif breakaway - arrest < _FEW_SAMPLES * self.motion.update and not stops:

@@ -61,6 +61,10 @@ def slip_shape(
         if quarter < three_quarters and tenth < half:
             middle_half, asymmetry = three_quarters - quarter, (nine_tenths - half) / (half - tenth)
     straight = middle_half > _STRAIGHT * float(times[-1] - times[0])
+    changes = np.flatnonzero(np.diff(references)) + 1
+    if len(changes) > 1:
+        # One that comes more slowly than the samples stands in between, and goes on evenly all the same.
+        references = np.interp(times, times[changes], references[changes])
     edges = np.linspace(times[0], times[-1], min(len(times) // _CROSSINGS_A_PART, _PARTS) + 1)
     forward, of_reference = (np.diff(np.interp(edges, times, places)) for places in (positions, references))
     steps, of_reference = np.abs(forward), np.abs(of_reference)
