@@ -74,6 +74,7 @@ def finding(joint: JointAnalysis) -> str:
         text += (
             f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
         )
+    text += _unseen([joint]) if joint.worst is Status.SMOOTH else ""
     return f"{text}.{_in_the_end(joint)}"
 
 
@@ -214,5 +215,12 @@ def rests_on(joint: JointAnalysis) -> str:
 
 def smooth(joints: Sequence[JointAnalysis]) -> str:
     """What is to be said of the joints that move smoothly throughout; "" without any."""
-    names = [joint.name for joint in joints if joint.status is Status.SMOOTH and not matters(joint)]
-    return f"{', '.join(names)}: smooth, nothing has to be done." if names else ""
+    found = [joint for joint in joints if joint.status is Status.SMOOTH and not matters(joint)]
+    names = ", ".join(joint.name for joint in found)
+    return f"{names}: smooth, nothing has to be done{_unseen(found)}." if names else ""
+
+
+def _unseen(joints: Sequence[JointAnalysis]) -> str:
+    """Which slips of joints that move smoothly the encoders or the noise may have hidden."""
+    least = max(joint.assessment.least_slip_seen for joint in joints)
+    return f"; slips of less than {with_prefix(least, 'rad')} may go unseen" if least > 0 else ""

@@ -25,6 +25,8 @@ from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
+# Slip of which nine of ten are found, counts and standard deviations of the noise (docs/detection.md).
+_SEEN_COUNTS, _SEEN_NOISES = 15.0, 50.0
 _STEP = 0.02  # step that a friction factor is rounded up to, 1
 
 
@@ -151,6 +153,11 @@ class Assessment:
         factor = math.ceil(friction_factor.factor(self.position) / _STEP) * _STEP
         friction = replace(self.joint.friction, stribeck=factor * np.asarray(self.joint.friction.stribeck).item())
         return replace(self.joint, friction=friction)
+
+    @property
+    def least_slip_seen(self) -> float:
+        """Slip from which on nine of ten are found [rad] (docs/detection.md); NaN where no resolution is known."""
+        return max(_SEEN_COUNTS * self.resolution, _SEEN_NOISES * self.noise)
 
     @property
     def gains_known(self) -> bool:

@@ -176,7 +176,7 @@ def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:
     assert words.advice(joints["smooth"]) == "Its gains have the wanted reserve: keep them."
     assert (
         words.smooth([replace(joints["smooth"], worst=SMOOTH), joints["sticking"]])
-        == "smooth: smooth, nothing has to be done."
+        == "smooth: smooth, nothing has to be done; slips of less than 375 µrad may go unseen."
     )
 
 
