@@ -150,11 +150,13 @@ def _try(step, state, history, parameters, delayed, course, room):
 
 
 @helper()
-def _excess(time, position, velocity, integral, state, history, parameters, delayed, course):
+def _excess(state, history, parameters, delayed, course):
     """Applied force in the direction of the motion, less what the contact holds for long."""
     start, reference, reference_velocity = course
+    time, velocity = state[at.TIME], state[at.VELOCITY]
     now = reference + reference_velocity * (time - start)
-    force = control(position, velocity, integral, now, reference_velocity, parameters) - parameters[at.LOAD]
+    force = control(state[at.POSITION], velocity, state[at.INTEGRAL], now, reference_velocity, parameters)
+    force -= parameters[at.LOAD]
     force -= parameters[at.VISCOUS] * velocity
     held = _yield_force(time, velocity, state, history, parameters, delayed)
     return (force if velocity > 0.0 else -force) - held
@@ -185,20 +187,9 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
         if size == step or factor < 1.0:
             step = size * factor
         velocity = room[_TRIAL, 1]
-        before = 0.0
-        if state[at.DIRECTION] == 0.0:
-            before = _excess(
-                time,
-                state[at.POSITION],
-                state[at.VELOCITY],
-                state[at.INTEGRAL],
-                state,
-                history,
-                parameters,
-                delayed,
-                course,
-            )
-        direction = state[at.DIRECTION]
+        direction, before = state[at.DIRECTION], 0.0
+        if direction == 0.0:
+            before = _excess(state, history, parameters, delayed, course)
         if direction != 0.0 and velocity * direction < 0.0:
             share = state[at.VELOCITY] / (state[at.VELOCITY] - velocity)
             state[at.TIME] = time + share * size
@@ -209,17 +200,7 @@ def creep_until(end, reference, reference_velocity, state, history, parameters, 
         state[at.POSITION], state[at.VELOCITY] = room[_TRIAL, 0], velocity
         state[at.DEFLECTION], state[at.INTEGRAL] = room[_TRIAL, 2], room[_TRIAL, 3]
         if direction == 0.0:
-            after = _excess(
-                state[at.TIME],
-                state[at.POSITION],
-                velocity,
-                state[at.INTEGRAL],
-                state,
-                history,
-                parameters,
-                delayed,
-                course,
-            )
+            after = _excess(state, history, parameters, delayed, course)
             if after > 0.0:
                 share = -before / (after - before) if before < 0.0 else 0.0
                 breaks_away(time + share * size, 1.0 if velocity > 0.0 else -1.0, state, parameters)
