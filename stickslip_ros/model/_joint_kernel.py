@@ -87,12 +87,6 @@ def advance(
         samples[i, 1] = state[seen_velocity]
         samples[i, 2] = applied
         if not sampled:
-            samples[i, 2] += control(
-                state[seen],
-                state[seen_velocity],
-                state[at.INTEGRAL],
-                reference + velocity_d * period,
-                velocity_d,
-                plant,
-            )
+            ahead = reference + velocity_d * period
+            samples[i, 2] += control(state[seen], state[seen_velocity], state[at.INTEGRAL], ahead, velocity_d, plant)
     return count

@@ -80,13 +80,8 @@ def _rates_now(reference, reference_velocity, state, history, parameters, delaye
 @helper()
 def _try(size, reference, reference_velocity, rates, state, history, parameters, delayed, trial):
     """One step from the state with its slopes, into ``trial``; the reference at the step's start."""
-    x, v, z, y, w = (
-        state[at.POSITION],
-        state[at.VELOCITY],
-        state[at.INTEGRAL],
-        state[at.LOAD_POSITION],
-        state[at.LOAD_VELOCITY],
-    )
+    x, v, z = state[at.POSITION], state[at.VELOCITY], state[at.INTEGRAL]
+    y, w = state[at.LOAD_POSITION], state[at.LOAD_VELOCITY]
     dv, dz, dw = rates
     pace, load_pace, psi = v, w, 1.0
     sum_x, sum_v, sum_z, sum_y, sum_w = v, dv, dz, w, dw
