@@ -233,4 +233,5 @@ def uncertainty_of(margin: StabilityMargin, selected: SelectedModel, velocity: f
         damping=selected.gains.damping,
     )
     draws = stability_margin(selected.uncertainty.joint, gains, velocity)
-    return float(np.std(np.asarray(draws.energy_margin))), float(np.mean(~np.asarray(draws.smooth)))
+    probability = selected.uncertainty.bounded(float(np.mean(~np.asarray(draws.smooth))))
+    return float(np.std(np.asarray(draws.energy_margin))), probability

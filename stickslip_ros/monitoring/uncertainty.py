@@ -53,6 +53,10 @@ class Uncertainty:
 
         return replace(self, joint=each_number(self.joint, some), stiffness=self.stiffness[every], others=())
 
+    def bounded(self, probability: float) -> float:
+        """A probability of a result, no nearer to 0 and 1 than the least error probability allows; NaN stays NaN."""
+        return min(max(probability, self.error_floor), 1.0 - self.error_floor)
+
     def groups(self, gains: Gains, velocity: float) -> DimensionlessGroups:
         """The dimensionless groups of the draws of this law, under nominal gains at a velocity [rad/s]."""
         drawn = Gains(stiffness=float(gains.stiffness) * self.stiffness, damping=gains.damping)
@@ -98,4 +102,4 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
             answered += law.weight
     if answered == 0.0:
         return math.nan
-    return min(max(total / answered, uncertainty.error_floor), 1.0 - uncertainty.error_floor)
+    return uncertainty.bounded(total / answered)

@@ -19,6 +19,7 @@ from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
@@ -27,7 +28,7 @@ from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, 
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.selected_model import select_model
+from stickslip_ros.monitoring.selected_model import select_model, uncertainty_of
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow
@@ -133,7 +134,7 @@ def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
         assert advised.damping >= float(needed[0]) * (1.0 - 1e-6)
 
 
-@pytest.mark.parametrize(("condition", "seed"), [nightly("ripple_20", 0), nightly("ripple_200", 1), ("lugre", 0)])
+@pytest.mark.parametrize(("condition", "seed"), [nightly("ripple_20", 0), nightly("ripple_200", 1), ("lugre", 1)])
 def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: int) -> None:
     """Issue 18, found wrong 3 and 4: misfit was said and believed all the same."""
     recording, estimate = learnt(condition, seed)
@@ -142,9 +143,14 @@ def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: i
     selected, _ = select_model(estimate, None, recording.gains)
     assert selected is not None
     assert selected.uncertainty is not None
+    speed = recording.speeds[0]
     for factor in (0.5, 2.0):
         gains = replace(recording.gains, stiffness=factor * float(recording.gains.stiffness))
-        assert 0.05 < stick_slip_probability(selected.uncertainty, gains, recording.speeds[0]) < 0.95
+        assert 0.05 < stick_slip_probability(selected.uncertainty, gains, speed) < 0.95
+    # By Eq. (43) no more than by the exact condition: it was 0.98 for a joint on bristles, and 1 with a ripple.
+    for factor in (0.1, 0.5, 1.0, 2.0, 30.0):
+        margin = stability_margin(selected.joint, selected.gains, factor * speed)
+        assert 0.05 < uncertainty_of(margin, selected, factor * speed)[1] < 0.95
 
 
 def test_the_swing_of_a_load_is_no_jitter() -> None:
