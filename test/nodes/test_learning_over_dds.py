@@ -62,13 +62,18 @@ def test_the_experiment_identifies_a_simulated_joint(
     out = tmp_path / "waist.yaml"
     with NodeProcess("simulated_joint", {**FAST, "profile.joint1": "hold"}):
         ladder = ["--simulated", "/simulated_joint", "--speeds", "0.0058,0.011", "--step-time", "6", "--rest", "0.5"]
-        status = main(["identify", *ladder, "--out", str(out), "--name", "waist"])
-    assert status == 0, capsys.readouterr().err
+        # Where the machine has no time for the node for 5 s the command ends, as it should; a reader asks again.
+        for _ in range(3):
+            status = main(["identify", *ladder, "--out", str(out), "--name", "waist"])
+            said = capsys.readouterr()
+            if "has not answered" not in said.err:
+                break
+    assert status == 0, said.err
     joint = load_joint(str(out)).joint
     assert joint.inertia == pytest.approx(6.3, rel=0.02)
     for name, value in (("coulomb", 8.43), ("stribeck", 1.6), ("stribeck_velocity", 0.0058), ("lag", 0.05)):
         assert getattr(joint.friction, name) == pytest.approx(value, rel=0.05), name
-    assert "Constant load" in capsys.readouterr().out
+    assert "Constant load" in said.out
 
 
 class _FollowsTrajectories(Node):
