@@ -117,8 +117,10 @@ def test_nothing_is_written_without_permission(ros_domain: int) -> None:
             assert max(writes(joint)) <= confirmed + 0.05
             assert in_force(message) == pytest.approx(gains(one), rel=1e-5)
 
-        # Worse, with narrowed limits: back to the gains of a second before; and stopped on the way.
-        for withdraw in (False, True):
+        # Worse, with narrowed limits: back to the gains of a second before; and stopped on the way, which takes some
+        # tenths of a second: on a busy machine it may have ended before.
+        stopped = False
+        for withdraw in (False, True, True, True):
             set_anew(one)
             asked = begin(one, joint, 12)
             highest = gains(one)[0]
@@ -134,10 +136,13 @@ def test_nothing_is_written_without_permission(ros_domain: int) -> None:
             # On a busy machine the controller may not answer for two seconds, which the message says then.
             assert in_force(message, "as (?:read|confirmed|it made known)") == pytest.approx(gains(one), rel=1e-5)
             if withdraw:
-                assert "on the way back allow_apply was set to false" in message
+                stopped = "on the way back allow_apply was set to false" in message
                 assert max(writes(joint)) <= confirmed + 0.05
             assert one.set_parameters("/simulated_joint", {"effort_noise.joint1": 0.0}) == [""]
             one.spin(3.0)  # what is noisy before a ramp is no reason to end it
+            if stopped:
+                break
+        assert stopped
 
         # Limits that leave no room for the gains in force: back within them.
         set_anew(one)
