@@ -120,15 +120,3 @@ def test_a_step_of_the_references_speed_is_where_it_is(change: float, fitted: bo
         within = (times >= window.times[0]) & (times <= window.times[-1])
         between = np.interp(times[within], window.times, window.references)
         np.testing.assert_allclose(between, reference[within], rtol=0.0, atol=1e-4 * 0.001)
-
-
-def test_samples_that_are_missing_are_no_step_of_the_reference() -> None:
-    """Over a gap the reference goes on as before; from sample to sample it goes farther, and no slip is lost by it."""
-    times = np.delete(np.arange(700) / 1000.0, np.arange(198, 208))
-    way = 0.5 - 0.5 * np.cos(math.pi * np.clip((times - 0.2) / 0.2, 0.0, 1.0))
-    samples = Batch(
-        time=times, position=np.round(50.0 * way) / 50.0,
-        reference_position=0.3 * times, reference_velocity=np.full(len(times), 0.3),
-    )  # fmt: skip
-    cycle = Cycle(breakaway=0.2, arrest=0.4, dwell=0.2, slip_distance=1.0, position=0.0, effort=math.nan)
-    assert slip_window(samples, cycle, Gains(stiffness=10.0, damping=1.0), resolution=1.0 / 50.0, noise=0.0) is not None

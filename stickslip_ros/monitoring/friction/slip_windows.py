@@ -200,7 +200,7 @@ def slip_window(
     known = np.isfinite(part.reference_position).all()
     references = _reference(part) if known else np.zeros(len(part))
     # Between nodes the reference is a line: where its speed changes at once, samples in a row are nodes.
-    changes = np.abs(np.diff(np.diff(references) / np.diff(part.time)))
+    changes = np.abs(np.diff(references, 2))
     bend = int(np.argmax(changes)) + np.arange(3)
     if changes.max() > _STEP * changes.sum():
         # By how much the force then exceeds what held the joint is known no better than when the joint broke away.
