@@ -241,9 +241,10 @@ class CycleDetector:
             certain = self._without_reference(cycle, rest)
         else:
             self._restart()
+            certain = []
             if cycle is not None:
                 cycle = replace(cycle, driven=_is_driven(before, cycle, before, rest))
-            certain = self._with_reference(cycle, before, rest, distance_before) if cycle is not None else []
+                certain = self._with_reference(cycle, before, rest, distance_before)
         if cycle is None or cycle not in certain:
             self._train.clear()
         self._train.extend(abs(one.slip_distance) for one in certain)

@@ -86,9 +86,11 @@ class SlipData:
         self.breakaways = np.array([window.breakaway - origin for window in windows])
         self.arrests = np.array([window.arrest - origin for window in windows])
         self.durations = self.arrests - self.breakaways
-        self.usual_duration = float(np.median(self.durations))
         self.dwells = self.breakaways - self.rests_begin
         self.distances = np.array([abs(window.slip_distance) for window in windows])
+        self.usual_duration = float(np.median(self.durations))
+        self.usual_dwell = float(np.median(self.dwells))
+        self.usual_distance = float(np.median(self.distances))
         self.rests = np.array([window.rest_position for window in windows])
         self.rest_errors = np.array([window.rest_error for window in windows])
         # The controller's force where the joint stood before and after, NaN if that is not known [N·m].

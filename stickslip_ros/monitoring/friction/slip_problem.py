@@ -376,8 +376,10 @@ class SlipProblem:
 
         The subtracted force is kept as long as the windows are the same.
         """
-        data = self.data if windows is None else SlipData(windows)
-        subtracted_force = self.subtracted_force if windows is None else subtracted_force
+        if windows is None:
+            data, subtracted_force = self.data, self.subtracted_force
+        else:
+            data = SlipData(windows)
         return SlipProblem(data, model or self.model, subtracted_force=subtracted_force, budget=self.budget)
 
     def only(self, which: list[int]) -> SlipProblem:

@@ -156,7 +156,7 @@ def _distinct(guesses: list[_ShapeGuess]) -> list[_ShapeGuess]:
 
 def _fit_shape(problem: SlipProblem, guess: _ShapeGuess) -> SlipFit:
     """Fit similar slips, each with its own level."""
-    duration = float(np.median(problem.data.durations))
+    duration = problem.data.usual_duration
     parameters = np.concatenate([np.zeros(PARAMETERS), problem.term_means])
     parameters[INERTIA] = math.log(guess.inertia)
     mass = 1.0 if problem.data.normalised else guess.inertia
@@ -176,7 +176,7 @@ def _free_fit(problem: SlipProblem, parameters: FloatArray, level: float) -> Sli
     lower[RISE_TIME], upper[RISE_TIME] = -math.inf, math.inf
     prior = Prior.of(parameters, deviation, lower, upper)
     unknowns = problem.data.detected(level)
-    distance = float(np.median(problem.data.distances))
+    distance = problem.data.usual_distance
     speeds: FloatArray | None = None
     for tolerance in _SHAPE_TOLERANCES:
         problem = problem.weighed(speeds, tolerance=tolerance * distance)

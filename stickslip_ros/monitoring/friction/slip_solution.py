@@ -81,7 +81,7 @@ class Solution:
     @property
     def left_over(self) -> float:
         """The tolerance as a share of a slip."""
-        return self.tolerance / float(np.median(self.problem.data.distances))
+        return self.tolerance / self.problem.data.usual_distance
 
     @property
     def tolerance(self) -> float:
@@ -145,7 +145,7 @@ def fit_all(
     ----------
     patience : iterations of each of the last stages, where the fit is nearly good.
     """
-    distance = float(np.median(problem.data.distances))
+    distance = problem.data.usual_distance
     lower, upper = bounds(problem, math.exp(shape[INERTIA]))
     problem, fit, parameters = _breakaways(problem, shape, level)
     mean = parameters.copy()
@@ -166,9 +166,8 @@ def fit_all(
         parameters = fit.parameters
         problem = _without_outliers(problem, fit)
     for final in range(1, _FINAL + 1):
-        problem = problem.weighed(
-            fit.velocities, jitter=problem.data.jitter(problem.noise, fit.residuals, fit.velocities)
-        )
+        jitter = problem.data.jitter(problem.noise, fit.residuals, fit.velocities)
+        problem = problem.weighed(fit.velocities, jitter=jitter)
         balance = balance_error(problem, fit)
         link = link_error(problem, fit, balance)
         tolerances = Tolerances(balance=balance, level=link)
@@ -198,7 +197,7 @@ def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[
 
     Earlier fits are undone: all slips that hold one slip count, and time stamps are exact.
     """
-    tolerance = 0.005 * float(np.median(problem.data.distances))
+    tolerance = 0.005 * problem.data.usual_distance
     problem = problem.weighed(tolerance=tolerance, jitter=0.0, usable=problem.data.single)
     parameters = np.concatenate([shape[:PARAMETERS], problem.term_means])
     held = Prior.of(parameters, np.full(len(parameters), FIXED_STD), parameters - 1.0, parameters + 1.0)
@@ -212,7 +211,7 @@ def _breakaways(problem: SlipProblem, shape: FloatArray, level: float) -> tuple[
 
 def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution | None:
     """Fit slips that the model explains only in part: what is left over is measured and taken as error."""
-    distance = float(np.median(problem.data.distances))
+    distance = problem.data.usual_distance
     try:
         problem, fit, parameters = _breakaways(problem, shape.parameters, usual_level(shape))
         parameters = np.clip(parameters, prior.lower, prior.upper)
@@ -239,7 +238,7 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
 def bounds(problem: SlipProblem, inertia: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of the parameters' logarithms, wide enough for whatever slips as these do."""
     data = problem.data
-    duration, dwell = float(np.median(data.durations)), float(np.median(data.dwells))
+    duration, dwell = data.usual_duration, data.usual_dwell
     lower = np.array([-math.inf] * PARAMETERS + [term.lower for term in problem.term_parameters.values()])
     upper = np.array([math.inf] * PARAMETERS + [term.upper for term in problem.term_parameters.values()])
     mass = 1.0 if data.normalised else inertia
@@ -298,7 +297,7 @@ def _scan_rise_time(problem: SlipProblem, fit: SlipFit) -> tuple[float, float]:
     """Stribeck friction and rise time that best explain the levels of the slips and the forces at breakaway."""
     data = problem.data
     levels = np.exp(fit.unknowns[:, LEVEL])
-    dwell = float(np.median(data.dwells))
+    dwell = data.usual_dwell
     usable = problem.noise.usable
     scale = float(np.median(levels))
     best, least = (scale, dwell), math.inf
