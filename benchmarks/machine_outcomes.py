@@ -130,7 +130,7 @@ def learnt(recording: MachineRecording, share: float = 1.0) -> FrictionEstimate 
 def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters at the last slip that ended by a time [s], and the names of those that it cannot show."""
     ended = recording.slips[recording.slips[:, ARREST_TIME] <= end, ARREST_TIME]
-    machine = recording.machine.after(float(ended.max(initial=0.0)))
+    machine = recording.machine.after(float(ended.max(initial=0.0))).in_the_worse_direction
     truth = {name: float(getattr(machine, name)) for name in NAMES}
     if machine.drag != 0.0:
         # Within a slip it is told with viscous friction.
@@ -155,7 +155,7 @@ def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float],
 
 def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tuple[Point, ...]:
     """Verdicts around the present gains and the first speed, but for those next to the boundary."""
-    machine = recording.machine.after(DURATION)
+    machine = recording.machine.after(DURATION).in_the_worse_direction
     gains, speed = recording.gains, recording.speeds[0]
     total = float(gains.damping) + machine.viscous
     period = recording.period if machine.sampled else None

@@ -17,6 +17,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import published
 from stickslip_ros.output.as_json import (
+    asymmetry_json,
     curvature_json,
     dry_friction_json,
     growth_json,
@@ -126,6 +127,7 @@ def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, A
         "dry": None if estimate.dry is None else dry_friction_json(estimate.dry),
         "growth": growth_json(estimate, position),
         "viscous_curvature": curvature_json(estimate.curvature),
+        "stribeck_asymmetry": asymmetry_json(estimate.asymmetry),
     }
     return found
 

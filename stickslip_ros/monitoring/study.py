@@ -15,6 +15,7 @@ from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
+from stickslip_ros.monitoring.friction.asymmetry import AsymmetricStribeck
 from stickslip_ros.monitoring.friction.curved_viscous import CurvedViscous
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
@@ -51,6 +52,7 @@ class Learnt:
     position_disturbance : force to be subtracted from that of further slips, None if none is.
     contact : what was known of one that yields, whose compliance is among the parameters; None else.
     curved_at : speed at which curved viscous friction is told [rad/s], whose curvature is among them; None else.
+    asymmetric : whether Stribeck friction differs by direction, by how much being among them.
     explains : whether the fit, with what it has subtracted, explains the slips. explains_latest : whether it explains
         the latest ones, however well it explains the others.
     rejected : names of the laws that these slips have rejected for good.
@@ -70,6 +72,7 @@ class Learnt:
     position_disturbance: PositionDisturbance | None = field(default=None, metadata={"key": "surroundings"})
     contact: YieldingContact | None = None
     curved_at: float | None = None
+    asymmetric: bool = False
     explains: bool = True
     explains_latest: bool = True
     rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
@@ -84,6 +87,8 @@ class Learnt:
             model = model.with_term(self.contact)
         if self.curved_at is not None:
             model = model.with_term(CurvedViscous(speed=self.curved_at))
+        if self.asymmetric:
+            model = model.with_term(AsymmetricStribeck())
         return model
 
 
@@ -175,6 +180,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         position_disturbance=fits[0].position_disturbance,
         contact=problem.model.term(YieldingContact),
         curved_at=None if curved is None else curved.speed,
+        asymmetric=problem.model.term(AsymmetricStribeck) is not None,
         explains=not unexplained(fits[0]),
         explains_latest=_explains_latest(problem, fit),
         rejected=fits[0].rejected,

@@ -15,6 +15,7 @@ from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
+from stickslip_ros.monitoring.friction.asymmetry import Asymmetry
 from stickslip_ros.monitoring.friction.curved_viscous import Curvature
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, ParameterEstimate
@@ -113,6 +114,11 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
 def curvature_json(curvature: Curvature | None) -> dict[str, Any] | None:
     """Curvature of viscous friction over speed, and the speed at which it is told [rad/s]; None if it is none."""
     return None if curvature is None else numbers(curvature, "value", "std", "speed")
+
+
+def asymmetry_json(asymmetry: Asymmetry | None) -> dict[str, Any] | None:
+    """Difference of Stribeck friction by direction, as a share of its mean; None where there is none."""
+    return None if asymmetry is None else numbers(asymmetry, "value", "std")
 
 
 def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] | None:

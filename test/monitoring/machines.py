@@ -44,6 +44,7 @@ class Machine:
         breakaway; then static friction is everywhere and always the same. bristle_damping : σ₁ [N·m·s/rad].
     load : constant torque against the controller [N·m].
     asymmetry : share by which Coulomb friction is higher in positive direction, and lower in the other.
+    stribeck_asymmetry : share by which Stribeck friction is higher in positive direction, and lower in the other.
     ripple : amplitude of Coulomb friction over position, a share of it; ripples : periods per radian.
     stribeck_ripple : amplitude of Stribeck friction over position, a share of it, with the same periods and phase.
     gravity : of an arm that is stretched out at position 0: a further load, its cosine [N·m]; bend : turns of the arm
@@ -69,6 +70,7 @@ class Machine:
     bristle_damping: float = 0.0
     load: float = 0.0
     asymmetry: float = 0.0
+    stribeck_asymmetry: float = 0.0
     ripple: float = 0.0
     ripples: float = 0.0
     stribeck_ripple: float = 0.0
@@ -98,6 +100,11 @@ class Machine:
             stribeck=factor * self.stribeck,
             drift=0.0,
         )
+
+    @property
+    def in_the_worse_direction(self) -> Machine:
+        """The machine whose Stribeck friction is in both directions what it is in that with more."""
+        return replace(self, stribeck=(1.0 + abs(self.stribeck_asymmetry)) * self.stribeck, stribeck_asymmetry=0.0)
 
     def load_at(self, position: float) -> float:
         """Torque against the controller [N·m] at a position [rad]."""
@@ -148,7 +155,7 @@ def simulate(machine: Machine, gains: Gains, references: np.ndarray, velocities:
         machine.inertia, machine.coulomb, machine.viscous, machine.stribeck, machine.stribeck_velocity, machine.lag,
         machine.rise_time, machine.bristle_stiffness, machine.bristle_damping, machine.load, machine.asymmetry,
         machine.ripple, 2.0 * math.pi * machine.ripples, machine.drift, machine.stribeck_ripple, machine.gravity,
-        machine.load_share, machine.bend, machine.drag,
+        machine.load_share, machine.bend, machine.drag, machine.stribeck_asymmetry,
     ])  # fmt: skip
     control = np.array([float(gains.stiffness), float(gains.damping), machine.control_delay])
     samples = np.empty((len(references), 3))
@@ -268,7 +275,7 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                samples, slips):  # fmt: skip
     inertia, coulomb, viscous, stribeck, stribeck_velocity, lag, rise_time = plant[:7]
     bristle_stiffness, bristle_damping, constant_load, asymmetry, ripple, wave_number, drift = plant[7:14]
-    stribeck_ripple, gravity, load_share, bend, drag = plant[14:]
+    stribeck_ripple, gravity, load_share, bend, drag, more_forward = plant[14:]
     stiffness, damping, delay = control
     h = period / steps
     reach = lag / h
@@ -368,7 +375,8 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     dwell = max(now - arrest, 0.0)
                     risen = dwell / (dwell + rise_time) if rise_time > 0.0 else 1.0
                     now_level = level + (stribeck - level) * risen
-                    held_by = (1.0 + sign * asymmetry) * dry + rough * now_level * strengths[count]
+                    most = rough * (1.0 + sign * more_forward) * now_level * strengths[count]
+                    held_by = (1.0 + sign * asymmetry) * dry + most
                     after = abs(force) - (1.0 + drift * now) * held_by
                     if end == 0 and after > 0.0:
                         found = 0.0
@@ -404,6 +412,7 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
                     share = _share_left(law, _at(past, number + s / h - reach) / stribeck_velocity)
                 load, dry, rough = _place(x, coulomb, constant_load, gravity, bend, load_share, ripple,
                                           stribeck_ripple, wave_number)  # fmt: skip
+                rough *= 1.0 + direction * more_forward
                 friction = direction * ((1.0 + direction * asymmetry) * dry + rough * begin_level * share)
                 friction += (viscous + drag * abs(v)) * v
                 dx, dv = v, (force - load - (1.0 + drift * now) * friction) / inertia

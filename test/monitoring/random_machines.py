@@ -169,6 +169,10 @@ def _dragged(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machin
     return replace(machine, drag=float(rng.uniform(0.1, 0.5)) * machine.viscous / machine.stribeck_velocity)
 
 
+def _asymmetric(rng: np.random.Generator, machine: Machine, gains: Gains) -> Machine:
+    return replace(machine, stribeck_asymmetry=float(rng.choice([-1.0, 1.0]) * rng.uniform(0.03, 0.3)))
+
+
 def _with(**changes: float) -> Change:
     return lambda rng, machine, gains: replace(machine, **changes)
 
@@ -179,6 +183,7 @@ CONDITIONS = {
         Condition(name="base", velocities=one_way, change=_as_it_is),
         Condition(name="load_one_way", velocities=one_way, change=_loaded),
         Condition(name="load_both_ways", velocities=to_and_fro, change=_loaded, both_directions=True),
+        Condition(name="asymmetric", velocities=to_and_fro, change=_asymmetric, both_directions=True),
         Condition(name="jitter_and_loss", velocities=one_way, change=_as_it_is, jitter=True),
         Condition(name="sine", velocities=sine, change=_as_it_is),
         Condition(name="triangle", velocities=triangle, change=_as_it_is),

@@ -142,3 +142,13 @@ def test_a_learnt_joint_keeps_the_configured_spring() -> None:
     assert found.joint.transmission == spring
     assert found.recommendation is not None
     assert "resonance at 30 Hz, which damping above" in found.recommendation.resonance
+
+
+def test_advice_says_that_a_resonance_is_not_known(puma: Joint) -> None:
+    """With the encoder on the load, damping × 61 made a resonance unstable, and nothing had been said of it."""
+    present = Gains(stiffness=630.0)
+    advised = recommend(puma, present, 0.0058)
+    assert advised.resonance.startswith("unknown resonance, which these gains may excite: they raise the bandwidth")
+    # What the user has bounded is not warned of, nor gains that change little.
+    assert not recommend(puma, present, 0.0058, AdviceLimits(bandwidth=100.0)).resonance
+    assert not recommend(puma, Gains(stiffness=630.0, damping=100.0), 0.0058).resonance

@@ -48,6 +48,7 @@ _RESERVE_TOLERANCE = 1e-4  # relative, of the critical ratio in a reported reser
 # Difference of two changes (of logarithms: a tenth of a gain) from which on one is clearly less: then advice is
 # replaced, and both gains are changed where one would do.
 _CLEARLY_LESS = 0.1
+_SEEN_BANDWIDTH = 2.0  # bandwidth, of the present one: resonances beyond this were hardly excited by the present gains
 
 
 def recommend(
@@ -397,7 +398,15 @@ class _Case:
 
     def _resonance(self, gains: Gains) -> str:
         limits = damping_limits(self._joint, self._loop.conditions)
-        return "" if limits is None else f"resonance {limits.in_words(gains)}"
+        if limits is not None:
+            return f"resonance {limits.in_words(gains)}"
+        present, advised = (crossover_frequency(self._joint, one) for one in (self._gains, gains))
+        if advised <= _SEEN_BANDWIDTH * present or self._limits.bandwidth < math.inf:
+            return ""
+        return (
+            f"unknown resonance, which these gains may excite: they raise the bandwidth from {present:.3g} to "
+            f"{advised:.3g} rad/s; with the encoder on the load they may excite one far above that"
+        )
 
     def _slowest_smooth(self, gains: Gains) -> float:
         gains = replace(gains, integral=0.0)

@@ -91,7 +91,8 @@ class Recommendation:
     obstruction : what is in the way where no gains are found, and the best within reach.
     slowest_smooth_velocity : from which on the joint is smooth with the advised gains, or with the best within
         reach [rad/s]; NaN if unknown.
-    resonance : which gains excite the resonance of motor and load, in words; "" for a rigid joint.
+    resonance : which gains excite the resonance of motor and load, in words; of a joint without one, that the gains
+        may excite one that is not known, where they raise the bandwidth much and no limit is set for it; or "".
     beside : the least change by the other condition, Eq. (43) with nothing said of swinging, or the exact one; None
         where the other one has no answer.
     """

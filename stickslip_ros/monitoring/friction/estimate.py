@@ -27,6 +27,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.asymmetry import Asymmetry
 from stickslip_ros.monitoring.friction.curved_viscous import Curvature
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
@@ -114,6 +115,7 @@ class FrictionEstimate:
     may_be_late : whether a delay that does not show may take away more damping than friction gives. No parameter has
         that, so that no verdict that rests on them is sure.
     curvature : of viscous friction over speed, where it shows; the viscous friction told is then that at its speed.
+    asymmetry : of Stribeck friction by direction, where it shows; the value is then that of the direction with more.
     """
 
     source: ForceSource
@@ -138,6 +140,7 @@ class FrictionEstimate:
     late: DelayEstimate | None = None
     may_be_late: bool = False
     curvature: Curvature | None = None
+    asymmetry: Asymmetry | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -243,10 +246,9 @@ class FrictionEstimate:
         if self.alternatives:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
             text += f"; the law may also be {others}"
-        if self.friction_factor is not None:
-            text += f"; {self.friction_factor.text}"
-        if self.curvature is not None:
-            text += f"; {self.curvature.text}"
+        for effect in (self.friction_factor, self.curvature, self.asymmetry):
+            if effect is not None:
+                text += f"; {effect.text}"
         if self.may_be_late:
             text += "; viscous friction is nearly zero, or a delay of the controller cancels it"
         elif self.late is not None and self.late.missing_damping > 0.0:

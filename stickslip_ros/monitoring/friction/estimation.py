@@ -26,6 +26,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.asymmetry import asymmetry_of, in_the_worse_direction
 from stickslip_ros.monitoring.friction.curved_viscous import curvature_of
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
@@ -222,6 +223,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         friction_factor=friction_factor_of(fits[0], covariance),
         may_be_late=may_hide_a_delay(fits[0]),
         curvature=curvature_of(fits[0], covariance),
+        asymmetry=asymmetry_of(fits[0], covariance),
     )
     return _with_values(blank, problem, fit, covariance)
 
@@ -279,7 +281,7 @@ def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:
 def _alternative(fit: FittedLaw) -> LawAlternative:
     solution = fit.solution
     covariance = _covariance(fit)
-    parameters, covariance = at_the_latest_gains(fit.problem, solution.fit.parameters, covariance)
+    parameters, covariance = _as_reported(fit.problem, solution.fit.parameters, covariance)
     return LawAlternative(
         law=fit.law,
         weight=fit.weight,
@@ -288,12 +290,17 @@ def _alternative(fit: FittedLaw) -> LawAlternative:
     )
 
 
+def _as_reported(problem: SlipProblem, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Parameters and covariance at the latest gains, in the direction in which there is more friction."""
+    return in_the_worse_direction(problem, *at_the_latest_gains(problem, parameters, covariance))
+
+
 def _with_values(
     blank: FrictionEstimate, problem: SlipProblem, fit: SlipFit, covariance: FloatArray
 ) -> FrictionEstimate:
     """The estimate with what was fitted, as it is at the latest slip, and its covariance (p + k, p + k)."""
     late = delay_estimate(problem, fit.parameters, covariance)
-    parameters, covariance = at_the_latest_gains(problem, fit.parameters, covariance)
+    parameters, covariance = _as_reported(problem, fit.parameters, covariance)
     without_drift, of_balance = problem.without_drift
     chosen = np.concatenate([without_drift, len(parameters) + of_balance])
     parameters, covariance = parameters[without_drift], covariance[np.ix_(chosen, chosen)]

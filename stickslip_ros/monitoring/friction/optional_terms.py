@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.monitoring.friction.asymmetry import ASYMMETRY
 from stickslip_ros.monitoring.friction.curved_viscous import CURVED_VISCOUS, CurvedViscous
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.fitted_law import (
@@ -182,4 +183,4 @@ def _score_test(fitted: FittedLaw, term: ScoredTerm, more: SlipProblem) -> TermS
     return TermScore(value=value, std=std, prior=prior_std, moves=moves, gain=gain)
 
 
-SCORED_TERMS = (CURVED_VISCOUS, LATE_CONTROLLER)
+SCORED_TERMS = (CURVED_VISCOUS, LATE_CONTROLLER, ASYMMETRY)
