@@ -12,6 +12,9 @@ import pytest
 from conftest import nightly
 from machines import Machine, simulate
 from random_joints import cut_slips, later, random_recording
+from random_machines import CONDITIONS
+from random_machines import random_recording as random_machine_recording
+from two_speeds import monitor_of
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -237,8 +240,24 @@ def test_slips_are_studied_again_within_the_memory(puma: Joint) -> None:
                 slips.append(number)
                 learner.adopt(known)
     assert studied[1000.0][:3] == studied[10.0][:3] == [4, 8, 16]
-    assert np.diff(studied[10.0][3:]).tolist() == [10] * (len(studied[10.0]) - 4)
+    assert (np.diff(studied[10.0][3:]) <= 10).all()
     assert len(studied[10.0]) > len(studied[1000.0]) >= 5
+
+
+def test_another_speed_is_learnt_from_however_many_slips_came_before() -> None:
+    """After 64 slips the next study was due after 128, while of those at the other speed a few are learnt from.
+
+    What the first three of these left was a fit that failed by 0.4 % of a slip, with half the Stribeck friction.
+    """
+    recording = random_machine_recording(8, CONDITIONS["base"])
+    monitor = monitor_of(recording.batch, recording.gains)
+    estimate = monitor.learner.estimate
+    assert estimate is not None
+    assert not estimate.mismatch
+    for name in ("inertia", "stribeck", "stribeck_velocity", "lag"):
+        assert estimate[name].identified, name
+        truth = float(getattr(recording.machine, name))
+        assert abs(estimate[name].value - truth) < 3.0 * estimate[name].std, name
 
 
 def test_slips_that_no_law_explains_are_not_studied_again_and_again() -> None:

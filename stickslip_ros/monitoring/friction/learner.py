@@ -145,16 +145,20 @@ class FrictionLearner:
         # An estimate that does not explain the slips it is of says nothing of another.
         if self._state is not None and self._state.explains and not self._state.estimate.normalised:
             self._compare(window)
-        self._request_study(min(_LATER_STUDIES * self._studied, self._studied + self.memory))
+        # Once so many came, only slips unlike the last one are learnt from: they are counted from zero.
+        before = self._studied if self._studied < MOST_SLIPS else max(self._studied - MOST_SLIPS, _IN_A_ROW)
+        self._request_study(self._studied + min((_LATER_STUDIES - 1.0) * before, self.memory))
 
     def finish(self) -> None:
         """No more slips come for now: what came since the last study is worth another.
 
-        Of friction that drifts every slip is: it is told as it is at the last one that was studied.
+        Every slip is once so many came that only slips unlike the last one are learnt from, and of friction that
+        drifts: parameters are reported as they are at the last slip that was studied.
         """
         if self._due is None:
             drifts = self._state is not None and self._state.drifts and self._studied > 0
-            self._request_study(self._studied + 1 if drifts else _LAST_STUDY * self._studied)
+            every = drifts or self._studied >= MOST_SLIPS
+            self._request_study(self._studied + 1 if every else _LAST_STUDY * self._studied)
 
     def _request_study(self, slips: float) -> None:
         """Make a study due if so many slips were seen."""
