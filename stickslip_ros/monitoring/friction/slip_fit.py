@@ -328,7 +328,7 @@ def fit_slips(
                 reduced, gradient, by_parameters, by_slope = equations.eliminate(damping)
                 full = reduced + weight
                 full += damping * np.diag(np.diag(full)) + 1e-14 * np.trace(full) * np.eye(fit.columns)
-                step = np.linalg.solve(full, gradient + pull)
+                step = _step_within(full, gradient + pull, point.parameters, prior)
             except LinAlgError:
                 damping = max(damping, 1e-6) * 10.0
                 continue
@@ -394,6 +394,25 @@ def fit_at_fixed_parameters(
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
     return fit.scored(point) if scored else point
+
+
+def _step_within(matrix: FloatArray, slope: FloatArray, parameters: FloatArray, prior: Prior) -> FloatArray:
+    """Step of parameters and kinetic friction, shape (p + k,); parameters that would leave their bounds stay on them.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is singular.
+    """
+    step = np.asarray(np.linalg.solve(matrix, slope))
+    free, size = np.ones(len(step), dtype=bool), len(parameters)
+    while True:
+        leaves = (parameters <= prior.lower) & (step[:size] < 0.0) | (parameters >= prior.upper) & (step[:size] > 0.0)
+        if not leaves.any():
+            return step
+        free[:size] &= ~leaves
+        step = np.zeros(len(step))
+        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], slope[free])
 
 
 def _moved(data: SlipData, unknowns: FloatArray, step: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     STRIBECK_VELOCITY,
     VISCOUS,
 )
+from stickslip_ros.monitoring.friction.profile_likelihood import in_the_deepest_valley
 from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
@@ -78,7 +79,7 @@ def search(problem: SlipProblem, start: FloatArray | None = None) -> Solution | 
         return None
     best = fit_again(problem, start) if start is not None else None
     best = best or _search_anew(problem)
-    return best.reweighed() if best is not None else None
+    return in_the_deepest_valley(best.reweighed()) if best is not None else None
 
 
 def _search_anew(problem: SlipProblem) -> Solution | None:

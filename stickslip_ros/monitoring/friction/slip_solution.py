@@ -45,8 +45,8 @@ _LOOSE_ROUNDS = 5  # rounds of a loose fit, 1
 LEAST_LINK, _LARGEST_LINK = 1e-3, 0.3  # scatter of levels' logarithms about Eq. (6), 1: no model is better
 _ITERATIONS = 20  # iterations of a stage, 1
 _ROUND = 40  # iterations of a stage of a fit that may come to be good, 1
-_LAST_ITERATIONS = 100  # iterations of the last fit, 1: where all ties are tight, valleys are long, flat and bent
-ROUGHLY, _NEARLY = 0.1, 0.003  # gain of an iteration, 1: with less a stage ends; the last ones
+LAST_ITERATIONS = 100  # iterations of the last fit, 1: where all ties are tight, valleys are long, flat and bent
+ROUGHLY, NEARLY = 0.1, 0.003  # gain of an iteration, 1: with less a stage ends; the last ones
 FIXED_STD = 1e-6  # prior standard deviation of a logarithm that a fit must not change, 1
 _RISE_TIME_SPREAD = 2.0  # prior standard deviation of the rise time's logarithm, 1
 _LEAST_VISCOUS = 0.02  # viscous friction, of the inertia over a slip's duration: a damping ratio of 0.2 %
@@ -124,7 +124,7 @@ def fit_again(problem: SlipProblem, start: FloatArray) -> Solution | None:
     return solution if solution.problem.noise.usable.mean() > _MOST_USABLE else None
 
 
-def _fit_from(problem: SlipProblem, start: FloatArray, patience: int = _LAST_ITERATIONS) -> Solution | None:
+def _fit_from(problem: SlipProblem, start: FloatArray, patience: int = LAST_ITERATIONS) -> Solution | None:
     """The fit next to a start, as logarithms, where the shape is known; as of :func:`fit_all`."""
     try:
         return fit_all(problem, start, math.exp(start[STRIBECK]), _TIGHTENING[1:], patience)
@@ -137,7 +137,7 @@ def fit_all(
     shape: FloatArray,
     level: float,
     tightening: tuple[tuple[float, float, float], ...] = _TIGHTENING,
-    patience: int = _LAST_ITERATIONS,
+    patience: int = LAST_ITERATIONS,
 ) -> Solution:
     """Fit everything, from the logarithms of a shape and the level [N·m] that goes with it.
 
@@ -178,7 +178,7 @@ def fit_all(
             parameters=fit.parameters,
             unknowns=fit.unknowns,
             iterations=min(patience, _patience(fit)),
-            enough=_NEARLY if _mean_square(fit) < FITS else ROUGHLY,
+            enough=NEARLY if _mean_square(fit) < FITS else ROUGHLY,
             scored=final == _FINAL,
         )
         problem = _without_outliers(problem, fit)
@@ -188,7 +188,7 @@ def fit_all(
 def _patience(fit: SlipFit) -> int:
     """Iterations that the next of the last stages is worth."""
     if _mean_square(fit) < FITS:
-        return _LAST_ITERATIONS
+        return LAST_ITERATIONS
     return _ROUND if _mean_square(fit) < _NEARLY_GOOD else _ITERATIONS
 
 
