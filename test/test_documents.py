@@ -52,6 +52,7 @@ BLOCK = re.compile(
 )
 LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 HIDDEN = re.compile(r"^ {4,}(?:stickslip|ros2|make|pip|\.venv/bin/\w+) .*$", re.MULTILINE)
+LOOP = re.compile(r"^for (\w+) in ([^;$*]+); do\n(.*?)\ndone$", re.MULTILINE | re.DOTALL)
 OF_A_SHELL = re.compile(r"[|&;<>$`*?]")
 INLINE = re.compile(r"(?<!`)`((?:stickslip|python|make|pytest) [^`]+)`(?!`)")
 
@@ -149,6 +150,8 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
 
 def run(code: str, folder: Path, environment: dict[str, str], status: int) -> str:
     """Run commands as a shell would that stops at the first that fails; returns what they print."""
+    # A loop runs here as well, as the commands that it stands for.
+    code = LOOP.sub(lambda loop: "\n".join(loop[3].replace(f"${loop[1]}", word) for word in loop[2].split()), code)
     if not OF_A_SHELL.search(re.sub(r"'[^']*'|#.*", "", code)):
         lines = [shlex.split(line, comments=True) for line in code.replace("\\\n", " ").splitlines()]
         if all(map(runs_here, lines)):
