@@ -6,8 +6,7 @@ Commands that need nothing of a shell run in this process, one after another, wh
 
 A comment before a block of code says what is special about it:
 
-    <!-- test: background -->      runs until the document ends, or a block that is the last one
-    <!-- test: last -->            needs what runs in the background; nothing after it does
+    <!-- test: background -->      runs until the document ends
     <!-- test: status 1 -->        ends with this exit status
     <!-- test: shows TEXT -->      prints this text
     <!-- test: check, WHY -->      cannot be run here: options, launch arguments and names are checked
@@ -135,8 +134,6 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
                         if rest not in shown:
                             shown = run(block.code, folder, environment, 0)
                     assert how != "shows" or rest in shown, shown
-                if how == "last":
-                    stack.close()
             elif block.language == "python" and how == "launch":
                 (folder / "own.launch.py").write_text(block.code)
                 run_in_shell(f"{sys.executable} -c {shlex.quote(LAUNCH_CHECK)} own.launch.py", folder, environment, 0)
