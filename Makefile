@@ -7,6 +7,8 @@ STAMP := $(VENV)/.installed
 # workers than cores; a file stays on one of them, with what it compiled and simulated, in the order of
 # test/conftest.py. The times are kept for `python tools/slowest_tests.py`.
 WORKERS ?= 4
+# Compiled before them, once: each worker would else compile for itself whatever it finds first, two minutes of a core.
+WARM = $(BIN)/python -m stickslip_ros.cli.main warm-up >/dev/null
 SIDE_BY_SIDE = -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -23,11 +25,13 @@ test: $(STAMP)
 	@$(MAKE) --no-print-directory --jobs=3 check docs tests
 
 tests: $(STAMP)
+	-@$(WARM)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) $(TESTS)
 
 # Also the seeds and cases that are marked nightly; CONTRIBUTING.md says which.
 nightly: check
 	@sh tools/install_test_packages.sh
+	-@$(WARM)
 	FUZZ_EXAMPLES=300 $(BIN)/python -m pytest $(SIDE_BY_SIDE) --nightly $(TESTS)
 
 # For every save, in less than a minute: what starts no processes and is no long calculation. None of it waits.
@@ -36,6 +40,7 @@ quick: $(STAMP)
 
 quick_tests: WORKERS := auto
 quick_tests: $(STAMP)
+	-@$(WARM)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) --quick $(TESTS)
 
 check: $(STAMP)

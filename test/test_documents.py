@@ -6,8 +6,7 @@ Commands that need nothing of a shell run in this process, one after another, wh
 
 A comment before a block of code says what is special about it:
 
-    <!-- test: background -->      runs until the document ends, or a block that is the last one
-    <!-- test: last -->            needs what runs in the background; nothing after it does
+    <!-- test: background -->      runs until the document ends
     <!-- test: status 1 -->        ends with this exit status
     <!-- test: shows TEXT -->      prints this text
     <!-- test: check, WHY -->      cannot be run here: options, launch arguments and names are checked
@@ -52,6 +51,7 @@ BLOCK = re.compile(
 )
 LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 HIDDEN = re.compile(r"^ {4,}(?:stickslip|ros2|make|pip|\.venv/bin/\w+) .*$", re.MULTILINE)
+LOOP = re.compile(r"^for (\w+) in ([^;$*]+); do\n(.*?)\ndone$", re.MULTILINE | re.DOTALL)
 OF_A_SHELL = re.compile(r"[|&;<>$`*?]")
 INLINE = re.compile(r"(?<!`)`((?:stickslip|python|make|pytest) [^`]+)`(?!`)")
 
@@ -134,8 +134,6 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
                         if rest not in shown:
                             shown = run(block.code, folder, environment, 0)
                     assert how != "shows" or rest in shown, shown
-                if how == "last":
-                    stack.close()
             elif block.language == "python" and how == "launch":
                 (folder / "own.launch.py").write_text(block.code)
                 run_in_shell(f"{sys.executable} -c {shlex.quote(LAUNCH_CHECK)} own.launch.py", folder, environment, 0)
@@ -149,6 +147,8 @@ def test_examples(path: Path, tmp_path: Path, environment: dict[str, str]) -> No
 
 def run(code: str, folder: Path, environment: dict[str, str], status: int) -> str:
     """Run commands as a shell would that stops at the first that fails; returns what they print."""
+    # A loop runs here as well, as the commands that it stands for.
+    code = LOOP.sub(lambda loop: "\n".join(loop[3].replace(f"${loop[1]}", word) for word in loop[2].split()), code)
     if not OF_A_SHELL.search(re.sub(r"'[^']*'|#.*", "", code)):
         lines = [shlex.split(line, comments=True) for line in code.replace("\\\n", " ").splitlines()]
         if all(map(runs_here, lines)):

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 DAY = 86_400.0  # [s]
 MONTH = 365.25 / 12.0 * DAY  # [s]
@@ -56,6 +55,9 @@ def trend(times: Sequence[float], values: Sequence[float], errors: Sequence[floa
     ----------
     times : dates [s]. values, errors : each of shape (n,); an error is NaN or 0 where none is known.
     """
+    # Imported late: it is half of the imports of `stickslip analyze`, and few recordings have a trend.
+    from scipy.special import stdtrit
+
     at = np.asarray(times, dtype=float)
     y, std = np.asarray(values, dtype=float), np.asarray(errors, dtype=float)
     if len(at) < LEAST_RECORDINGS or float(np.ptp(at)) < LEAST_DAYS * DAY:

@@ -57,6 +57,7 @@ _CYCLES_TO_SEE = 4
 _SMOOTH_TO_SEE = 7.0  # [s]: chance would hardly leave so many cycles out
 _START_LIMIT = 60.0
 _STICK_LIMIT = 20.0
+_RATE = 500.0  # samples a second [Hz]: all processes of the demo have room on two slow cores
 _SMOOTH_LIMIT = 25.0
 _APPLY_LIMIT = 45.0
 _ATTEMPTS = 3  # number of requests to apply the advice, 1
@@ -123,7 +124,7 @@ def _cure(console: Console, out: Path) -> int:
 
     with ExitStack() as stack:
         nodes = [
-            stack.enter_context(NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]"})),
+            stack.enter_context(NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]", "rate": _RATE})),
             stack.enter_context(NodeProcess("monitor", {**_KNOWN, **_FORGETFUL, "controller": "/simulated_joint"})),
         ]
         listener = DemoListener(_JOINT)

@@ -34,7 +34,7 @@ _PROFILES = ("hold", "move", "reverse")
 _COMMANDS = ("reference", "effort")
 _COMPENSATED = {"feedforward": "at the reference's speed", "feedback": "at the measured speed", "push": "by the error"}
 _EFFORT_HOLDS = 0.2  # time without a commanded effort, s: a controller that has ended must not leave its effort
-_TIMER_PERIOD = 0.005  # period of publishing, s: five samples at 1 kHz cost little more than one
+_TIMER_PERIOD = 0.01  # period of publishing, s: ten samples at 1 kHz cost little more than one
 _TIMER_PERIOD_OF_A_DRIVE = 0.001  # period of a drive, s: another node's controller waits for the states
 _LONGEST_CATCH_UP = 0.1  # time that is caught up after a pause of the process, s: the rest is skipped
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import examples
 from hypothesis import example, given
 from hypothesis import strategies as st
 from support_bags import JOINT_STATE, joint_state, write_mcap
@@ -164,6 +165,7 @@ _NONSENSE = st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 1e13,
 _STAMPS = st.sampled_from([0.0, 1e-9, 1.0, 2.0e9, 5.0])
 
 
+@examples(20, 100)
 @given(
     st.lists(st.tuples(st.integers(0, 299), st.integers(1, 300), _NONSENSE), max_size=4),
     st.lists(st.tuples(st.integers(0, 299), st.integers(1, 300), _STAMPS), max_size=3),

@@ -8,7 +8,9 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -54,36 +56,44 @@ def analysed(
     return analyze(path, options)
 
 
+@cache
+def analysis_of(joint: RecordedJoint, duration: float, seed: int, learning: bool) -> BagAnalysis:
+    """The same, made once: tests compare one recording with several."""
+    with TemporaryDirectory() as folder:
+        options = LEARNING if learning else WITHOUT_LEARNING
+        return analysed(Path(folder) / f"{seed}.mcap", joint, duration=duration, seed=seed, options=options)
+
+
 def compared(
-    folder: Path, before: RecordedJoint, after: RecordedJoint, *, durations: tuple[float, float] = (25.0, 25.0),
+    before: RecordedJoint, after: RecordedJoint, *, durations: tuple[float, float] = (25.0, 25.0),
     options: AnalysisOptions = WITHOUT_LEARNING,
 ) -> JointComparison:  # fmt: skip
     """A joint's two recordings, compared."""
     found = [
-        analysed(folder / f"{number}.mcap", joint, duration=duration, seed=number, options=options)
+        analysis_of(joint, duration, number, options is LEARNING)
         for number, (joint, duration) in enumerate(zip((before, after), durations, strict=True), start=1)
     ]
     (joint,) = compare(*found).joints
     return joint
 
 
-def test_a_cure_helped_and_its_undoing_is_worse(tmp_path: Path) -> None:
+def test_a_cure_helped_and_its_undoing_is_worse() -> None:
     """Other gains: stick-slip before and none after; the other way round it got worse; the gains are named."""
-    helped = compared(tmp_path, STICKS, CURED)
+    helped = compared(STICKS, CURED)
     assert helped.verdict is Verdict.HELPED
     assert re.fullmatch(
         r"elbow: it helped: stick-slip for 9\d % of its moving time before, none in 24\.\d s after; "
         r"stiffness 630 to 7400 N·m/rad, damping 0 to 40 N·m·s/rad\.",
         sentence(helped),
     ), sentence(helped)
-    worse = compared(tmp_path, CURED, STICKS)
+    worse = compared(CURED, STICKS)
     assert worse.verdict is Verdict.WORSE
     assert "elbow: it got worse: stick-slip for 0 % of its moving time before, 9" in sentence(worse)
 
 
-def test_the_same_joint_twice_has_not_changed(tmp_path: Path) -> None:
+def test_the_same_joint_twice_has_not_changed() -> None:
     """Other noise, and a year between: nothing is significant, friction is the same within its errors."""
-    joint = compared(tmp_path, FINE, FINE, options=LEARNING)
+    joint = compared(FINE, FINE, options=LEARNING)
     assert joint.verdict is Verdict.NO_CHANGE
     compared_ones = [one for one in joint.quantities if not one.missing]
     assert {"stick_slip_share", "usual_slip", "stiffness", "inertia", "stribeck"} <= {one.name for one in compared_ones}
@@ -91,9 +101,9 @@ def test_the_same_joint_twice_has_not_changed(tmp_path: Path) -> None:
     assert sentence(joint).endswith("; the gains are the same; friction is the same within its errors.")
 
 
-def test_new_grease_is_seen_in_the_friction(tmp_path: Path) -> None:
+def test_new_grease_is_seen_in_the_friction() -> None:
     """Less Stribeck friction, same gains: it sticks on with smaller slips, and that one parameter is what changed."""
-    joint = compared(tmp_path, FINE, greased(0.75), options=LEARNING)
+    joint = compared(FINE, greased(0.75), options=LEARNING)
     assert joint.verdict is Verdict.SMALLER_SLIPS
     friction = {one.name: one for one in joint.friction}
     changed = [name for name, one in friction.items() if one.significant]
@@ -101,54 +111,54 @@ def test_new_grease_is_seen_in_the_friction(tmp_path: Path) -> None:
     stribeck = friction["stribeck"]
     assert stribeck.after.value / stribeck.before.value == pytest.approx(0.75, abs=0.03)
     assert "; the gains are the same; friction changed: Stribeck friction after a long rest 1.6" in sentence(joint)
-    dried = compared(tmp_path, greased(0.75), FINE)
+    dried = compared(greased(0.75), FINE)
     assert dried.verdict is Verdict.LARGER_SLIPS
 
 
-def test_a_little_stiffer_helps_in_part(tmp_path: Path) -> None:
+def test_a_little_stiffer_helps_in_part() -> None:
     """It sticks as often, with smaller slips, significantly."""
-    joint = compared(tmp_path, STICKS, STIFFER)
+    joint = compared(STICKS, STIFFER)
     assert joint.verdict is Verdict.SMALLER_SLIPS
     assert joint.slip.significant
     assert not joint.share.significant
     assert re.search(r"slips of 0\.006\d* rad before, 0\.003\d* rad after", sentence(joint))
 
 
-def test_other_speeds_are_not_compared(tmp_path: Path) -> None:
+def test_other_speeds_are_not_compared() -> None:
     """Stick-slip ends with speed: faster motion that is smooth, or sticks less, says nothing of the change."""
     fast = replace(CURED, velocities=(0.03,))
-    joint = compared(tmp_path, STICKS, fast)
+    joint = compared(STICKS, fast)
     assert joint.verdict is Verdict.CANNOT_SAY
     assert "it stuck at 0.00581 rad/s, and after it moved so slowly for 0" in sentence(joint)
     assert joint.share.significant is None
     assert joint.slip.significant is None
-    both = compared(tmp_path, STICKS, replace(STICKS, velocities=(0.0116,)))
+    both = compared(STICKS, replace(STICKS, velocities=(0.0116,)))
     assert both.verdict is Verdict.CANNOT_SAY
     assert "it stuck at 0.00581 rad/s before and at 0.0116 rad/s after; record both at one speed" in sentence(both)
     # Slower is harder: smooth there counts.
-    assert compared(tmp_path, STICKS, replace(CURED, velocities=(0.004,))).verdict is Verdict.HELPED
+    assert compared(STICKS, replace(CURED, velocities=(0.004,))).verdict is Verdict.HELPED
 
 
 @pytest.mark.parametrize(("durations", "verdict"), [((8.0, 2.5), Verdict.NO_CHANGE), ((25.0, 8.0), Verdict.HELPED)])
-def test_too_short_a_look_proves_nothing(durations: tuple[float, float], verdict: Verdict, tmp_path: Path) -> None:
+def test_too_short_a_look_proves_nothing(durations: tuple[float, float], verdict: Verdict) -> None:
     """Two seconds without a slip of a joint that slips every second may be chance; seven are not."""
-    joint = compared(tmp_path, STICKS, CURED, durations=durations)
+    joint = compared(STICKS, CURED, durations=durations)
     assert joint.verdict is verdict
     moving = joint.before.moving_time
     chance = (moving / (moving + joint.after.moving_time)) ** len(joint.before.cycles)
     assert (chance < 0.05) is (verdict is Verdict.HELPED)
 
 
-def test_what_was_not_judged_is_not_compared(tmp_path: Path) -> None:
+def test_what_was_not_judged_is_not_compared() -> None:
     """A joint at rest is neither better nor worse."""
-    joint = compared(tmp_path, STICKS, replace(STICKS, velocities=(0.0,)))
+    joint = compared(STICKS, replace(STICKS, velocities=(0.0,)))
     assert joint.verdict is Verdict.CANNOT_SAY
     assert sentence(joint).startswith("elbow: not enough data to judge whether it helped; after: ")
 
 
-def test_what_is_not_identified_is_not_compared(tmp_path: Path) -> None:
+def test_what_is_not_identified_is_not_compared() -> None:
     """Smooth motion shows nothing of the slips' friction: no number of it is compared, nor its margin."""
-    joint = compared(tmp_path, FINE, CURED, options=LEARNING)
+    joint = compared(FINE, CURED, options=LEARNING)
     assert joint.friction
     assert {one.significant for one in joint.friction} == {None}
     assert {one.missing for one in joint.friction} == {"after: the motion does not identify it"}
@@ -259,7 +269,7 @@ def test_configured_friction_and_learnt_are_not_compared(tmp_path: Path) -> None
     """A margin of configured friction has no error: it is compared with its like alone."""
     configured = AnalysisOptions(parameters=Parameters({"learn": False, "model.*": "puma560_joint1"}))
     before = analysed(tmp_path / "1.mcap", STICKS, options=configured)
-    learnt = analysed(tmp_path / "2.mcap", FINE, options=LEARNING)
+    learnt = analysis_of(FINE, 25.0, 1, True)
     (joint,) = compare(before, learnt).joints
     assert joint.reserve.missing == "configured in one recording, learnt in the other"
     cured = analysed(tmp_path / "3.mcap", CURED, options=configured)

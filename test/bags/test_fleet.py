@@ -89,7 +89,7 @@ def test_tables_and_trends(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFi
     """Issue 6, item 5: a summary table over robots, joints and time; Parquet and CSV; a page with trends."""
     common = [str(fleet), "--results", str(tmp_path / "results")]
     parquet, table, page = tmp_path / "fleet.parquet", tmp_path / "fleet.csv", tmp_path / "fleet.html"
-    status, out, _ = printed([*common, "--jobs", "2", "--table", str(parquet), "--html", str(page)], capsys)
+    status, out, _ = printed([*common, "--table", str(parquet), "--html", str(page)], capsys)
     assert status == 2
     assert "robot1" in out
     assert "shoulder" in out

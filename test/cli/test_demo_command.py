@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import nightly
 from matplotlib.image import imread
 
 from stickslip_ros.cli.main import main
@@ -50,7 +51,7 @@ def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     assert processes_on(ros_domain) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, nightly(signal.SIGTERM), signal.SIGKILL])
 def test_interrupted_it_leaves_no_process_behind(ros_domain: int, tmp_path: Path, number: signal.Signals) -> None:
     """Issue 2: Ctrl-C (or worse) ends the nodes too."""
     process = subprocess.Popen(
@@ -72,7 +73,7 @@ def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
     """Issue 2: `stickslip demo --recording` shows a real machine."""
     picture = tmp_path / "slider.png"
     done = subprocess.run(
-        [*COMMAND, "--recording", "slider", "--speed", "3", "--out", picture],
+        [*COMMAND, "--recording", "slider", "--speed", "8", "--out", picture],
         capture_output=True, text=True, timeout=90, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import begun
+from conftest import begun, nightly
 
 from stickslip_ros.bags.simulated import recording_size
 from stickslip_ros.cli.main import main
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    ("name", "number"), [("a.mcap", signal.SIGTERM), ("folder", signal.SIGTERM), ("folder", signal.SIGINT)]
+    ("name", "number"), [("a.mcap", signal.SIGTERM), nightly("folder", signal.SIGTERM), ("folder", signal.SIGINT)]
 )
 def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> None:
     """Neither a file nor a folder; the exit status is the signal's."""

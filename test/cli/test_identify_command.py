@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, nightly
 from mcap.writer import Writer
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -186,7 +186,7 @@ def test_the_known_joints_say_how_to_contribute() -> None:
     assert "stickslip identify" in text
 
 
-@pytest.mark.parametrize("kind", ["folder", "renamed folder", "mcap"])
+@pytest.mark.parametrize("kind", ["folder", "renamed folder", nightly("mcap")])
 def test_a_bag_in_every_form(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
     """A folder as rosbag2 makes it is a bag as its file is, and says the same of the friction."""
     bag = tmp_path / ("waist.mcap" if kind == "mcap" else "waist")

@@ -78,10 +78,10 @@ def test_a_stiff_contact_is_the_papers_law(seed: int) -> None:
 # k_p and speed of joint 1, and how far ρ_c may be from that of a rigid contact: with σ₀ of 10³, 10⁴ and 10⁵ k_p.
 BOUNDARIES = [(2016.0, 0.005), nightly(630.0, 0.01), nightly(630.0, 0.005), nightly(630.0, 0.003)]
 NEAR = {"elasto_plastic": (0.10, 0.035, 0.02), "lugre": (0.21, 0.08, 0.025)}
+CONTACTS = [("elasto_plastic", 0.5), ("lugre", 0.0), nightly("elasto_plastic", 0.0), nightly("lugre", 0.5)]
 
 
-@pytest.mark.parametrize("contact", list(NEAR))
-@pytest.mark.parametrize("damped", [0.0, 0.5])
+@pytest.mark.parametrize(("contact", "damped"), CONTACTS)
 @pytest.mark.parametrize(("stiffness", "speed"), BOUNDARIES)
 def test_the_boundary_tends_to_that_of_a_rigid_contact(
     puma: Joint, contact: str, damped: float, stiffness: float, speed: float
@@ -95,8 +95,7 @@ def test_the_boundary_tends_to_that_of_a_rigid_contact(
         assert found == pytest.approx(rigid, rel=near)
 
 
-@pytest.mark.parametrize("contact", list(NEAR))
-@pytest.mark.parametrize("damped", [0.0, 0.5])
+@pytest.mark.parametrize(("contact", "damped"), CONTACTS)
 @pytest.mark.parametrize(("stiffness", "speed"), BOUNDARIES[:3])
 def test_the_boundary_is_that_of_brute_force(
     puma: Joint, contact: str, damped: float, stiffness: float, speed: float

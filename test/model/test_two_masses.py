@@ -49,7 +49,7 @@ def test_slips_and_rests_are_those_of_dop853(seed: int, encoder: str) -> None:
 
 
 @pytest.mark.parametrize("encoder", ["motor", "load"])
-@pytest.mark.parametrize("seed", [*range(2), *map(nightly, range(2, 25))])
+@pytest.mark.parametrize("seed", [0, *map(nightly, range(1, 25))])
 def test_the_verdict_is_what_dop853_shows(seed: int, encoder: str) -> None:
     """From little damping to much: sticks, swings or moves steadily, or its loop is unstable."""
     one = random_joint(np.random.default_rng(100 + seed), encoder, damping=(0.0, 1.0))

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter
 from support import TrueStick
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -201,6 +200,11 @@ REFERENCES: dict[str, Callable[[np.random.Generator, FloatArray], FloatArray]] =
 
 def followed(time: FloatArray, references: FloatArray, *, frequency: float, damping_ratio: float) -> FloatArray:
     """Places of a joint under a good servo, a second-order system of this natural frequency [Hz]."""
+    from scipy.signal import (
+        cont2discrete,
+        lfilter,
+    )  # takes a second and a half of a core, in each process that collects tests
+
     omega = 2.0 * math.pi * frequency
     system = ([omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2])
     numerator, denominator, _ = cont2discrete(system, time[1] - time[0])

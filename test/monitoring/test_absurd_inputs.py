@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import nightly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import record
@@ -69,8 +70,13 @@ def without_effort(gains: Gains | None) -> Assessment:
     return followed(replace(sticking(), effort=np.zeros(0)), gains)
 
 
-@pytest.mark.parametrize("gains", [None, GAINS])
-@pytest.mark.parametrize("case", EFFORTS)
+@pytest.mark.parametrize(
+    ("case", "gains"),
+    [
+        *((case, (None, GAINS)[number % 2]) for number, case in enumerate(EFFORTS)),
+        *(nightly(case, (GAINS, None)[number % 2]) for number, case in enumerate(EFFORTS)),
+    ],
+)
 def test_efforts_that_are_none_count_as_unknown(case: str, gains: Gains | None) -> None:
     """Issue 34, items 7 and 12: the answers are those without an effort, and the effort is named."""
     batch = sticking()

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -49,10 +50,13 @@ def found(kinetic: np.ndarray, *where: np.ndarray) -> DryFriction:
     return dry
 
 
-@pytest.mark.parametrize("draws", [100, nightly(400)])
-@pytest.mark.parametrize("both", [False, True])
-@pytest.mark.parametrize("evenly", [False, True])
-@pytest.mark.parametrize("count", [13, 40])
+@pytest.mark.parametrize(
+    ("count", "evenly", "both", "draws"),
+    [
+        (13, False, True, 100), (13, True, False, 100), (40, False, False, 100), (40, True, True, 100),
+        *(nightly(*case, 400) for case in itertools.product((13, 40), (False, True), (False, True))),
+    ],
+)  # fmt: skip
 def test_noise_is_no_dependence(count: int, evenly: bool, both: bool, draws: int) -> None:
     """Each term is claimed of pure noise in 2 % of draws at most, even or uneven, also if its size changes."""
     claims = {"drift": 0, "ripple": 0, "load": 0, "load_dependence": 0}

@@ -9,7 +9,8 @@ from statistics import median
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from conftest import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -257,7 +258,7 @@ def sticking(
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@examples(12, 25)
 @given(
     st.lists(st.sampled_from([0.0, 0.004, 0.006, 0.01, 0.05, 0.3, -0.006]), min_size=2, max_size=4),
     st.sampled_from([100.0, 200.0, 320.0]), st.sampled_from([1e-6, 2.5e-5, 1e-4]), st.booleans(), st.integers(0, 9),

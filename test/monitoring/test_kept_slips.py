@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import nightly
 from random_joints import cut_slips, later
 from support import record
 
@@ -66,18 +67,18 @@ def test_what_is_seldom_is_kept(slips: list[SlipWindow], how: str) -> None:
 
 
 @pytest.mark.slow
-def test_more_of_the_same_does_no_harm(puma: Joint) -> None:
+@pytest.mark.parametrize("seconds", [20.0, nightly(40.0), 60.0, nightly(90.0)])
+def test_more_of_the_same_does_no_harm(puma: Joint, seconds: float) -> None:
     """Issue 18, found wrong 1: README's own joint, right after 20 s, was 67 % off in rise time after 60 s."""
     batch = record(puma, GAINS, SPEED, duration=90.0).batch
-    for seconds in (20.0, 40.0, 60.0, 90.0):
-        monitor = JointMonitor(gains=GAINS, studies_at_once=True)
-        monitor.process(batch.where(batch.time <= seconds))
-        monitor.finish()
-        estimate = monitor.learner.estimate
-        assert estimate is not None
-        # Of so few slips viscous friction may be a curve as well.
-        open_still = {"viscous"} if seconds < 30.0 else set()
-        assert set(estimate.unidentified) <= open_still, (seconds, estimate.summary())
-        assert estimate["stribeck"].value == pytest.approx(1.6, rel=0.02)
-        assert estimate["rise_time"].value == pytest.approx(0.264, rel=0.1)
-        assert np.isnan(estimate.load.value)
+    monitor = JointMonitor(gains=GAINS, studies_at_once=True)
+    monitor.process(batch.where(batch.time <= seconds))
+    monitor.finish()
+    estimate = monitor.learner.estimate
+    assert estimate is not None
+    # Of so few slips viscous friction may be a curve as well.
+    open_still = {"viscous"} if seconds < 30.0 else set()
+    assert set(estimate.unidentified) <= open_still, (seconds, estimate.summary())
+    assert estimate["stribeck"].value == pytest.approx(1.6, rel=0.02)
+    assert estimate["rise_time"].value == pytest.approx(0.264, rel=0.1)
+    assert np.isnan(estimate.load.value)

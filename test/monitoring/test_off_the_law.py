@@ -135,7 +135,7 @@ def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
 
 
 @pytest.mark.parametrize(
-    ("condition", "seed"), [nightly("ripple_20", 0), nightly("ripple_200", 1), nightly("lugre", 0), ("lugre", 1)]
+    ("condition", "seed"), [("ripple_20", 0), nightly("ripple_200", 1), ("lugre", 0), nightly("lugre", 1)]
 )
 def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: int) -> None:
     """Issue 18, found wrong 3 and 4: misfit was said and believed all the same."""

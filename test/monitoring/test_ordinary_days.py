@@ -14,7 +14,6 @@ from conftest import RECORDINGS, examples, nightly, recording
 from hypothesis import given
 from hypothesis import strategies as st
 from ordinary_days import DayTally, is_found, ordinary_day, watch_day
-from scipy.signal import lfilter, lsim, lti
 from support import record
 
 from stickslip_ros.analysis.judgement import overall_status
@@ -383,6 +382,8 @@ def test_hunting_about_a_reference_that_goes_on(puma: Joint) -> None:
 @pytest.mark.parametrize("rate", [100, 1000])
 def test_a_reading_that_wanders_does_not_hunt(rate: int, correlation: float) -> None:
     """Noise of three counts, each reading like the one before, about a reference that stands."""
+    from scipy.signal import lfilter  # takes a second and a half of a core, in each process that collects tests
+
     generator = np.random.default_rng(11)
     steps = math.sqrt(1.0 - correlation**2) * generator.standard_normal(40 * rate)
     noise = lfilter([1.0], [1.0, -correlation], steps)
@@ -410,6 +411,8 @@ def test_a_joint_that_another_pushes_to_and_fro_short_of_its_reference_does_not_
 
 def test_a_joint_that_is_swung_by_its_reference_does_not_hunt() -> None:
     """A joint with little damping, under a sine near its resonance and under a square wave, and without friction."""
+    from scipy.signal import lsim, lti
+
     time = np.arange(0.0, 40.0, 0.01)
     loop = lti([100.0], [1.0, 4.0, 100.0])
     for reference in (np.sin(9.0 * time), 0.05 * time + np.sin(11.0 * time), np.sign(np.sin(2.0 * time))):
@@ -498,7 +501,7 @@ def test_a_reference_that_is_heard_later_than_the_joint_makes_no_cycle() -> None
     assert spent(segments, Status.STICK_SLIP) == 0.0
 
 
-@pytest.mark.parametrize("count", [1e-7, COUNT, 4e-4])
+@pytest.mark.parametrize("count", [nightly(1e-7), COUNT, 4e-4])
 def test_a_dropout_does_not_make_it_blind(puma: Joint, count: float) -> None:
     """After one dropout of 0.1 to 0.6 s in a slip, as of a network, no cycle was found any more.
 

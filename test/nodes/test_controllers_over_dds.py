@@ -36,7 +36,7 @@ def test_late_restarted_and_renamed(ros_domain: int) -> None:
         one.wait_for_monitor()
         one.wait(lambda: controller(one).startswith("waiting for /simulated_joint; there are /probe"), 5.0, "the wait")
         assert one.diagnostics["stickslip_monitor"][0] == b"\x01"
-        with NodeProcess("simulated_joint", {}):
+        with NodeProcess("simulated_joint", {"rate": 250.0}):
             one.wait(lambda: gains(one) == (630.0, 0.0), 15.0, "the late controller's gains")
             one.wait(lambda: controller(one) == "following /simulated_joint", 5.0, "the status of that")
             one.wait(lambda: one.diagnostics["stickslip_monitor"][0] == b"\x00", 5.0, "all well")
@@ -121,7 +121,7 @@ def test_several_controllers_and_other_units(ros_domain: int) -> None:
 def test_the_advice_as_parameters(ros_domain: int) -> None:
     """Issue 5, items 1, 2, 6: what `ros2 param get` and `describe` ask for, variants, condition, and gains on trial."""
     with (
-        NodeProcess("simulated_joint", {}),
+        NodeProcess("simulated_joint", {"rate": 250.0}),
         NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint", "limits.joint1.p_max": 8000.0}),
         probe() as one,
     ):

@@ -29,14 +29,14 @@ def test_a_robot_that_is_killed_and_comes_back_after_half_a_minute(ros_domain: i
     """Issue 7: DDS participant killed, 30 s of silence, restarted, with other joints: recovered from without help."""
     with NodeProcess("monitor", {"joints": "['']", "state_file": "none"}) as monitor, probe() as one:
         one.wait_for_monitor()
-        with NodeProcess("simulated_joint", {"joints": "[a, b]"}) as robot:
+        with NodeProcess("simulated_joint", {"joints": "[a, b]", "rate": 250.0}) as robot:
             wait_for_stick_slip(one, "a")
             robot.kill()
             one.wait(lambda: one.diagnostics["a"][0] == STALE and one.diagnostics["b"][0] == STALE, 10.0, "silence")
         one.spin(30.0)
         assert one.diagnostics["a"][0] == STALE
         assert "no data for" in one.diagnostics["a"][1]
-        with NodeProcess("simulated_joint", {"joints": "[b, c]"}):
+        with NodeProcess("simulated_joint", {"joints": "[b, c]", "rate": 250.0}):
             wait_for_stick_slip(one, "b")
             wait_for_stick_slip(one, "c")
             assert one.diagnostics["a"][0] == STALE

@@ -31,7 +31,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.conversion import stamp
 
-EXAMPLES, AT_ONCE = int(os.environ.get("FUZZ_EXAMPLES", "40")), 100
+EXAMPLES, AT_ONCE = int(os.environ.get("FUZZ_EXAMPLES", "20")), 100
 RATE = 200.0
 HEALTHY = "healthy"
 

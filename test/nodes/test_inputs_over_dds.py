@@ -116,7 +116,7 @@ IMPOSSIBLE = ["bad name!", "/a//b", "9", "/a/", "x" * 300, "{x}", ["/a", "/a"], 
 def test_impossible_names_at_runtime_are_refused(ros_domain: int) -> None:
     """Issue 15: every name of a controller that cannot be has its answer, and the node goes on as before."""
     with (
-        NodeProcess("simulated_joint", {}),
+        NodeProcess("simulated_joint", {"rate": 250.0}),
         NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}) as monitor,
         probe() as one,
     ):
@@ -135,7 +135,7 @@ def test_impossible_names_at_runtime_are_refused(ros_domain: int) -> None:
 
 def test_deleted_parameters_have_an_answer(ros_domain: int) -> None:
     """Issue 15: `ros2 param delete` on any parameter of any of the nodes is answered."""
-    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", PUMA) as monitor, probe() as one:
+    with NodeProcess("simulated_joint", {"rate": 250.0}), NodeProcess("monitor", PUMA) as monitor, probe() as one:
         one.wait_for_monitor()
         for node, names in (
             (NODE, ("controller", "apply_rate", "warn_margin", "gains.joint1.p", "learn", "recommended.joint1.p")),

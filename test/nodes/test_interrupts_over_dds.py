@@ -16,7 +16,7 @@ _SEED = 35
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [6, nightly(12)])
+@pytest.mark.parametrize("count", [4, nightly(12)])
 def test_every_node_ends_quietly_whenever_it_is_interrupted(ros_domain: int, tmp_path: Path, count: int) -> None:
     """Issues 2 and 35: status 0, nothing but the log; three run at a time, and hear each other."""
     for ending in endings(nodes(), count, _SEED, tmp_path, at_once=3):
@@ -24,7 +24,7 @@ def test_every_node_ends_quietly_whenever_it_is_interrupted(ros_domain: int, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [6, nightly(12)])
+@pytest.mark.parametrize("count", [4, nightly(12)])
 def test_commands_end_quietly_whenever_they_are_interrupted(ros_domain: int, tmp_path: Path, count: int) -> None:
     """Issue 35: with the signal's status, if not done before; no file is left half written."""
     chosen = ("recommend", "analyze", "convert", "simulate")

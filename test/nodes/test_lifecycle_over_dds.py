@@ -9,6 +9,7 @@ import signal
 import time
 
 import pytest
+from conftest import nightly
 from lifecycle_msgs.msg import Transition
 from support_processes import children, command_line, memory, runs
 from support_ros import play, probe, staircase
@@ -71,8 +72,13 @@ def test_parameters_that_make_no_joint_are_refused_at_configuring(ros_domain: in
         assert monitor.stop() == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("how", ["active", "learning", "unconfigured"])
+@pytest.mark.parametrize(
+    ("number", "how"),
+    [
+        (signal.SIGTERM, "active"), (signal.SIGINT, "learning"), (signal.SIGTERM, "unconfigured"),
+        nightly(signal.SIGINT, "active"), nightly(signal.SIGTERM, "learning"), nightly(signal.SIGINT, "unconfigured"),
+    ],
+)  # fmt: skip
 def test_a_signal_ends_it_within_a_second(ros_domain: int, number: signal.Signals, how: str) -> None:
     """Issue 7: SIGINT and SIGTERM, also while a study is under way in the other process; nothing is left behind."""
     parameters = {"joints": "[joint1]", "autostart": str(how != "unconfigured").lower(), "gains.joint1.p": 630.0}

@@ -19,7 +19,7 @@ _KNOWN = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "fals
 
 def test_what_compensation_buys_beside_the_advised_gains(ros_domain: int) -> None:
     """The numbers are those of the published speed and gains; a latecomer gets them too."""
-    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", _KNOWN), probe() as one:
+    with NodeProcess("simulated_joint", {"rate": 250.0}), NodeProcess("monitor", _KNOWN), probe() as one:
         one.wait_for_monitor()
         heard: list[DiagnosticArray] = []
         qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

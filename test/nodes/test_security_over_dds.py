@@ -110,7 +110,7 @@ def test_bounds_hold_against_parameters_and_transitions(ros_domain: int) -> None
         "joints": "[joint1]", "model.joint1": "puma560_joint1", "controller": "/simulated_joint", "learn": "false",
         "limits.joint1.p_max": 700.0, "limits.joint1.d_max": 10.0, "state_file": "none",
     }  # fmt: skip
-    with NodeProcess("simulated_joint", {}), NodeProcess("monitor", parameters), probe() as one:
+    with NodeProcess("simulated_joint", {"rate": 250.0}), NodeProcess("monitor", parameters), probe() as one:
         one.wait_for_monitor()
         wider = {"limits.joint1.p_max": 1e5, "limits.joint1.d_max": 1e4, "allow_apply": True}
         assert one.set_parameters("/stickslip_monitor", wider) == ["", "", ""]

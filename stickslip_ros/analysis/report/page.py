@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -20,6 +21,7 @@ from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n\t"
+_NOT_ASCII = re.compile(rf"[^ -~{_OF_LAYOUT}]")  # all that may be invisible
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,4 +129,4 @@ def _visible(value: Any) -> Any:
 
 def _escaped(script: str) -> str:
     """A script whose strings have escapes for what is not seen."""
-    return "".join(one if one.isprintable() or one in _OF_LAYOUT else f"\\u{ord(one):04x}" for one in script)
+    return _NOT_ASCII.sub(lambda found: one if (one := found[0]).isprintable() else f"\\u{ord(one):04x}", script)
