@@ -20,7 +20,7 @@ from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, Topics, find_robots
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model._validation import require_finite
+from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.samples import FloatArray
@@ -48,7 +48,7 @@ class AnalysisOptions:
     Raises
     ------
     InvalidParameterError
-        If the start is not finite, or the end not after it.
+        If the start is negative or not finite, or the end not after it.
     """
 
     topics: TopicChoice = field(default_factory=TopicChoice)
@@ -61,8 +61,8 @@ class AnalysisOptions:
     unpacking: UnpackLimit = field(default_factory=UnpackLimit)
 
     def __post_init__(self) -> None:
-        require_finite("start", self.start)
-        if not self.end > max(self.start, 0.0):
+        require_not_negative("start", self.start)
+        if not self.end > self.start:
             raise InvalidParameterError("end", f"after the start at {self.start:g} s", self.end)
 
 

@@ -128,6 +128,11 @@ def advice(joint: JointAnalysis) -> str:
     if recommendation is not None and recommendation.keep:
         # A joint that sticks only after starting is no witness against friction that promises smooth motion.
         if joint.worst is Status.STICK_SLIP and joint.transient is None:
+            if joint.exact.smooth is False and joint.velocity < recommendation.velocity:
+                return (
+                    f"Its gains have the wanted reserve from the slowest velocity, {recommendation.velocity:.3g} "
+                    "rad/s, on. It moved more slowly, where the model predicts stick-slip."
+                )
             return "By the friction estimate its gains have the wanted reserve. It sticks, so the estimate is wrong."
         return "Its gains have the wanted reserve: keep them."
     slowest = joint.exact.lowest_smooth_velocity

@@ -7,6 +7,7 @@ from __future__ import annotations
 import io
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -157,6 +158,9 @@ class _Text(_Plain):
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
         self._decimal = "," if commas else "."
         self.names = tuple(dict.fromkeys(self._columns))
+        namesakes = [name for name, count in Counter(self._columns).items() if count > 1]
+        if namesakes:
+            self.notes = (f"of columns of the same name only the first one is read: {', '.join(namesakes)}",)
         firsts = dict(zip(self._columns, rows[0], strict=False))
         self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell

@@ -66,12 +66,15 @@ def run(options: argparse.Namespace) -> int:
     if not comparison.joints:
         lists = [", ".join(one.joints) for one in found]
         raise RecordingError(f"no joint is in both bags: {lists[0]} before, {lists[1]} after")
-    if options.json:
-        print(json_text(comparison_json(comparison)))
-    else:
-        _print(comparison)
-    if options.html is not None:
-        write_comparison_page(options.html, comparison, chosen)
+    try:
+        if options.html is not None:
+            write_comparison_page(options.html, comparison, chosen)
+    finally:
+        # Whatever becomes of the page, the answer is not lost.
+        if options.json:
+            print(json_text(comparison_json(comparison)))
+        else:
+            _print(comparison)
     return 0
 
 

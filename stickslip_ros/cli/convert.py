@@ -23,7 +23,8 @@ from rich.markup import escape
 from rich.table import Table as Grid
 
 from stickslip_ros.bags.conversion import write_recording
-from stickslip_ros.bags.table import Table, Use, find_recording, load_table
+from stickslip_ros.bags.simulated import LAST_STAMP
+from stickslip_ros.bags.table import RecordingError, Table, Use, find_recording, load_table
 from stickslip_ros.bags.table_columns import (
     COUNTS,
     FIELDS,
@@ -95,8 +96,11 @@ def run(options: argparse.Namespace) -> int:
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
     # A stamp of zero means that there is none.
     start = options.first_stamp if options.first_stamp is not None else (0.0 if first > 0.0 else 1.0 - first)
-    if not math.isfinite(start) or first + start <= 0.0:
-        raise InvalidParameterError("--first-stamp", f"such that the first stamp is after zero (> {-first:g})", start)
+    if not 0.0 < first + start <= LAST_STAMP:
+        if options.first_stamp is None or first == math.inf:
+            raise RecordingError(f"recording {path}: no row has a time that a stamp can be")
+        rule = f"such that the first stamp is after zero and at most {LAST_STAMP:.0f} s"
+        raise InvalidParameterError("--first-stamp", rule, start)
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     _show(table, names)
     batches = dict(zip(names, table.batches.values(), strict=True))

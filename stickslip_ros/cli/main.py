@@ -137,7 +137,8 @@ def main(arguments: list[str] | None = None) -> int:
             _compile()
         return _run(options)
     except BrokenPipeError:
-        return 0
+        # As of a command that SIGPIPE ended: its own status is not known, and 0 would be an all-clear.
+        return 128 + signal.SIGPIPE
     except (StickSlipError, OSError) as error:
         from stickslip_ros.cli.terminal import complain
 

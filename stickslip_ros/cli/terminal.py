@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 
@@ -29,6 +30,14 @@ class Terminal(Console):
                 yield segment
             else:
                 yield Segment(visible(segment.text, kept=_OF_LAYOUT), segment.style)
+
+    def on_broken_pipe(self) -> None:
+        """Drop the rest where a reader such as `head` has gone; rich would end the command with exit status 1, which
+        says that a joint sticks.
+        """
+        self.quiet = True
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), self.file.fileno())
 
 
 def console_of_tables() -> Console:

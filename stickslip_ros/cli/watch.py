@@ -35,23 +35,28 @@ if TYPE_CHECKING:
 
 _LISTENING = "Listening for a monitor"
 _REFRESH = 0.25  # [s]
-_HERE, _PORT, _LARGEST_PORT = "127.0.0.1", 5006, 65535
+_LARGEST_PORT = 65535
 _LONGEST = 60.0  # [s] of motion
+# Options that have no effect on the other view, and their defaults.
+_OF_PAGE = {"port": 5006, "address": "127.0.0.1"}
+_OF_TERMINAL = {"once": False, "seconds": 10.0, "patience": 30.0}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_flag(parser, "--browser", "serve a live page instead, with sliders to try other gains")
-    parser.add_argument("--port", type=int, metavar="N", default=_PORT, help="port of the page (default: %(default)s)")
+    parser.add_argument(
+        "--port", type=int, metavar="N", default=_OF_PAGE["port"], help="port of the page (default: %(default)s)"
+    )
     parser.add_argument(
         "--address",
         metavar="IP",
-        default=_HERE,
+        default=_OF_PAGE["address"],
         help="address that the page is served at (default: %(default)s, for this machine only)",
     )
     add_flag(parser, "--once", "print one view and end; also done when the output is a pipe")
-    add_number(parser, "--seconds", "S", "seconds of motion to show", 10.0)
-    add_number(parser, "--patience", "S", "how long to wait for a monitor before giving up", 30.0)
+    add_number(parser, "--seconds", "S", "seconds of motion to show", _OF_TERMINAL["seconds"])
+    add_number(parser, "--patience", "S", "how long to wait for a monitor before giving up", _OF_TERMINAL["patience"])
 
 
 def run(options: argparse.Namespace) -> int:
@@ -62,9 +67,10 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--patience", "finite and > 0", options.patience)
     if not 0 < options.port <= _LARGEST_PORT:
         raise InvalidParameterError("--port", f"from 1 to {_LARGEST_PORT}", options.port)
-    for option, default in (("port", _PORT), ("address", _HERE)):
-        if not options.browser and getattr(options, option) != default:
-            raise InvalidParameterError(f"--{option}", "given together with --browser", getattr(options, option))
+    for names, rule in ((_OF_PAGE, "together with"), (_OF_TERMINAL, "without")):
+        for name, default in names.items():
+            if (names is _OF_PAGE) is not options.browser and getattr(options, name) != default:
+                raise InvalidParameterError(f"--{name}", f"given {rule} --browser", getattr(options, name))
     try:
         from stickslip_ros.cli.watch_listener import WatchListener
     except ImportError as error:

@@ -102,7 +102,8 @@ def sine(amplitude: float, frequency: float, joint: Joint, gains: Gains) -> Refe
     Raises
     ------
     InvalidParameterError
-        If amplitude or frequency are not finite and > 0, or the frequency is so low that it takes too many samples.
+        If amplitude or frequency are not finite and > 0, or the frequency is so low that the motion takes too many
+        samples, or so high that the friction's lag does.
     """
     phase, period = _phase(amplitude, frequency, joint, gains)
     position = -amplitude * np.cos(2.0 * math.pi * phase)
@@ -129,7 +130,13 @@ def _phase(amplitude: float, frequency: float, joint: Joint, gains: Gains) -> tu
     if count > _MOST_SAMPLES:
         least = 1.0 / (natural * _MOST_SAMPLES / (_SAMPLES * periods))
         raise InvalidParameterError("frequency", f">= {least:.2g} Hz, as the joint is so quick", frequency)
-    return np.arange(count + 1.0) / (4 * quarter), 1.0 / (4 * quarter * frequency)
+    period = 1.0 / (4 * quarter * frequency)
+    # The simulation remembers the velocities of one lag.
+    lag = float(joint.friction.lag)
+    if lag > _MOST_SAMPLES * period:
+        most = _MOST_SAMPLES / (4 * quarter * lag)
+        raise InvalidParameterError("frequency", f"<= {most:.2g} Hz, as friction has a lag", frequency)
+    return np.arange(count + 1.0) / (4 * quarter), period
 
 
 def through(times: FloatArray, positions: FloatArray, joint: Joint, gains: Gains) -> ReferenceMotion:

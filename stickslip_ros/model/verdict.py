@@ -70,8 +70,10 @@ class ExactVerdict:
 
     @property
     def steady_reserve(self) -> float:
-        """Damping reserve from which on the joint moves steadily from every start; NaN where it is not known."""
-        return self.steady_damping_ratio / self.critical_damping_ratio - 1.0
+        """Damping reserve from which on the joint moves steadily from every start; NaN where it is not known, and where
+        no damping is needed against stick-slip.
+        """
+        return self.steady_damping_ratio / (self.critical_damping_ratio or math.nan) - 1.0
 
     @property
     def unstable(self) -> bool:

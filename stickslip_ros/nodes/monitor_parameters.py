@@ -49,6 +49,9 @@ def other_nodes(node: Node, parameter: str, given: object) -> list[str]:
         name = word if word.startswith("/") or not word else f"{node.get_namespace().rstrip('/')}/{word}"
         if name:
             _check(parameter, word, name)
+            if name == node.get_fully_qualified_name():
+                # A ramp would write the monitor's own parameters, and read them back as the gains in force.
+                raise InvalidParameterError(parameter, "the name of another node", word)
             names.append(name)
     if len(set(names)) < len(names):
         raise InvalidParameterError(parameter, "names of different nodes", list(words))

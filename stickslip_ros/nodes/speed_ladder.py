@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.gains.gain_intake import ControllerGains
 from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.running import turn
 from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController
 
@@ -77,7 +78,9 @@ class LadderNode(Node):
         incoming = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._states = DrainedSubscription(self, JointState, "joint_states", incoming)
         self._references = DrainedSubscription(self, JointState, "joint_references", incoming)
-        self._controller_gains = ControllerGains(self, simulated or controller, self._on_gains, [joint])
+        self._controller_gains = ControllerGains(
+            self, simulated or controller, self._on_gains, [joint], Refusals(self.get_logger().warning)
+        )
         self._client = AsyncParameterClient(self, simulated) if simulated else None
         self._controller = TrajectoryController(self, controller, joint, largest_lag) if controller else None
 

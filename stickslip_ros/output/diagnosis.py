@@ -268,8 +268,14 @@ def _summary(
     if finding.status is Status.STICK_SLIP:
         if assessment.change is not None and assessment.change.learning_anew:
             text += f"; {friction_change_text(assessment.change)}"
-        if assessment.recommendation is not None and assessment.recommendation.keep:
-            return Level.ERROR, f"{text}, though its gains have the wanted reserve: the friction estimate is wrong"
+        recommendation = assessment.recommendation
+        if recommendation is not None and recommendation.keep:
+            if exact.smooth is False:
+                # It is predicted at this speed, which is below the slowest velocity.
+                text += f"; its gains have the wanted reserve from {recommendation.velocity:.3g} rad/s on"
+            else:
+                text += ", though its gains have the wanted reserve: the friction estimate is wrong"
+            return Level.ERROR, text
         return Level.ERROR, f"{text}; {assessment.advice_text}" if assessment.advice_text else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):
         return Level.WARN, text

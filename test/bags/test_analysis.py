@@ -124,6 +124,7 @@ def test_table_options_and_exit_status(bag: Path, tmp_path: Path, capsys: pytest
     ("arguments", "said"),
     [
         (["--start", "3", "--end", "2"], "end"),
+        (["--start", "-3"], "start"),
         (["--gains", "fast"], "--gains"),
         (["--model", "no_such_joint"], "known joints"),
         (["--parameters", "nowhere.yaml"], "nowhere.yaml"),

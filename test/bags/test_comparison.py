@@ -7,6 +7,8 @@ from __future__ import annotations
 import json
 import math
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -294,6 +296,16 @@ def test_the_page_has_the_rows_of_the_terminal(tmp_path: Path, capsys: pytest.Ca
         [cell.replace("stick-slip", "stick_slip") if row[0] == "status" else cell for cell in row if cell]
         for row in drawn
     ] == shown
+
+
+def test_the_page_is_there_before_the_table(bags: tuple[Path, Path], tmp_path: Path) -> None:
+    """The page was lost where `head` closed the pipe of the table, and the table with `--html` in a full folder."""
+    page = tmp_path / "page.html"
+    command = [sys.executable, "-m", "stickslip_ros.cli.main", "compare", *map(str, bags), "--no-learning"]
+    with subprocess.Popen([*command, "--html", str(page)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+    assert page.exists()
 
 
 @pytest.mark.slow

@@ -193,6 +193,9 @@ def test_one_of_a_kind_is_told_so(
     assert "1 of 1 joint of 1 robot stuck" in text
     assert "1 recording could not be analysed" in text
     assert "-0.0<" not in text
+    write_fleet_page(page, [*still, broken], fleet_joints(still), with_alarms=True)
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert "0 joints have an alarm.</strong> <strong class='at_risk'>1 recording could" in text
     write_fleet_page(page, still[:1], fleet_joints(still[:1]))
     assert "Stick-slip in 1 recording<" in page.read_text(encoding="utf-8")
     print_fleet(fleet_joints(still), [*still, broken])

@@ -15,7 +15,7 @@ import pytest
 from support_bags import KNOWN, WITHOUT_LEARNING, sticking
 
 from stickslip_ros.analysis import words
-from stickslip_ros.analysis.analysis import analyze
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.fleet import Answers, BagTask
 from stickslip_ros.analysis.fleet_table import stick_slip_share as share_of_rows
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
@@ -25,6 +25,7 @@ from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.settings.parameter_file import Parameters
 
 pytestmark = pytest.mark.slow
 
@@ -202,6 +203,21 @@ def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.Cap
     damping, text = said(*found.groups())
     assert damping > 100.0
     assert "also stuck" not in text
+
+
+def test_a_joint_slower_than_it_has_to_be_smooth(tmp_path: Path) -> None:
+    """Gains that are good from the slowest velocity on do not refute the friction estimate, which predicts stick-slip
+    at the speed of the recording.
+    """
+    path = tmp_path / "a.mcap"
+    write_simulation(path, {"a": sticking(0.006)}, duration=20.0, rate=200.0)
+    options = {"learn": False, "model.*": "puma560_joint1", "slowest_velocity.a": 5.0}
+    joint = analyze(path, AnalysisOptions(parameters=Parameters(options))).joints["a"]
+    assert joint.worst is STICKS
+    assert words.advice(joint) == (
+        "Its gains have the wanted reserve from the slowest velocity, 5 rad/s, on. It moved more slowly, where the "
+        "model predicts stick-slip."
+    )
 
 
 def test_a_model_that_does_not_fit_is_good_for_no_speed(tmp_path: Path) -> None:

@@ -247,6 +247,7 @@ def test_tables_in_an_archive_have_the_joints_names(tmp_path: Path) -> None:
         ("", "the file is empty"),
         ("time_s,tau1\n0,1\n", "needs a column position_rad or position_deg"),
         ("speed,q1\n0,1\n", "needs a column time_s or time_ms"),
+        ("time_s,q1\n1e30,1\n", "no row has a time that a stamp can be"),
     ],
 )
 def test_what_cannot_be_read_is_named(text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -255,6 +256,24 @@ def test_what_cannot_be_read_is_named(text: str, said: str, tmp_path: Path, caps
     assert main(["convert", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "a.mcap").exists()
+
+
+def test_first_stamps_that_no_row_could_have(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A bag without a sample was written, and called converted."""
+    path = write_text(tmp_path / "a.csv", ["t", "q1"], [TIMES, POSITIONS[:, 0]])
+    for first in ("-5", "1e30"):
+        assert main(["convert", str(path), "--out", str(tmp_path / "a.mcap"), "--first-stamp", first]) == 2
+        assert "must be such that the first stamp is after zero and at most 2147483647 s" in capsys.readouterr().err
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_columns_of_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of two columns with the name q1 the second one was left out without a word."""
+    path = write_text(tmp_path / "a.csv", ["t", "q1", "q1"], [TIMES, POSITIONS[:, 0], POSITIONS[:, 1]])
+    out = tmp_path / "a.mcap"
+    assert main(["convert", str(path), "--out", str(out)]) == 0
+    assert "of columns of the same name only the first one is read: q1" in capsys.readouterr().err
+    np.testing.assert_allclose(read_joint(out, "joint1").position, POSITIONS[:, 0], atol=1e-10)
 
 
 def test_text_that_is_none(tmp_path: Path) -> None:

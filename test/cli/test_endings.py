@@ -37,6 +37,20 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(("options", "status"), [([], 0), (["--json"], 128 + signal.SIGPIPE)])
+def test_a_reader_that_has_gone(options: list[str], status: int) -> None:
+    """`| head` closes the pipe: exit status 1 would say that a joint sticks; where the command's own status is not
+    known, 0 would say that none does.
+    """
+    command = [sys.executable, "-m", "stickslip_ros.cli.main", "margin", "--model", "puma560_joint1", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.wait(60.0) == status
+        assert process.stderr.read() == b""
+
+
 def _written(folder: Path) -> bool:
     """Whether something has been written; a file may be gone again between being found and being looked at."""
     try:

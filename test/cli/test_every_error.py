@@ -45,7 +45,7 @@ _TEXTS = ("", "no/such", "nonsense,")
 # Values that mean something: a negative gain or speed, no bound, no topic, a name that anything may have.
 _RIGHT: dict[str, tuple[str, ...]] = {
     "--stiffness": ("-1",), "--damping": ("-1",), "--integral": ("-1",), "--velocity": ("-1",), "--load": ("-1",),
-    "--start": ("-1",), "--end": ("inf",), "--largest-stiffness": ("inf",), "--largest-damping": ("inf",),
+    "--end": ("inf",), "--largest-stiffness": ("inf",), "--largest-damping": ("inf",),
     "--largest-damping-ratio": ("inf",), "--bandwidth": ("inf",), "--effort": ("inf",),
     "--presliding-stiffness": ("inf",), "--references": ("",), "--gains-topic": ("",),
     "--joint": ("",), "--model": ("",),

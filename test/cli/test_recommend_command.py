@@ -241,3 +241,11 @@ def test_options_without_effect(capsys: pytest.CaptureFixture[str], options: str
     """Issue 23: they were ignored without a word."""
     assert main(["recommend", "--model", "puma560_joint1", *options.split()]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_gains_that_need_no_damping(capsys: pytest.CaptureFixture[str]) -> None:
+    """A reserve that only a stiffness reaches at which stick-slip ends without damping ended in a traceback."""
+    assert main([*PUMA, "--wanted-reserve", "1e9"]) == 0
+    out = capsys.readouterr().out
+    assert "∞" in out
+    assert "would swing" not in out

@@ -140,6 +140,7 @@ def test_unknown_coulomb_friction_is_not_taken_for_none(capsys: pytest.CaptureFi
         ("--amplitude 0.1", "missing: --frequency, or a --trajectory"),
         ("--amplitude -0.1 --frequency 1", "'--amplitude' must be finite and > 0: -0.1"),
         ("--amplitude 0.1 --frequency 1e-9", "'--frequency' must be >= "),
+        ("--amplitude 1e-6 --frequency 1e9", "'--frequency' must be <= "),
         ("--amplitude 0.1 --frequency 1 --trajectory x.csv", "'--amplitude' must be left out where there is a --traj"),
         (
             "--amplitude 0.1 --frequency 1 --contact lugre --presliding-stiffness 0",

@@ -111,6 +111,15 @@ def test_bad_usage_is_refused(option: str, value: str, capsys: pytest.CaptureFix
     assert f"'{option}' must be" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("options", [["--once"], ["--seconds", "3"], ["--patience", "5"]])
+def test_options_of_the_terminal_have_no_effect_on_the_page(
+    options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They were accepted beside --browser, and forgotten."""
+    assert main(["watch", "--browser", "--address", "999.1.1.1", *options]) == 2
+    assert f"'{options[0]}' must be given without --browser" in capsys.readouterr().err
+
+
 def test_without_a_monitor_it_says_what_to_look_at(ros_domain: int) -> None:
     """Issue 8: nobody there: one line with the domain, exit status 2."""
     done = subprocess.run([*COMMAND, "--patience", "1"], capture_output=True, text=True, timeout=60, check=False)

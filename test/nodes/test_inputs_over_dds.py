@@ -105,12 +105,31 @@ def _gains_elsewhere(one: Probe, monitor: NodeProcess) -> None:
     one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, 10.0, "an effort")
     one.wait(lambda: "following /probe: gains.joint1.p" in monitor.output(), 5.0, "what was taken")
     assert monitor.output().count(elsewhere) == 1
+    # What is read again every second is said once in the log, and stands in the node's status.
+    one.node.declare_parameter("gains.joint1.i", math.nan)
+    refused = "refused: gain i of joint1 in /probe is not finite"
+    one.wait(lambda: refused in own(one), 10.0, "a gain that is none")
+    one.spin(2.5)
+    assert monitor.output().count("gain i of joint1") == 1
     # And while the gains are in use.
     one.node.set_parameters([Parameter("command_interfaces", value=["position"])])
     one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), 10.0, "a position")
 
 
-IMPOSSIBLE = ["bad name!", "/a//b", "9", "/a/", "x" * 300, "{x}", ["/a", "/a"], ["/a", "no way"], 5, 0.5, True]
+IMPOSSIBLE = [
+    f"/{NODE}",
+    "bad name!",
+    "/a//b",
+    "9",
+    "/a/",
+    "x" * 300,
+    "{x}",
+    ["/a", "/a"],
+    ["/a", "no way"],
+    5,
+    0.5,
+    True,
+]
 
 
 def test_impossible_names_at_runtime_are_refused(ros_domain: int) -> None:

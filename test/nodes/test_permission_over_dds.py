@@ -243,3 +243,16 @@ def test_an_unfinished_ramp_is_remembered(ros_domain: int) -> None:
             assert stated is not None
             assert float(stated[1]) == pytest.approx(float(wrote[-1]), rel=1e-5)
             one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), 10.0, "gains that are not known")
+
+
+def test_a_journal_that_cannot_be_read(ros_domain: int, tmp_path: Path) -> None:
+    """It is no proof that no ramp was cut off: it is kept, and said where somebody asks for the way back."""
+    journal = tmp_path / "state.ramps.json"
+    journal.write_bytes(b"garbage")
+    with monitor(state_file=str(tmp_path / "state.json")) as node, probe() as one:
+        one.wait_for_monitor()
+        said = one.answer("restore_gains", 15.0).message
+        assert "cannot be read" in said
+        assert f"it is kept as {journal}.damaged" in said
+        assert said.removeprefix("refused: ") in node.output()
+    assert journal.with_name("state.ramps.json.damaged").read_bytes() == b"garbage"

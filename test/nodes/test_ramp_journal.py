@@ -41,6 +41,9 @@ def test_what_is_damaged_is_said(tmp_path: Path, change: bytes) -> None:
         path.write_bytes(damaged)
         found = RampJournal(path)
         assert damaged == text or (len(found) == 0 and "cannot be read" in found.trouble)
+    # The next ramp does not replace the only record of the gains before.
+    found.begin(RAMP)
+    assert path.with_name("ramps.json.damaged").read_bytes() == damaged
 
 
 def test_what_cannot_be_noted_is_not_begun(tmp_path: Path) -> None:

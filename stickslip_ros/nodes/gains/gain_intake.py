@@ -41,7 +41,7 @@ class ControllerGains:
     node : has the clients. controller : fully qualified name of the controller's node.
     on_gains : called with a joint's name and its gains, in the controller's units, whenever they are read or change;
         with None once the controller is gone, or has been silent for long: gains are known as long as it lives.
-    joints : names of the joints, which may grow.
+    joints : names of the joints, which may grow. refuse : called with the reason why a value is refused.
 
     ``state`` has a sentence for diagnostics; ``waiting`` is whether it is a fault.
     """
@@ -52,8 +52,9 @@ class ControllerGains:
         controller: str,
         on_gains: Callable[[str, Gains | None], None],
         joints: Collection[str],
+        refuse: Callable[[str], None],
     ) -> None:
-        self._node = node
+        self._node, self._refuse_value = node, refuse
         self.name = controller
         self._on_gains = on_gains
         self._joints = joints
@@ -208,9 +209,7 @@ class ControllerGains:
         if math.isfinite(found):
             self._heard.set(joint, kind, found)
         elif value.type != ParameterType.PARAMETER_NOT_SET:
-            self._node.get_logger().warning(
-                f"gain {kind} of {joint} in {self.name} is not finite and less than {LARGEST:g}; ignored"
-            )
+            self._refuse_value(f"gain {kind} of {joint} in {self.name} is not finite and less than {LARGEST:g}")
 
     def _report(self, joint: str) -> None:
         gains = self._heard.of(joint)
@@ -245,7 +244,8 @@ class GainIntake:
             controller.forget()
             controller.close()
         self._controllers = [
-            ControllerGains(self._node, name, partial(self._on_controller, name), self._joints) for name in names
+            ControllerGains(self._node, name, partial(self._on_controller, name), self._joints, self._refuse)
+            for name in names
         ]
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -15,6 +16,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.nodes.state.plain_data import USER_ONLY, from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.state_file import set_aside
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1
@@ -61,7 +63,11 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         try:
             self._ramps = _read(path) if path is not None else {}
         except (OSError, ValueError, RecursionError) as error:
-            self.trouble = f"{path}, which tells of ramps of gains that were cut off, cannot be read: {error}"
+            self.trouble = f"{path}, the journal of ramps of gains that were cut off, cannot be read: {error}"
+            # The next ramp would replace the only record of the gains before.
+            if path is not None and path.is_file():
+                with suppress(OSError):
+                    self.trouble += f"; it is kept as {set_aside(path)}"
 
     def __getitem__(self, joint: str) -> UnfinishedRamp:
         return self._ramps[joint]

@@ -191,6 +191,8 @@ class Ramps:
     ) -> None:
         self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
         self._journal = RampJournal(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
+        if self._journal.trouble:
+            node.get_logger().warning(self._journal.trouble)
         self._service = RampService(node, {APPLY: self._to_the_advice, RESTORE: self._back})
         self._logged: set[str] = set()
 
@@ -304,7 +306,8 @@ class Ramps:
             else:
                 ramps.append(self._ramp(joint, unfinished))
         if not ramps:
-            raise RefusedError("; ".join(reasons) or "there is no ramp that was cut off, or made nothing better")
+            nothing = self._journal.trouble or "there is no ramp that was cut off, or made nothing better"
+            raise RefusedError("; ".join(reasons) or nothing)
         return ramps
 
     def _ramp(self, joint: WatchedJoint, back_to: UnfinishedRamp | None = None) -> GainApplication:

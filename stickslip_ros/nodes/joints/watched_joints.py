@@ -128,7 +128,10 @@ class WatchedJoint:
         if recommendation is None:
             return f"{self.name} has no advice: {assessment.margin_reason or 'it is being computed'}"
         if recommendation.keep:
-            return f"{self.name} already has the wanted reserve; if it sticks, the friction estimate is wrong"
+            return (
+                f"{self.name} already has the wanted reserve at {recommendation.velocity:.3g} rad/s; if it sticks "
+                "there, the friction estimate is wrong"
+            )
         if self.advised(assessment) is None:
             reason = assessment.recommended.reason if assessment.recommended else ""
             return f"{self.name}: " + (reason if assessment.gains_known else "its gains are not known")
