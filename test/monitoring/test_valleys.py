@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Issue 38: fits that ended before their minimum, or in a wrong one, and errors where the slopes at the fit do not hold.
+"""Issue 38: fits that ended before their minimum, or in a wrong one; errors where the slopes at the fit do not hold.
 
 Joints of the paper's law, drawn at random, whose fits left nothing over.
 """

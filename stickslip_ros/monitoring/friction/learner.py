@@ -3,8 +3,9 @@
 """Friction learnt while a joint runs: bounded in time and memory, watchful for changes.
 
 A study fits the kept slips and takes up to seconds. A study is due after four slips, then whenever there are twice
-as many slips, and may run in another process. Between two studies each new slip is compared with the estimate, in
-milliseconds: slips that differ from it show that the friction has changed.
+as many slips, or four times as many where no law explains them, and may run in another process. Between two studies
+each new slip is compared with the estimate, in milliseconds: slips that differ from it show that the friction has
+changed.
 """
 
 from __future__ import annotations
@@ -36,8 +37,10 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, stribeck_fraction, study
 
 _FIRST_STUDY = 4  # slips before the first study, 1
-_LATER_STUDIES = 2.0  # slips, of those at the last study: a study is due
-_LAST_STUDY = 1.2  # the same, where no more slips come
+# Slips beyond those at the last study at which the next one is due, of these, where no law explained them; else as
+# many as these. Studies take seconds where nothing fits, and more slips seldom help.
+_UNEXPLAINED = 3.0
+_LAST_STUDY = 1.2  # slips, of those at the last study, at which one is due where no more come
 _SHAPE_IS_KNOWN = 4  # slips studied, 1: from then on a study begins where the last one ended
 # Time between slips like the last one that are learnt from, s; slips then, 1: one shows the level of the next.
 _NOW_AND_THEN, _IN_A_ROW = 50.0, 5
@@ -145,9 +148,13 @@ class FrictionLearner:
         # An estimate that does not explain the slips it is of says nothing of another.
         if self._state is not None and self._state.explains and not self._state.estimate.normalised:
             self._compare(window)
-        # Once so many came, only slips unlike the last one are learnt from: they are counted from zero.
-        before = self._studied if self._studied < MOST_SLIPS else max(self._studied - MOST_SLIPS, _IN_A_ROW)
-        self._request_study(self._studied + min((_LATER_STUDIES - 1.0) * before, self.memory))
+        more: float = self._studied
+        if self._state is not None and not self._state.explains:
+            more *= _UNEXPLAINED
+        elif self._studied >= MOST_SLIPS:
+            # Once so many came, only slips unlike the last one are learnt from: they are counted from zero.
+            more = max(self._studied - MOST_SLIPS, _IN_A_ROW)
+        self._request_study(self._studied + min(more, self.memory))
 
     def finish(self) -> None:
         """No more slips come for now: what came since the last study is worth another.
