@@ -19,13 +19,21 @@ from numpy.linalg import LinAlgError
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
-from stickslip_ros.monitoring.friction.slip_solution import FIXED_STD, GOOD, LAST_ITERATIONS, NEARLY, Solution
+from stickslip_ros.monitoring.friction.slip_solution import (
+    FIXED_STD,
+    GOOD,
+    LAST_ITERATIONS,
+    NEARLY,
+    ROUGHLY,
+    Solution,
+)
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STRAIGHT = 0.1  # standard error of a logarithm, 1: with less the slopes hold
 _STEP, _FARTHEST = 2.0, 1.5  # distance at which a parameter is held, standard errors; of its logarithm, 1: at most
 _DEEPER = 0.5  # cost, 1: valleys that differ by less are one
 _FLAT = 0.25  # cost, 1: a profile that rises by less counts as one that rises by so much
+_ITERATIONS = 20  # iterations of a fit beside the solution, 1
 _VALLEYS = 4  # valleys that a fit is led through, 1: at most
 
 
@@ -49,7 +57,7 @@ def in_the_deepest_valley(solution: Solution) -> Solution:
         deepest = min(_sides(solution), key=lambda side: side.rise, default=None)
         if deepest is None or deepest.rise > -_DEEPER:
             break
-        fit = _fitted(solution, solution.prior, deepest.fit.parameters, deepest.fit, scored=True)
+        fit = _fitted(solution, solution.prior, deepest.fit.parameters, deepest.fit, last=True)
         if fit is None:
             break
         solution = replace(solution, fit=fit)
@@ -106,14 +114,15 @@ def _side(solution: Solution, middle: SlipFit, index: int, step: FloatArray) -> 
 
 
 def _fitted(
-    solution: Solution, prior: Prior, start: FloatArray, shape: SlipFit, *, scored: bool = False
+    solution: Solution, prior: Prior, start: FloatArray, shape: SlipFit, *, last: bool = False
 ) -> SlipFit | None:
     """Fit with the noise of a solution; None where nothing can be simulated at the start."""
     tolerances = Tolerances(balance=solution.balance_error, level=solution.link_error)
+    iterations, enough = (LAST_ITERATIONS, NEARLY) if last else (_ITERATIONS, ROUGHLY)
     try:
         return fit_slips(
             solution.problem, prior, tolerances, parameters=start, unknowns=shape.unknowns,
-            iterations=LAST_ITERATIONS, enough=NEARLY, scored=scored,
+            iterations=iterations, enough=enough, scored=last,
         )  # fmt: skip
     except LinAlgError:
         return None
