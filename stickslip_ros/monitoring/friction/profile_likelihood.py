@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -24,7 +25,6 @@ from stickslip_ros.monitoring.friction.slip_solution import (
     GOOD,
     LAST_ITERATIONS,
     NEARLY,
-    ROUGHLY,
     Solution,
 )
 from stickslip_ros.monitoring.samples import FloatArray
@@ -33,7 +33,6 @@ _STRAIGHT = 0.1  # standard error of a logarithm, 1: with less the slopes hold
 _STEP, _FARTHEST = 2.0, 1.5  # distance at which a parameter is held, standard errors; of its logarithm, 1: at most
 _DEEPER = 0.5  # cost, 1: valleys that differ by less are one
 _FLAT = 0.25  # cost, 1: a profile that rises by less counts as one that rises by so much
-_ITERATIONS = 20  # iterations of a fit beside the solution, 1
 _VALLEYS = 4  # valleys that a fit is led through, 1: at most
 
 
@@ -57,7 +56,7 @@ def in_the_deepest_valley(solution: Solution) -> Solution:
         deepest = min(_sides(solution), key=lambda side: side.rise, default=None)
         if deepest is None or deepest.rise > -_DEEPER:
             break
-        fit = _fitted(solution, solution.prior, deepest.fit.parameters, deepest.fit, last=True)
+        fit = _fitted(solution, solution.prior, deepest.fit.parameters, deepest.fit, scored=True)
         if fit is None:
             break
         solution = replace(solution, fit=fit)
@@ -82,19 +81,20 @@ def _move_by_an_error(covariance: FloatArray) -> tuple[int, FloatArray]:
     return index, covariance[:, index] / math.sqrt(covariance[index, index])
 
 
-def _sides(solution: Solution) -> list[_Side]:
+@lru_cache(maxsize=4)
+def _sides(solution: Solution) -> tuple[_Side, ...]:
     """Both sides of the least certain parameter, as far as they are in bounds; none where the slopes hold or no law
     fits.
     """
     index, move = _move_by_an_error(covariance_of(solution.fit.information, solution.prior))
     if solution.tolerance > 0.0 or not solution.mean_square < GOOD or not move[index] > _STRAIGHT:
-        return []
+        return ()
     middle = _fitted(solution, solution.prior, solution.fit.parameters, solution.fit)
     if middle is None:
-        return []
+        return ()
     farthest = min(_STEP, _FARTHEST / move[index]) * move[: len(middle.parameters)]
     sides = (_side(solution, middle, index, step) for step in (-farthest, farthest))
-    return [side for side in sides if side is not None]
+    return tuple(side for side in sides if side is not None)
 
 
 def _side(solution: Solution, middle: SlipFit, index: int, step: FloatArray) -> _Side | None:
@@ -114,15 +114,14 @@ def _side(solution: Solution, middle: SlipFit, index: int, step: FloatArray) -> 
 
 
 def _fitted(
-    solution: Solution, prior: Prior, start: FloatArray, shape: SlipFit, *, last: bool = False
+    solution: Solution, prior: Prior, start: FloatArray, shape: SlipFit, *, scored: bool = False
 ) -> SlipFit | None:
     """Fit with the noise of a solution; None where nothing can be simulated at the start."""
     tolerances = Tolerances(balance=solution.balance_error, level=solution.link_error)
-    iterations, enough = (LAST_ITERATIONS, NEARLY) if last else (_ITERATIONS, ROUGHLY)
     try:
         return fit_slips(
             solution.problem, prior, tolerances, parameters=start, unknowns=shape.unknowns,
-            iterations=iterations, enough=enough, scored=last,
+            iterations=LAST_ITERATIONS, enough=NEARLY, scored=scored,
         )  # fmt: skip
     except LinAlgError:
         return None

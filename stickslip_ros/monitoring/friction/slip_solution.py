@@ -56,7 +56,7 @@ _LEAST_SHARE = 1e-9  # level at a breakaway, of F_s∞: at least, as a fit may l
 WIDE = 3.0  # prior standard deviation of a logarithm that nothing is known of, 1
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """A fit of all slips.
 
