@@ -3,9 +3,8 @@
 """Friction learnt while a joint runs: bounded in time and memory, watchful for changes.
 
 A study fits the kept slips and takes up to seconds. A study is due after four slips, then whenever there are twice
-as many slips, or four times as many where no law explains them, and may run in another process. Between two studies
-each new slip is compared with the estimate, in milliseconds: slips that differ from it show that the friction has
-changed.
+as many slips, and may run in another process. Between two studies each new slip is compared with the estimate, in
+milliseconds: slips that differ from it show that the friction has changed.
 """
 
 from __future__ import annotations
@@ -37,9 +36,6 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, stribeck_fraction, study
 
 _FIRST_STUDY = 4  # slips before the first study, 1
-# Slips beyond those at the last study at which the next one is due, of these, where no law explained them; else as
-# many as these. Studies take seconds where nothing fits, and more slips seldom help.
-_UNEXPLAINED = 3.0
 _LAST_STUDY = 1.2  # slips, of those at the last study, at which one is due where no more come
 _SHAPE_IS_KNOWN = 4  # slips studied, 1: from then on a study begins where the last one ended
 # Time between slips like the last one that are learnt from, s; slips then, 1: one shows the level of the next.
@@ -148,12 +144,10 @@ class FrictionLearner:
         # An estimate that does not explain the slips it is of says nothing of another.
         if self._state is not None and self._state.explains and not self._state.estimate.normalised:
             self._compare(window)
-        more: float = self._studied
-        if self._state is not None and not self._state.explains:
-            more *= _UNEXPLAINED
-        elif self._studied >= MOST_SLIPS:
+        more = self._studied
+        if more >= MOST_SLIPS and self._state is not None and self._state.explains:
             # Once so many came, only slips unlike the last one are learnt from: they are counted from zero.
-            more = max(self._studied - MOST_SLIPS, _IN_A_ROW)
+            more = max(more - MOST_SLIPS, _IN_A_ROW)
         self._request_study(self._studied + min(more, self.memory))
 
     def finish(self) -> None:
