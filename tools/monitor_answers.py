@@ -28,7 +28,13 @@ from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, 
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
-from stickslip_ros.output.as_json import curvature_json, dry_friction_json, growth_json, recommendation_json
+from stickslip_ros.output.as_json import (
+    asymmetry_json,
+    curvature_json,
+    dry_friction_json,
+    growth_json,
+    recommendation_json,
+)
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 from tools.model_answers import KNOWN, SEED, Answer, plain, with_contact
@@ -110,6 +116,7 @@ def estimate_json(estimate: FrictionEstimate, position: float) -> Answer:
         "delay": None if late is None else [late.viscous, late.spread, late.left, late.std, late.longest],
         "growth": growth_json(estimate, position),
         "curvature": curvature_json(estimate.curvature),
+        "asymmetry": asymmetry_json(estimate.asymmetry),
         "dry": None if estimate.dry is None else dry_friction_json(estimate.dry),
     }
 

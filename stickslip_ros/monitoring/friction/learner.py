@@ -22,6 +22,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.drive import gains_in_slips
 from stickslip_ros.monitoring.friction._window_kernel import RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
+from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import best_known
 from stickslip_ros.monitoring.friction.fitted_law import of_law
@@ -249,7 +250,8 @@ class FrictionLearner:
             return
         if len(state.kinetic) == 1 and window.direction != state.last_window.direction:
             # Only a study of both directions tells the load from the Coulomb friction.
-            self._studied = 0
+            if sum(one.direction == window.direction for one in self._kept.windows) >= LEAST_OF_A_DIRECTION:
+                self._studied = 0
             return
         follows = follows_on(state.last_window, window)
         observed, model = window, state.model

@@ -33,6 +33,7 @@ _STRAIGHT = 0.1  # standard error of a logarithm, 1: with less the slopes hold
 _STEP, _FARTHEST = 2.0, 1.5  # distance at which a parameter is held, standard errors; of its logarithm, 1: at most
 _DEEPER = 0.5  # cost, 1: valleys that differ by less are one
 _FLAT = 0.25  # cost, 1: a profile that rises by less counts as one that rises by so much
+_ITERATIONS = 40  # iterations of a fit beside the solution, 1: at most
 _VALLEYS = 4  # valleys that a fit is led through, 1: at most
 
 
@@ -121,7 +122,7 @@ def _fitted(
     try:
         return fit_slips(
             solution.problem, prior, tolerances, parameters=start, unknowns=shape.unknowns,
-            iterations=LAST_ITERATIONS, enough=NEARLY, scored=scored,
+            iterations=LAST_ITERATIONS if scored else _ITERATIONS, enough=NEARLY, scored=scored,
         )  # fmt: skip
     except LinAlgError:
         return None
