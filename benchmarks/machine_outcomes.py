@@ -25,6 +25,7 @@ ALL_NAMES = (*NAMES, "load")
 _SURE = 0.05  # probability of being wrong
 _NEAR = (0.9, 1.1)  # of the damping: what changes between them is too near the boundary to ask
 _INTERVAL = 1.96  # standard errors
+_SHARPEST = 1e-4  # standard error of a logarithm in a score, 1: at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +81,13 @@ class Found:
         assert self.estimate is not None
         one = parameter_of(self.estimate, name)
         return abs(one.value - self.truth[name]) / one.std if one.std > 0 else 0.0
+
+    def log_score(self, name: str) -> float:
+        """Logarithm of the density that the estimate has for the logarithm of a true value > 0."""
+        assert self.estimate is not None
+        one, truth = parameter_of(self.estimate, name), self.truth[name]
+        spread = max(math.log1p(one.std / one.value), _SHARPEST)
+        return -0.5 * (math.log(one.value / truth) / spread) ** 2 - math.log(spread * math.sqrt(2.0 * math.pi))
 
     def error(self, name: str) -> float:
         """Relative error of a parameter with a truth and an estimate, signed."""

@@ -35,7 +35,13 @@ _WORST = 2  # conditions that are shown parameter by parameter
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """One condition's row; shares from 0 to 1, NaN where there is nothing to take them of."""
+    """One condition's row; shares from 0 to 1, NaN where there is nothing to take them of.
+
+    Attributes
+    ----------
+    deviation : median of the errors of all parameters, in standard errors: 0.67 where these are right.
+    score : mean logarithm of the density of the true values, but for friction and load of motion in one direction.
+    """
 
     condition: str
     joints: int
@@ -43,6 +49,8 @@ class Summary:
     error: float
     coverage: float
     intervals: int
+    deviation: float
+    score: float
     usable: float
     points: int
     sure: float
@@ -65,6 +73,9 @@ def summary(condition: str, found: list[Found]) -> Summary:
     known = [(one, name) for one in found for name in one.truth]
     identified = [(one, name) for one, name in known if one.identified(name)]
     claimed = identified + [(one, name) for one in found for name in one.untrue if one.identified(name)]
+    estimated = [(one, name) for one, name in known if one.estimate is not None and one.truth[name] > 0.0]
+    deviations = [one.deviation(name) for one, name in estimated]
+    scores = [one.log_score(name) for one, name in estimated if name not in ("coulomb", "load")]
     asked = [point for one in found for point in one.points]
     sure = [point for point in asked if point.sure]
     return Summary(
@@ -74,6 +85,8 @@ def summary(condition: str, found: list[Found]) -> Summary:
         error=float(np.median([abs(one.error(name)) for one, name in identified])) if identified else math.nan,
         coverage=_mean([one.holds(name) for one, name in claimed]),
         intervals=len(claimed),
+        deviation=float(np.median(deviations)) if deviations else math.nan,
+        score=float(np.mean(scores)) if scores else math.nan,
         usable=_mean([one.usable for one in found]),
         points=len(asked),
         sure=_mean([point.sure for point in asked]),
@@ -83,11 +96,13 @@ def summary(condition: str, found: list[Found]) -> Summary:
 
 
 def _print_summaries(rows: list[Summary]) -> None:
-    print(f"{'condition':16s} joints identified  error   interval holds  usable   verdicts: sure  right of sure  right")
+    estimates = f"{'condition':16s} joints identified  error   interval holds  errors/std  score  usable"
+    print(f"{estimates}   verdicts: sure  right of sure  right")
     for row in rows:
         print(
             f"{row.condition:16s} {row.joints:6d} {100 * row.identified:8.0f} % {100 * row.error:6.2f} % "
-            f"{100 * row.coverage:6.1f} % of {row.intervals:4d} {100 * row.usable:5.0f} % "
+            f"{100 * row.coverage:6.1f} % of {row.intervals:4d} {row.deviation:10.2f} {row.score:6.2f} "
+            f"{100 * row.usable:5.0f} % "
             f"{row.points:5d}: {100 * row.sure:5.1f} % {100 * row.right_of_sure:9.1f} % {100 * row.right:9.1f} %"
         )
 

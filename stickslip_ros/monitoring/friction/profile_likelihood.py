@@ -17,22 +17,17 @@ from functools import lru_cache
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.fit_errors import covariance_of
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit, Tolerances, fit_slips
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS
-from stickslip_ros.monitoring.friction.slip_solution import (
-    FIXED_STD,
-    GOOD,
-    LAST_ITERATIONS,
-    NEARLY,
-    Solution,
-)
+from stickslip_ros.monitoring.friction.slip_solution import FIXED_STD, GOOD, LAST_ITERATIONS, NEARLY, Solution
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STRAIGHT = 0.1  # standard error of a logarithm, 1: with less the slopes hold
 _STEP, _FARTHEST = 2.0, 1.5  # distance at which a parameter is held, standard errors; of its logarithm, 1: at most
 _DEEPER = 0.5  # cost, 1: valleys that differ by less are one
-_FLAT = 0.25  # cost, 1: a profile that rises by less counts as one that rises by so much
+_FLAT = 0.25  # cost, 1: a profile that rises by less counts as one that does
 _ITERATIONS = 40  # iterations of a fit beside the solution, 1: at most
 _VALLEYS = 4  # valleys that a fit is led through, 1: at most
 
@@ -70,8 +65,10 @@ def profile_covariance(solution: Solution) -> FloatArray:
     sides = _sides(solution)
     if not sides:
         return covariance
-    straight = _move_by_an_error(covariance)[1]
-    moves = [side.move / math.sqrt(max(side.rise, _FLAT)) for side in sides]
+    index, straight = _move_by_an_error(covariance)
+    # A steeper profile may be a fit that has not ended.
+    of_parabola = _reach(straight[index]) ** 2
+    moves = [side.move / math.sqrt(min(max(side.rise, _FLAT), of_parabola)) for side in sides]
     scatter = np.mean([np.outer(move, move) for move in moves], axis=0)
     return np.asarray(covariance - np.outer(straight, straight) + scatter)
 
@@ -79,7 +76,12 @@ def profile_covariance(solution: Solution) -> FloatArray:
 def _move_by_an_error(covariance: FloatArray) -> tuple[int, FloatArray]:
     """Index of the least certain parameter; how all move with it by its standard error, shape (p + k,)."""
     index = int(np.argmax(np.diag(covariance)[:PARAMETERS]))
-    return index, covariance[:, index] / math.sqrt(covariance[index, index])
+    return index, covariance[:, index] / math.sqrt(max(float(covariance[index, index]), TINY))
+
+
+def _reach(error: float) -> float:
+    """Distance at which a parameter of a standard error is held, in standard errors."""
+    return min(_STEP, _FARTHEST / error)
 
 
 @lru_cache(maxsize=4)
@@ -93,7 +95,7 @@ def _sides(solution: Solution) -> tuple[_Side, ...]:
     middle = _fitted(solution, solution.prior, solution.fit.parameters, solution.fit)
     if middle is None:
         return ()
-    farthest = min(_STEP, _FARTHEST / move[index]) * move[: len(middle.parameters)]
+    farthest = _reach(move[index]) * move[: len(middle.parameters)]
     sides = (_side(solution, middle, index, step) for step in (-farthest, farthest))
     return tuple(side for side in sides if side is not None)
 
