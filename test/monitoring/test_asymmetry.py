@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import nightly
 from machines import Machine, drawn, simulate
 from random_joints import cut_slips, later
 from two_speeds import monitor_of
@@ -46,7 +47,7 @@ def learnt(machine: Machine, speeds: tuple[float, ...]) -> tuple[Batch, JointMon
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("asymmetry", "larger"), [(0.2, "positive"), (-0.1, "negative")])
+@pytest.mark.parametrize(("asymmetry", "larger"), [(0.2, "positive"), nightly(-0.1, "negative")])
 def test_friction_by_direction_is_reported(puma: Joint, asymmetry: float, larger: str) -> None:
     """All parameters are those of the direction with more friction, and later slips are explained in both."""
     machine = replace(Machine.of(puma), stribeck_asymmetry=asymmetry)
@@ -84,6 +85,7 @@ def test_equal_friction_is_equal(puma: Joint) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_one_speed_is_enough(puma: Joint) -> None:
     """Slips and rests of one direction are longer, as where friction rises with the dwell: a rise time 2.5 times too
     long explained most of that.
