@@ -55,3 +55,13 @@ def test_errors_are_those_of_a_bent_valley() -> None:
     machine, estimate = learnt("base", 23)
     for name in PARAMETERS:
         assert off(machine, estimate, name) < 2.5, name
+
+
+def test_a_law_is_not_preferred_for_less_stribeck_friction() -> None:
+    """The balance of forces was weighed in units of each law's own level. The exponential law, with a third less of it,
+    was the only one left, with parameters ten errors off: in four of 18 joints that move to and fro.
+    """
+    machine, estimate = learnt("triangle", 104)
+    assert estimate.law == "hess_soom"
+    for name in PARAMETERS:
+        assert off(machine, estimate, name) < 2.5, name

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model._friction_law import LAWS
 from stickslip_ros.monitoring.friction._window_kernel import STRIBECK_VELOCITY
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
-from stickslip_ros.monitoring.friction.slip_fit import robust
+from stickslip_ros.monitoring.friction.slip_fit import SlipFit, robust
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import (
     FITS,
@@ -27,12 +27,12 @@ from stickslip_ros.monitoring.friction.slip_solution import (
     LEAST_LINK,
     Solution,
     fit_near,
+    scatter_of,
     truncated_fit,
-    usual_level,
 )
 from stickslip_ros.monitoring.samples import FloatArray
 
-_LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual level: no model is better
+_LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual force: no model is better
 # Twice the logarithm of a likelihood ratio, 1: above it a law or a term is clearly better. BIC asks for less than half
 # as much; but noise exceeds that now and then in many slips and repeated studies, and wider errors do less harm than a
 # false term.
@@ -181,14 +181,22 @@ def misfit_of(solution: Solution, nodes: NDArray[np.int64] | None = None) -> flo
     used = problem.noise.counted & shared
     share = int(shared.sum()) / max(int(used.sum()), 1)
     total = share * (robust(fit.residuals[used]) + 2.0 * float(np.log(problem.noise.errors[used]).sum()))
-    # Of what the slips show: F_s∞ may be anything where they all dwell as long, and must not weigh.
-    least = _LEAST_BALANCE * usual_level(fit)
+    # A floor that is the same for all fits of the slips: one of a fit's own level would prefer a law of less.
+    balance = fit.misfits[problem.noise.usable]
     for values, error in (
-        (fit.misfits[problem.noise.usable], max(solution.balance_error, least)),
+        (balance, max(scatter_of(balance), _LEAST_BALANCE * _usual_force(problem, fit))),
         (fit.link_misfits[problem.noise.linked], max(solution.link_error, LEAST_LINK)),
     ):
         total += robust(values / error) + 2.0 * len(values) * math.log(error)
     return total
+
+
+def _usual_force(problem: SlipProblem, fit: SlipFit) -> float:
+    """Half of what the force on the joint falls by in a usual slip [N·m]: about the level of its Stribeck friction."""
+    stiffness = float(np.median(problem.stiffness(fit.parameters)))
+    if stiffness > 0.0:
+        return 0.5 * stiffness * problem.data.usual_distance
+    return 0.5 * float(np.median([np.ptp(window.forces) for window in problem.data.windows]))
 
 
 def residuals_per_observation(solution: Solution) -> float:

@@ -228,7 +228,7 @@ def fit_loosely(problem: SlipProblem, prior: Prior, shape: SlipFit) -> Solution 
             used = problem.noise.counted
             tolerance = float(np.sqrt(np.mean((fit.residuals * problem.noise.errors)[used] ** 2)))
             balance = min(balance_error(problem, fit), level)
-            link = float(np.clip(_scatter(fit.link_misfits[problem.noise.linked]), LEAST_LINK, _LARGEST_LINK))
+            link = float(np.clip(scatter_of(fit.link_misfits[problem.noise.linked]), LEAST_LINK, _LARGEST_LINK))
     except LinAlgError:
         return None
     problem = problem.weighed(fit.velocities, tolerance=tolerance)
@@ -256,7 +256,7 @@ def usual_level(shape: SlipFit) -> float:
     return math.exp(float(np.median(shape.unknowns[:, LEVEL])))
 
 
-def _scatter(values: FloatArray) -> float:
+def scatter_of(values: FloatArray) -> float:
     """Standard deviation, robust; 0 of nothing."""
     return 1.48 * float(np.median(np.abs(values))) if len(values) else 0.0
 
@@ -270,7 +270,7 @@ def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
     )
     if freedom < 1:
         return 100.0 * least
-    return max(_scatter(used) * math.sqrt(len(used) / freedom), least)
+    return max(scatter_of(used) * math.sqrt(len(used) / freedom), least)
 
 
 def link_error(problem: SlipProblem, fit: SlipFit, balance: float) -> float:
@@ -279,7 +279,7 @@ def link_error(problem: SlipProblem, fit: SlipFit, balance: float) -> float:
     Friction that varies from slip to slip does so at rest as well; static friction may vary alone.
     """
     least = max(balance / math.exp(fit.parameters[STRIBECK]), TIGHT_LEVEL)
-    return min(max(_scatter(fit.link_misfits[problem.noise.linked & problem.noise.usable]), least), _LARGEST_LINK)
+    return min(max(scatter_of(fit.link_misfits[problem.noise.linked & problem.noise.usable]), least), _LARGEST_LINK)
 
 
 def _without_outliers(problem: SlipProblem, fit: SlipFit) -> SlipProblem:
