@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.monitoring.friction._window_kernel import HOLDING_FORCE, LEVEL, STRIBECK
+from stickslip_ros.monitoring.friction._window_kernel import STRIBECK
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, ScoredTerm
-from stickslip_ros.monitoring.friction.slip_problem import SlipProblem, SlipTerm, TermParameter, Variants
+from stickslip_ros.monitoring.friction.slip_problem import SlipProblem, TermParameter, Variants
+from stickslip_ros.monitoring.friction.trend import FrictionGrowth
 from stickslip_ros.monitoring.samples import FloatArray
 
 _STD = 0.1  # prior standard deviation of a, 1
@@ -24,7 +25,7 @@ _MOST = 0.9  # size of a, 1: at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class AsymmetricStribeck(SlipTerm):
+class AsymmetricStribeck(FrictionGrowth):
     """Stribeck friction of which there is more in one direction than in the other."""
 
     place = 4
@@ -34,21 +35,9 @@ class AsymmetricStribeck(SlipTerm):
         """The share a."""
         return {"asymmetry": TermParameter(std=_STD, lower=-_MOST, upper=_MOST)}
 
-    def apply(self, variants: Variants, problem: SlipProblem) -> None:
-        """Slips in positive direction begin with 1 + a times as much of it as by Eq. (6), the others with 1 - a."""
-        factor = _factors(variants, problem)
-        variants.levels = variants.levels * factor
-        variants.starts[:, :, LEVEL] *= factor
-
-    def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
-        """The difference is no part of the kinetic friction, which is what holds less the level by Eq. (6)."""
-        found[:, :, HOLDING_FORCE] -= (1.0 - 1.0 / _factors(variants, problem)) * variants.levels
-
-
-def _factors(variants: Variants, problem: SlipProblem) -> FloatArray:
-    """Of the Stribeck friction in each slip, shape (variants, slips)."""
-    share = variants.parameters[:, problem.column["asymmetry"], None]
-    return np.asarray(1.0 + share * problem.data.directions)
+    def share(self, variants: Variants, problem: SlipProblem) -> FloatArray:
+        """By a more in slips in positive direction, by a less in the others."""
+        return np.asarray(variants.parameters[:, problem.column["asymmetry"], None] * problem.data.directions)
 
 
 @dataclass(frozen=True, kw_only=True)

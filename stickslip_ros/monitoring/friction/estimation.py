@@ -39,7 +39,7 @@ from stickslip_ros.monitoring.friction.estimate import (
     LawAlternative,
     ParameterEstimate,
 )
-from stickslip_ros.monitoring.friction.fit_errors import covariance_of, robust_covariance
+from stickslip_ros.monitoring.friction.fit_errors import robust_covariance
 from stickslip_ros.monitoring.friction.fitted_law import FittedLaw, of_law
 from stickslip_ros.monitoring.friction.friction_factor import friction_factor_of, with_position_disturbance
 from stickslip_ros.monitoring.friction.kept_slips import KeptSlips
@@ -51,7 +51,7 @@ from stickslip_ros.monitoring.friction.late_controller import (
 )
 from stickslip_ros.monitoring.friction.laws import weighed_laws
 from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
-from stickslip_ros.monitoring.friction.profile_likelihood import profile_covariance
+from stickslip_ros.monitoring.friction.profile_likelihood import covariance_by_profile
 from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
@@ -260,10 +260,8 @@ def covariance_over_laws(fits: list[FittedLaw]) -> FloatArray:
 
 def _covariance(fitted: FittedLaw) -> FloatArray:
     """Of one law's parameters and kinetic friction, with what was not fitted, but may make something of them."""
-    solution = fitted.solution
-    covariance = robust_covariance(fitted.problem, solution.fit, solution.prior, fitted.late)
-    straight = covariance_of(solution.fit.information, solution.prior)
-    return np.asarray(covariance + profile_covariance(solution) - straight + fitted.by_optional_terms)
+    covariance = robust_covariance(fitted.problem, fitted.solution.fit, fitted.solution.prior, fitted.late)
+    return np.asarray(covariance + covariance_by_profile(fitted.solution) + fitted.by_optional_terms)
 
 
 def _off(first: FittedLaw, other: FittedLaw) -> FloatArray:

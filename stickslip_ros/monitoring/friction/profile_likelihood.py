@@ -59,18 +59,17 @@ def in_the_deepest_valley(solution: Solution) -> Solution:
     return solution
 
 
-def profile_covariance(solution: Solution) -> FloatArray:
-    """Covariance of least squares, along the least certain parameter as its profile has it; shape (p + k, p + k)."""
-    covariance = covariance_of(solution.fit.information, solution.prior)
+def covariance_by_profile(solution: Solution) -> FloatArray:
+    """Covariance that the profile of the least certain parameter adds to that of least squares, (p + k, p + k)."""
+    index, straight = _move_by_an_error(covariance_of(solution.fit.information, solution.prior))
     sides = _sides(solution)
     if not sides:
-        return covariance
-    index, straight = _move_by_an_error(covariance)
+        return np.zeros((len(straight), len(straight)))
     # A steeper profile may be a fit that has not ended.
     of_parabola = _reach(straight[index]) ** 2
     moves = [side.move / math.sqrt(min(max(side.rise, _FLAT), of_parabola)) for side in sides]
     scatter = np.mean([np.outer(move, move) for move in moves], axis=0)
-    return np.asarray(covariance - np.outer(straight, straight) + scatter)
+    return np.asarray(scatter - np.outer(straight, straight))
 
 
 def _move_by_an_error(covariance: FloatArray) -> tuple[int, FloatArray]:

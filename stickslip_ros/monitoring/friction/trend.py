@@ -40,7 +40,10 @@ class FrictionGrowth(SlipTerm):
 
     def correct(self, variants: Variants, problem: SlipProblem, positions: FloatArray, found: FloatArray) -> None:
         """What has grown is no part of the kinetic friction, which is what holds less the level by Eq. (6)."""
-        found[:, :, HOLDING_FORCE] -= self.share(variants, problem) * variants.levels
+        share = self.share(variants, problem)
+        found[:, :, HOLDING_FORCE] -= share * variants.levels
+        # A further growth is a share of what there is with this one.
+        variants.levels = variants.levels * (1.0 + share)
 
 
 @dataclass(frozen=True, kw_only=True)
