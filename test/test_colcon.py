@@ -127,7 +127,7 @@ def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: 
     try:
         with probe() as one:
             # In a new place it compiles first; it is heard meanwhile.
-            one.wait(lambda: "joint1" in one.diagnostics, 60.0, "joint1")
+            one.wait(lambda: "joint1" in one.diagnostics, "joint1")
         process.terminate()
         assert process.wait(10.0) == 0
     finally:

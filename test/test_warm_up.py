@@ -118,13 +118,13 @@ def test_two_started_where_not_all_is_compiled(ros_domain: int, cache: Path, tmp
         first = Monitor(cache, tmp_path / "first", "-p", "joints:=[a, b]", *reliable)
         second = Monitor(cache, tmp_path / "second", "-r", "__ns:=/second")
         try:
-            one.wait(lambda: one.states.get_subscription_count() > 0, 20.0, "it to listen")
-            one.wait(lambda: "second/stickslip_monitor" in one.diagnostics, 20.0, "the other one")
-            one.wait(lambda: "a" in one.diagnostics, 10.0, "a status of the joint")
+            one.wait(lambda: one.states.get_subscription_count() > 0, "it to listen")
+            one.wait(lambda: "second/stickslip_monitor" in one.diagnostics, "the other one")
+            one.wait(lambda: "a" in one.diagnostics, "a status of the joint")
             assert one.status("a") == "unknown"
             assert re.search(r"once after installation: \d+ s so far", one.diagnostics["a"][1])
             # Both wait for all of it, and one process compiles.
-            one.wait(lambda: compiling_detection(cache) > 0, 10.0, "one that compiles")
+            one.wait(lambda: compiling_detection(cache) > 0, "one that compiles")
             one.spin(2.0)
             assert compiling_detection(cache) <= 1
             play(one, "a", motion.time, motion.position, motion.reference_position, begin=_BEGIN)
@@ -133,12 +133,12 @@ def test_two_started_where_not_all_is_compiled(ros_domain: int, cache: Path, tmp
                 [*COMMAND, "watch", "--once", "--patience", "30", "--seconds", "2"],
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             )  # fmt: skip
-            one.wait(lambda: one.diagnostics["stickslip_monitor"][2]["compiling"] == "", 300.0, "it to be compiled")
+            one.wait(lambda: one.diagnostics["stickslip_monitor"][2]["compiling"] == "", "it to be compiled", 300.0)
             expected = expected_cycles(motion)
-            one.wait(lambda: len(breakaways(one)) >= len(expected), 20.0, f"{len(expected)} cycles")
+            one.wait(lambda: len(breakaways(one)) >= len(expected), f"{len(expected)} cycles")
             one.spin(1.0)
             assert np.allclose(breakaways(one), expected, atol=1e-6)
-            one.wait(refused.done, 15.0, "an answer")
+            one.wait(refused.done, "an answer")
             assert not refused.result().success
             assert "joint" in watch.communicate(timeout=60.0)[0]
             assert watch.returncode == 0

@@ -72,7 +72,7 @@ def played(one: Probe, path: Path, joint: str) -> list[str]:
         return not replay.running
 
     with NodeProcess("replay", {"recording": path, "time_factor": _FACTOR, "linger": 0.3}) as replay:
-        one.wait(over, 60.0, f"the end of {path.name}")
+        one.wait(over, f"the end of {path.name}")
         assert replay.wait(5.0) == 0, replay.output()
     return words
 
@@ -128,8 +128,8 @@ def played_in_time(
         (expected,) = analyze(path, options).joints.values()
         late, received = counted(one, "references too late [1]"), counted(one, "messages received [1]")
         words = played(one, path, expected.name)
-        one.wait(lambda name=expected.name: one.is_silent(name), 20.0, f"the end of {expected.name}")
-        one.wait(lambda: "stickslip_monitor" in one.diagnostics, 5.0, "the monitor's own status")
+        one.wait(lambda name=expected.name: one.is_silent(name), f"the end of {expected.name}")
+        one.wait(lambda: "stickslip_monitor" in one.diagnostics, "the monitor's own status")
         received = counted(one, "messages received [1]") - received
         in_time = counted(one, "references too late [1]") == late and one.silences[expected.name] == 1
         if in_time and received == expected.samples:
@@ -154,7 +154,6 @@ def test_random_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Pat
                 lambda expected=expected: (
                     sum(cycle["joint"] == expected.name for cycle in one.cycles) >= len(expected.cycles)
                 ),
-                5.0,
                 f"the cycles of {expected.name}",
             )
             check_cycles(one, expected)
@@ -190,7 +189,6 @@ def test_parameters_learnt_live_and_from_the_file(ros_domain: int, tmp_path: Pat
         assert estimate is not None
         one.wait(
             lambda: one.diagnostics[expected.name][2].get("slips learnt from [1]") == str(estimate.slips),
-            60.0,
             f"what {estimate.slips} slips teach",
         )
         check_cycles(one, expected)

@@ -34,20 +34,20 @@ def test_late_restarted_and_renamed(ros_domain: int) -> None:
     """Issue 5, item 3: late, restarted with other gains, renamed: said, and recovered from."""
     with NodeProcess("monitor", {**PUMA, "controller": "/simulated_joint"}) as monitor, probe() as one:
         one.wait_for_monitor()
-        one.wait(lambda: controller(one).startswith("waiting for /simulated_joint; there are /probe"), 5.0, "the wait")
+        one.wait(lambda: controller(one).startswith("waiting for /simulated_joint; there are /probe"), "the wait")
         assert one.diagnostics["stickslip_monitor"][0] == b"\x01"
         with NodeProcess("simulated_joint", {"rate": 250.0}):
-            one.wait(lambda: gains(one) == (630.0, 0.0), 15.0, "the late controller's gains")
-            one.wait(lambda: controller(one) == "following /simulated_joint", 5.0, "the status of that")
-            one.wait(lambda: one.diagnostics["stickslip_monitor"][0] == b"\x00", 5.0, "all well")
-        one.wait(lambda: "waiting" in controller(one), 15.0, "the loss to be noticed")
+            one.wait(lambda: gains(one) == (630.0, 0.0), "the late controller's gains")
+            one.wait(lambda: controller(one) == "following /simulated_joint", "the status of that")
+            one.wait(lambda: one.diagnostics["stickslip_monitor"][0] == b"\x00", "all well")
+        one.wait(lambda: "waiting" in controller(one), "the loss to be noticed")
         with NodeProcess("simulated_joint", SMOOTH):
-            one.wait(lambda: gains(one) == (9000.0, 200.0), 15.0, "the restarted controller's gains")
+            one.wait(lambda: gains(one) == (9000.0, 200.0), "the restarted controller's gains")
         # Under another name it is found again once the monitor is told; what is there is named meanwhile.
         with NodeProcess("simulated_joint", {}, {"__node": "arm_controller"}):
-            one.wait(lambda: "/arm_controller" in controller(one), 15.0, "the name of what is there")
+            one.wait(lambda: "/arm_controller" in controller(one), "the name of what is there")
             assert one.set_parameters("/stickslip_monitor", {"controller": "/arm_controller"}) == [""]
-            one.wait(lambda: gains(one) == (630.0, 0.0), 15.0, "the renamed controller's gains")
+            one.wait(lambda: gains(one) == (630.0, 0.0), "the renamed controller's gains")
         refused = one.set_parameters("/stickslip_monitor", {"controller": 5})[0]
         assert "'controller' must be the name of a node, or a list of names: 5" in refused
         assert monitor.running
@@ -61,12 +61,12 @@ def test_a_controller_that_answers_slowly_or_never(ros_domain: int) -> None:
         probe() as one,
     ):
         one.wait_for_monitor()
-        one.wait(lambda: gains(one) == (630.0, 0.0), 15.0, "the gains")
+        one.wait(lambda: gains(one) == (630.0, 0.0), "the gains")
         # Somebody sets a gain, over which the controller hangs for twelve seconds, its services there all the while.
         client = one.node.create_client(ListParameters, "/simulated_joint/list_parameters")
         with pytest.raises(AssertionError, match="the answer of"):
-            one.set_parameters("/simulated_joint", {"gains.joint1.p": 800.0})
-        one.wait(lambda: "has not answered for" in controller(one), 10.0, "the silence to be noticed")
+            one.set_parameters("/simulated_joint", {"gains.joint1.p": 800.0}, limit=5.0)
+        one.wait(lambda: "has not answered for" in controller(one), "the silence to be noticed")
         assert client.service_is_ready()
         heard = len(one.margin_times)
         until = time.monotonic() + 1.0
@@ -75,8 +75,8 @@ def test_a_controller_that_answers_slowly_or_never(ros_domain: int) -> None:
             one.publish(["joint1"], time.time(), position=[0.0])
             one.spin(0.02)
         assert len(one.margin_times) - heard >= 7  # it publishes ten times a second all the same
-        one.wait(lambda: gains(one) == (800.0, 0.0), 20.0, "the gains after the silence")
-        one.wait(lambda: controller(one) == "following /simulated_joint", 10.0, "the end of the silence")
+        one.wait(lambda: gains(one) == (800.0, 0.0), "the gains after the silence")
+        one.wait(lambda: controller(one) == "following /simulated_joint", "the end of the silence")
         assert joint.running
 
 
@@ -97,16 +97,16 @@ def test_several_controllers_and_other_units(ros_domain: int) -> None:
         probe() as one,
     ):
         one.wait_for_monitor()
-        one.wait(lambda: gains(one, "a") == (630.0, 0.0), 15.0, "the left gains")
-        one.wait(lambda: gains(one, "b") == pytest.approx((630.0, 0.0)), 15.0, "the right gains, in SI units")
+        one.wait(lambda: gains(one, "a") == (630.0, 0.0), "the left gains")
+        one.wait(lambda: gains(one, "b") == pytest.approx((630.0, 0.0)), "the right gains, in SI units")
         assert controller(one) == "following /left; following /right"
         # Joint b moves as joint a does: the same advice, in amperes.
         for index in range(200):
             at = 100.0 + 0.01 * index
             one.publish(["b"], at, position=[0.0058 * 0.01 * index], velocity=[0.0058], effort=[9.0 / scale])
-            one.wait(lambda: True, 1.0, "")
+            one.wait(lambda: True, "")
             time.sleep(0.002)
-        one.wait(lambda: "recommended stiffness [N*m/rad]" in one.diagnostics["b"][2], 20.0, "advice for b")
+        one.wait(lambda: "recommended stiffness [N*m/rad]" in one.diagnostics["b"][2], "advice for b")
         keys = one.diagnostics["b"][2]
         advised = one.get_parameters("/stickslip_monitor", ["recommended.b.p", "recommended.b.d"])
         assert advised[0] * scale == pytest.approx(float(keys["recommended stiffness [N*m/rad]"]))
@@ -114,7 +114,7 @@ def test_several_controllers_and_other_units(ros_domain: int) -> None:
         assert advised[0] <= 60.0
         # A change of the scale changes what the gains mean.
         assert one.set_parameters("/stickslip_monitor", {"gain_scale.b": 2 * scale}) == [""]
-        one.wait(lambda: gains(one, "b") == pytest.approx((1260.0, 0.0)), 5.0, "the new meaning")
+        one.wait(lambda: gains(one, "b") == pytest.approx((1260.0, 0.0)), "the new meaning")
         assert "must be finite and > 0" in one.set_parameters("/stickslip_monitor", {"gain_scale.b": 0.0})[0]
 
 
@@ -127,8 +127,8 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
     ):
         one.wait_for_monitor()
         names = ["recommended.joint1.p", "recommended.joint1.d"]
-        one.wait(lambda: one.recommended is not None, 20.0, "advice")
-        one.wait(lambda: math.isfinite(one.get_parameters("/stickslip_monitor", names)[0]), 10.0, "the parameters")
+        one.wait(lambda: one.recommended is not None, "advice")
+        one.wait(lambda: math.isfinite(one.get_parameters("/stickslip_monitor", names)[0]), "the parameters")
         steady = one.get_parameters("/stickslip_monitor", names)
         for descriptor, unit, least in zip(
             one.describe("/stickslip_monitor", names), ("N*m/rad", "N*m*s/rad"), "00", strict=True
@@ -140,9 +140,7 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
         assert one.set_parameters("/stickslip_monitor", {"limits.joint1.p_max": 9000.0}) == [""]
         assert "to 9000" in one.describe("/stickslip_monitor", names)[0].description
 
-        one.wait(
-            lambda: "advice, least change" in one.diagnostics["joint1"][2], 10.0, "the advice within the new limit"
-        )
+        one.wait(lambda: "advice, least change" in one.diagnostics["joint1"][2], "the advice within the new limit")
         keys = one.diagnostics["joint1"][2]
         assert keys["advice, least change"] == keys["recommendation"]
         assert keys["advice, damping only"].startswith("raise the damping")
@@ -153,23 +151,19 @@ def test_the_advice_as_parameters(ros_domain: int) -> None:
         assert float(keys["reserve elasticity to stribeck [1]"]) < 0
 
         assert one.set_parameters("/stickslip_monitor", {"variant": "damping_only"}) == [""]
-        one.wait(lambda: one.get_parameters("/stickslip_monitor", names)[0] == 630.0, 10.0, "the other variant")
+        one.wait(lambda: one.get_parameters("/stickslip_monitor", names)[0] == 630.0, "the other variant")
         assert keys["recommendation is by"] == "exact"
         papers = {"condition": "paper", "steady_sliding": False, "variant": "least_change"}
         assert one.set_parameters("/stickslip_monitor", papers) == ["", "", ""]
-        one.wait(
-            lambda: one.diagnostics["joint1"][2].get("recommendation is by") == "paper", 30.0, "the paper's condition"
-        )
+        one.wait(lambda: one.diagnostics["joint1"][2].get("recommendation is by") == "paper", "the paper's condition")
         # Eq. (43) asks for other gains than the integration.
-        one.wait(
-            lambda: abs(one.get_parameters("/stickslip_monitor", names)[1] / steady[1] - 1.0) > 0.1, 10.0, "its gains"
-        )
+        one.wait(lambda: abs(one.get_parameters("/stickslip_monitor", names)[1] / steady[1] - 1.0) > 0.1, "its gains")
         assert "one of paper, exact" in one.set_parameters("/stickslip_monitor", {"condition": "guess"})[0]
         assert "one of least_change" in one.set_parameters("/stickslip_monitor", {"variant": "none"})[0]
 
         assert one.set_parameters("/stickslip_monitor", {"trial.joint1.p": 6000.0, "trial.joint1.d": 50.0}) == ["", ""]
-        one.wait(lambda: one.margins["joint1"]["trial_energy_margin"] > 0, 10.0, "the margin on trial")
-        one.wait(lambda: one.margins["joint1"]["trial_exact_smooth"] == 1.0, 10.0, "the exact verdict on trial")
+        one.wait(lambda: one.margins["joint1"]["trial_energy_margin"] > 0, "the margin on trial")
+        one.wait(lambda: one.margins["joint1"]["trial_exact_smooth"] == 1.0, "the exact verdict on trial")
         row = one.margins["joint1"]
         assert row["energy_margin"] < 0
         assert row["trial_damping_ratio"] > row["trial_critical_damping_ratio"]
@@ -191,9 +185,9 @@ def test_the_configuration_names_every_parameter(ros_domain: int) -> None:
     with NodeProcess("monitor", {}, params_file=path), probe() as one:
         one.wait_for_monitor()
         client = one.node.create_client(ListParameters, "/stickslip_monitor/list_parameters")
-        one.known(client, 10.0, "the parameter services")
+        one.known(client, "the parameter services")
         future = client.call_async(ListParameters.Request())
-        one.wait(future.done, 10.0, "the names")
+        one.wait(future.done, "the names")
         rcl = ("use_sim_time", "start_type_description_service", "qos_overrides.")
         declared = {name for name in future.result().result.names if not name.startswith(rcl)}
         assert flat(written) == {name for name in declared if not name.startswith("recommended.")}

@@ -27,10 +27,10 @@ def test_a_loop_closed_by_another_node(ros_domain: int) -> None:
         probe() as one,
     ):
         one.wait_for_monitor()
-        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 20.0, "the controller's gains")
-        one.wait(lambda: one.status("joint1") == "stick_slip", 30.0, "stick-slip")
+        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, "the controller's gains")
+        one.wait(lambda: one.status("joint1") == "stick_slip", "stick-slip")
         assert one.set_parameters("/effort_controller", {"gains.joint1.p": 1500.0, "gains.joint1.d": 150.0}) == ["", ""]
-        one.wait(lambda: one.status("joint1") == "smooth", 30.0, "smooth motion")
+        one.wait(lambda: one.status("joint1") == "smooth", "smooth motion")
 
 
 def test_efforts_move_the_joint_only_as_long_as_they_come(ros_domain: int) -> None:
@@ -39,7 +39,7 @@ def test_efforts_move_the_joint_only_as_long_as_they_come(ros_domain: int) -> No
     with NodeProcess("simulated_joint", DRIVE), probe() as one:
         one.node.create_subscription(JointState, "joint_states", seen.append, 100)
         efforts = one.node.create_publisher(JointState, "joint_commands", 1)
-        one.wait(lambda: len(seen) > 100, 60.0, "the joint's states")
+        one.wait(lambda: len(seen) > 100, "the joint's states")
 
         def push(effort: float, seconds: float) -> None:
             # Until it has arrived too, which takes as long as the nodes need to find each other.
@@ -53,8 +53,8 @@ def test_efforts_move_the_joint_only_as_long_as_they_come(ros_domain: int) -> No
         assert seen[-1].position[0] == 0.0
         assert seen[-1].effort[0] == pytest.approx(BREAKAWAY - 0.5)
         push(BREAKAWAY + 0.5, 1.0)
-        one.wait(lambda: seen[-1].position[0] > 1e-3, 10.0, "motion")
-        one.wait(lambda: seen[-1].effort[0] == 0.0 and seen[-1].velocity[0] == 0.0, 10.0, "rest")
+        one.wait(lambda: seen[-1].position[0] > 1e-3, "motion")
+        one.wait(lambda: seen[-1].effort[0] == 0.0 and seen[-1].velocity[0] == 0.0, "rest")
         # It has no controller of its own, and says so.
         names = [name for name, _ in one.node.get_publisher_names_and_types_by_node("simulated_joint", "/")]
         assert "/joint_states" in names

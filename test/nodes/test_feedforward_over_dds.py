@@ -77,7 +77,7 @@ def test_from_off_to_on_to_off(ros_domain: int) -> None:
     with NodeProcess("simulated_joint", TO_AND_FRO), NodeProcess("monitor", KNOWN), probe() as one:
         one.wait_for_monitor()
         torques, errors = Torques(one), Errors(one)
-        one.wait(lambda: "reversal standing [s]" in one.diagnostics["joint1"][2], 20.0, "a reversal to be measured")
+        one.wait(lambda: "reversal standing [s]" in one.diagnostics["joint1"][2], "a reversal to be measured")
         before = errors.mean(5.0)
         assert not torques.heard
         (refused,) = one.set_parameters("/stickslip_monitor", {"feedforward.joint1.share": 1.0})
@@ -85,7 +85,7 @@ def test_from_off_to_on_to_off(ros_domain: int) -> None:
         assert one.set_parameters("/stickslip_monitor", {"feedforward.joint1.largest": 2.0}) == [""]
         assert one.set_parameters("/stickslip_monitor", {"feedforward.joint1.share": 0.9}) == [""]
         for largest in (2.0, -2.0):
-            one.wait(lambda: [torque for _, torque in torques.heard[-1:]] == [largest], 20.0, "it both ways")  # noqa: B023
+            one.wait(lambda: [torque for _, torque in torques.heard[-1:]] == [largest], "it both ways")  # noqa: B023
         assert max(abs(torque) for _, torque in torques.heard) == pytest.approx(2.0)
         assert one.set_parameters("/stickslip_monitor", {"feedforward.joint1.largest": 20.0}) == [""]
         after = errors.mean(5.0)
@@ -94,7 +94,7 @@ def test_from_off_to_on_to_off(ros_domain: int) -> None:
         assert one.set_parameters("/stickslip_monitor", {"feedforward.joint1.share": 0.0}) == [""]
         # By the stamps: on a busy machine what was published before is heard late.
         since = time.time()
-        one.wait(lambda: torques.heard[-1][1] == 0.0, 10.0, "the torque to be switched off")
+        one.wait(lambda: torques.heard[-1][1] == 0.0, "the torque to be switched off")
         one.spin(0.5)
         assert not [torque for stamp, torque in torques.heard if stamp > since and torque]
 
@@ -109,7 +109,7 @@ def test_silent_references_and_unknown_friction(ros_domain: int) -> None:
             publish_reference(one, 0.02)
             one.spin(0.02)
         assert max(torque for _, torque in torques.heard) > 8.0
-        one.wait(lambda: {torque for _, torque in torques.heard[-5:]} == {0.0}, 10.0, "no torque")
+        one.wait(lambda: {torque for _, torque in torques.heard[-5:]} == {0.0}, "no torque")
     with NodeProcess("monitor", {"joints": "[joint1]", **told}), probe() as one:
         one.wait_for_monitor()
         torques = Torques(one)

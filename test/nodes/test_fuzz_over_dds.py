@@ -136,8 +136,8 @@ def patient() -> Iterator[Patient]:
         kinds = {"joint_states": JointState, "joint_references": JointState, "pd_gains": Float64MultiArray}
         publishers = {topic: one.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
         publishers["/parameter_events"] = one.node.create_publisher(ParameterEvent, "/parameter_events", qos)
-        one.wait(lambda: all(p.get_subscription_count() > 0 for p in publishers.values()), 20.0, "the listeners")
-        one.wait_for_publishers(2, 20.0)
+        one.wait(lambda: all(p.get_subscription_count() > 0 for p in publishers.values()), "the listeners")
+        one.wait_for_publishers(2)
         times, positions = staircase(60 * int(RATE), rate=RATE)
         yield Patient(one, monitor, publishers, zip((100.0 + np.array(times)).tolist(), positions, strict=True))
 
@@ -152,10 +152,10 @@ def check(sick: Patient) -> None:
     def heard() -> list[float]:
         return [float(cycle["breakaway [s]"]) for cycle in sick.one.cycles if cycle["joint"] == HEALTHY]
 
-    sick.one.wait(lambda: len(heard()) >= len(expected), 60.0, f"{len(expected)} cycles")
+    sick.one.wait(lambda: len(heard()) >= len(expected), f"{len(expected)} cycles")
     assert heard()[: len(expected)] == pytest.approx([cycle.breakaway for cycle in expected], abs=1e-6)
     # A cycle is told in a message of its own, before the status that follows from it.
-    sick.one.wait(lambda: sick.one.status(HEALTHY) == alone.finding().status.value, 10.0, "the status")
+    sick.one.wait(lambda: sick.one.status(HEALTHY) == alone.finding().status.value, "the status")
     assert alone.finding().status is Status.STICK_SLIP
     assert sick.monitor.running, sick.monitor.output()
     assert "Traceback" not in sick.monitor.output()
@@ -212,7 +212,7 @@ def test_random_parameters(ros_domain: int) -> None:
     value = st.one_of(numbers, st.integers(-(2**62), 2**62), st.booleans(), st.text(max_size=5), st.just(["a"]), few)
     with patient() as sick:
         sick.one.publish(["a", "b"], 100.0, position=[0.0, 0.0])
-        sick.one.wait(lambda: "b" in sick.one.diagnostics, 10.0, "the other joints")
+        sick.one.wait(lambda: "b" in sick.one.diagnostics, "the other joints")
 
         @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
         @given(st.dictionaries(name, value.filter(lambda found: found != []), min_size=1, max_size=3))

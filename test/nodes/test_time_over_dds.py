@@ -48,8 +48,8 @@ def one(monitor: NodeProcess) -> Iterator[Probe]:
 def another_publisher(one: Probe) -> Publisher:
     """Another one of joint states."""
     other = one.node.create_publisher(JointState, "joint_states", QoSProfile(depth=5000))
-    one.wait(lambda: other.get_subscription_count() > 0, 10.0, "the listener")
-    one.wait_for_publishers(2, 10.0)
+    one.wait(lambda: other.get_subscription_count() > 0, "the listener")
+    one.wait_for_publishers(2)
     return other
 
 
@@ -60,7 +60,7 @@ def cycles(one: Probe, joint: str = "joint1") -> list[float]:
 
 def wait_for_stairs(one: Probe, count: int, joint: str = "joint1") -> None:
     """So many cycles, and stick-slip."""
-    one.wait(lambda: len(cycles(one, joint)) >= count and one.status(joint) == "stick_slip", 10.0, f"{count} cycles")
+    one.wait(lambda: len(cycles(one, joint)) >= count and one.status(joint) == "stick_slip", f"{count} cycles")
 
 
 def test_a_bag_that_loops(one: Probe) -> None:
@@ -69,7 +69,7 @@ def test_a_bag_that_loops(one: Probe) -> None:
     for _ in range(3):
         play(one, "joint1", *staircase(2000), begin=100.0)
     # The last step of a loop ends where the samples do; the silence after the last loop makes it known.
-    one.wait(lambda: one.diagnostics["joint1"][0] == STALE, 10.0, "silence")
+    one.wait(lambda: one.diagnostics["joint1"][0] == STALE, "silence")
     one.spin(0.3)
     found = cycles(one)
     first = sorted({round(begin, 6) for begin in found})
@@ -86,7 +86,7 @@ def test_simulated_time_that_pauses_and_loops(one: Probe) -> None:
     clock = one.node.create_publisher(Clock, "/clock", 10)
     stamps = one.stamps
     stamps.clear()
-    one.wait(lambda: clock.get_subscription_count() > 0, 10.0, "the listener to the clock")
+    one.wait(lambda: clock.get_subscription_count() > 0, "the listener to the clock")
 
     def run(begin: float) -> None:
         # In the first tenth of a second of a loop the clock is still that of the loop before.
@@ -98,15 +98,15 @@ def test_simulated_time_that_pauses_and_loops(one: Probe) -> None:
 
     run(50.0)
     wait_for_stairs(one, 5)
-    one.wait(lambda: bool(stamps) and abs(stamps[-1] - 57.0) < 0.2, 5.0, "statuses stamped by the clock")
+    one.wait(lambda: bool(stamps) and abs(stamps[-1] - 57.0) < 0.2, "statuses stamped by the clock")
     # The simulation pauses: statuses go on, with the time at which it stands.
     stamps.clear()
-    one.wait(lambda: one.diagnostics["joint1"][0] == STALE and len(stamps) > 5, 5.0, "silence")
+    one.wait(lambda: one.diagnostics["joint1"][0] == STALE and len(stamps) > 5, "silence")
     assert max(stamps) - min(stamps) < 0.2
     before = len(cycles(one))
     run(50.0)
     wait_for_stairs(one, before + 5)
-    one.wait(lambda: abs(stamps[-1] - 57.0) < 0.2, 5.0, "statuses stamped by the clock of the second loop")
+    one.wait(lambda: abs(stamps[-1] - 57.0) < 0.2, "statuses stamped by the clock of the second loop")
     assert "refused" not in " ".join(one.diagnostics[OWN][2])
 
 
@@ -133,7 +133,7 @@ def test_a_clock_that_steps_under_the_references_too(one: Probe) -> None:
     for begin, start in ((100.0, 0.0), (107.6, 0.08), (115.2, 0.16)):
         smooth = [1e-5 * round((start + 0.01 * at) / 1e-5) for at in times]
         play(one, "joint1", times, smooth, [start + 0.01 * at for at in times], begin=begin)
-    one.wait(lambda: one.status("joint1") == "smooth", 10.0, "smooth motion")
+    one.wait(lambda: one.status("joint1") == "smooth", "smooth motion")
     assert cycles(one) == []
 
 
@@ -171,12 +171,12 @@ def test_silence_and_a_simulation_without_a_clock(ros_domain: int) -> None:
         def own() -> tuple[bytes, str]:
             return one.diagnostics.get(OWN, (b"", "", {}))[:2]
 
-        one.wait(lambda: silence in own()[1] and clock in own()[1], 180.0, "both")
+        one.wait(lambda: silence in own()[1] and clock in own()[1], "both")
         assert own()[0] == b"\x01"
         one.spin(1.5)
         assert monitor.output().count(silence) == monitor.output().count(clock) == 1
         states = one.node.create_publisher(JointState, "/arm/states", QoSProfile(depth=100))
-        one.wait(lambda: states.get_subscription_count() > 0, 10.0, "the listener")
+        one.wait(lambda: states.get_subscription_count() > 0, "the listener")
         positions = staircase(20000)[1]
         start = time.monotonic()
         while len(cycles(one)) < 3 and (index := int(200 * (time.monotonic() - start))) < len(positions):
@@ -206,7 +206,7 @@ def test_two_publishers_of_different_joints(one: Probe) -> None:
         return int(one.diagnostics[OWN][2]["messages received [1]"])
 
     # A busy machine loses a few on the way. None that came is called lost.
-    one.wait(lambda: received() >= 3168, 10.0, "every message")
+    one.wait(lambda: received() >= 3168, "every message")
     one.spin(1.0)
     assert one.diagnostics[OWN][2]["publishers of joint_states [1]"] == "2"
     assert int(one.diagnostics[OWN][2]["messages lost [1]"]) <= 3200 - received()
@@ -216,7 +216,7 @@ def test_two_publishers_of_one_joint(one: Probe) -> None:
     """Issue 7: what two say at once is no motion: it is said, and followed again once one of them is gone."""
     rival = Node("rival")
     other = rival.create_publisher(JointState, "joint_states", QoSProfile(depth=5000))
-    one.wait_for_publishers(2, 10.0)
+    one.wait_for_publishers(2)
     for index in range(900):
         at = 100.0 + index / 200.0
         one.publish(["joint1", "joint2"], at, position=[0.001 * index, 0.0])
@@ -227,7 +227,7 @@ def test_two_publishers_of_one_joint(one: Probe) -> None:
     # Issue 34, item 14: both are named, and the log has it too.
     contest = "joint1: published by several nodes at once (/probe, /rival); remap all but one of them"
     assert one.diagnostics["joint1"][1] in contest
-    one.wait(lambda: contest in one.log(), 5.0, "the log")
+    one.wait(lambda: contest in one.log(), "the log")
     assert one.diagnostics["joint1"][0] == b"\x01"
     assert "several nodes" not in one.diagnostics["joint2"][1]
     rival.destroy_node()
