@@ -71,8 +71,8 @@ def measure(
 ):  # fmt: skip
     """Fill the residuals of observations, balance of forces and levels, and ``ties``; returns their robust sum.
 
-    ``before`` has arrest and share of F_s∞ left of the slip before the first. A slip that does not end in its window is
-    taken to end with it, in ``found``. The sum has the detected rests and breakaways too, but no prior.
+    ``before`` has arrest and share of F_s∞ left of the slip before the first. A slip that does not end is
+    taken to end with its window, in ``found``. The sum has the detected rests and breakaways too, but no prior.
     """
     cost = 0.0
     for m in range(observed.shape[0]):
@@ -159,9 +159,9 @@ def fill_slopes(
             terms[variants + 1, m] = residuals[m]
         error = slips[n, LEVEL_ERROR]
         if active[STRIBECK]:
-            by_shared[1, n, STRIBECK] = -ties[n, BY_STRIBECK] / error
+            by_shared[1, n, STRIBECK] -= ties[n, BY_STRIBECK] / error
         if active[RISE_TIME]:
-            by_shared[1, n, RISE_TIME] = -ties[n, BY_RISE_TIME] / error
+            by_shared[1, n, RISE_TIME] -= ties[n, BY_RISE_TIME] / error
         for k in range(balance.shape[1]):
             by_shared[0, n, active.shape[0] + k] = -balance[n, k] * slips[n, BALANCE_WEIGHT]
         by_own[0, n, POSITION] = -slips[n, DIRECTION] * stiffness[n] * slips[n, BALANCE_WEIGHT]

@@ -41,9 +41,9 @@ INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
 # Columns of a slip's start.
 POSITION, BREAKAWAY, LEVEL = range(3)
 # Columns of what is found of a slip: the force on the joint at breakaway in the slip's direction, when and where
-# it ends, and the factor by which the Stribeck friction is less there than at breakaway.
-HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION = range(4)
-FOUND_COLUMNS = STRIBECK_FRACTION + 1
+# it ends, the factor by which the Stribeck friction is less there than at breakaway, and whether it went on after a stop.
+HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION, WENT_ON = range(5)
+FOUND_COLUMNS = WENT_ON + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
 # Columns of a variant's steps: the longest one, the longest where the joint hardly moves, and by how much a step may be
 # longer for each Stribeck velocity that the joint had one lag ago.
@@ -51,6 +51,8 @@ COARSE, FINE, GROWTH = range(3)
 
 _MOST_SLIPS = 64  # slips in a window, 1: with more, ever shorter ones, the joint rests as far as can be seen
 _MOST_STEPS = 1e5  # steps of a window, 1: at most
+# Time beyond its window in which a slip may end, of the time in the window, 1: encoders do not show its last part.
+_BEYOND = 0.5
 _ABSURD = 1e50  # way, rad: no further motion is followed
 _MOST_SWEEPS = 16  # fixed-point iterations of a step's friction, 1
 _NO_STEP = 1e-9  # lag, of a step: a shorter one takes no step of its own
@@ -144,7 +146,7 @@ def _slide(
     ``drag`` goes with the square of the velocity. ``filled``, ``matrices`` and ``weights`` are of steps halved so many
     times, the first of the steps until one lag after breakaway.
 
-    Fills the nodes that it passes.
+    Fills the nodes that it passes. After the last one the force goes on as between the last two.
 
     Returns the time of its arrest, infinite if it goes on, where that is, Ψ then, the last node before it, and how many
     steps it took.
@@ -158,7 +160,8 @@ def _slide(
     acceleration = (surplus - (plant[VISCOUS] + drag * creep) * creep) / plant[INERTIA]
     cursor, past = node, 0
     index, elapsed = 0, 0.0
-    while node < last and index < spans.shape[0] and abs(way) < _ABSURD:
+    longest = (1.0 + _BEYOND) * (times[last] - begin)
+    while elapsed < longest and index < spans.shape[0] and abs(way) < _ABSURD:
         if index < before_fall:
             size, which = lag / before_fall, 0
         else:
@@ -253,7 +256,7 @@ def _slide(
             positions[node] = rest + direction * (way + s * (one + s * (two + s * (three + s * (four + s * five)))))
             pace = one + s * (2.0 * two + s * (3.0 * three + s * (4.0 * four + s * 5.0 * five)))
             velocities[node] = signed * pace
-        if arrest <= 1.0 and node < last:
+        if arrest <= 1.0:
             s = arrest
             way += s * (one + s * (two + s * (three + s * (four + s * five))))
             before = elapsed + arrest * size - lag
@@ -300,7 +303,7 @@ def simulate_windows(
             if smallest > steps[variant, FINE]:
                 smallest *= 0.5
         for n in range(directions.shape[0]):
-            needed = (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest
+            needed = (1.0 + _BEYOND) * (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest
             if room < needed < _MOST_STEPS:
                 room = needed
     spans, polynomials = np.empty((int(room) + 3, 2)), np.empty((int(room) + 3, POINTS))
@@ -342,6 +345,7 @@ def simulate_windows(
             kinetic = held - level
             found[variant, n, HOLDING_FORCE] = held
             found[variant, n, ARREST] = math.nan
+            found[variant, n, WENT_ON] = 0.0
             for i in range(first, node + 1):
                 positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * drive), 0.0
             level_now, surplus = level, surpluses[n] + damped
@@ -358,6 +362,8 @@ def simulate_windows(
                 level_now *= shape
                 found[variant, n, ARREST], found[variant, n, ARREST_POSITION] = arrest, rest
                 found[variant, n, STRIBECK_FRACTION] = level_now / level
+                if node == last:
+                    break
                 before, stopped = node, direction * _at(arrest, node, times, drive_at)
                 holding = kinetic + direction * stiffness * rest
                 rest -= direction * softness * (holding + level_now - stopped)
@@ -370,6 +376,7 @@ def simulate_windows(
                     positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * stopped), 0.0
                 if math.isinf(begin):
                     break
+                found[variant, n, WENT_ON] = 1.0
                 level_now = _risen_level(level_now, plant[STRIBECK], begin - arrest, plant[RISE_TIME])
                 drive = direction * _at(begin, node, times, drive_at)
                 surplus = drive - holding - level_now

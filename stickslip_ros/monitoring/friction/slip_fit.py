@@ -26,6 +26,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     POSITION,
     RISE_TIME,
     SHAPE,
+    WENT_ON,
 )
 from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
@@ -223,7 +224,9 @@ class _Fit:
     def equations(self, point: SlipFit, active: Collection[int]) -> _Equations:
         """Equations by the active parameters, and by each slip's unknowns; slopes by other parameters are zero."""
         problem, data, count = self.problem, self.problem.data, self.problem.data.count
-        moving = np.array([k for k in active if not len(SHAPE) <= k < PARAMETERS], dtype=np.int64)
+        # How static friction rises shows in a slip only where that stops and goes on.
+        went_on = bool(point.found[:, WENT_ON].any())
+        moving = np.array([k for k in active if went_on or not len(SHAPE) <= k < PARAMETERS], dtype=np.int64)
         steps = np.empty((len(moving) + 2, count))
         steps[:-2], steps[-2], steps[-1] = _STEP, 1e-4 * data.durations, 1e-3
         parameters = np.repeat(point.parameters[None], len(steps), axis=0)
