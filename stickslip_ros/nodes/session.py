@@ -19,6 +19,7 @@ from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
+from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.arrivals import Arrivals
 from stickslip_ros.nodes.intake.inputs import Inputs
@@ -45,7 +46,7 @@ class Session:
 
     Parameters
     ----------
-    bounds : limits of the gains that may be written, which outlast the session.
+    bounds, journal : limits of the gains that may be written, and ramps that were cut off; both outlast the session.
 
     Raises
     ------
@@ -53,7 +54,14 @@ class Session:
         If parameters make no joint or topic.
     """
 
-    def __init__(self, node: LifecycleNode, bounds: GainBounds, own_change: OwnChange, state_path: Path | None) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        bounds: GainBounds,
+        own_change: OwnChange,
+        state_path: Path | None,
+        journal: RampJournal,
+    ) -> None:
         log = node.get_logger()
         self._node = node
         self._refuse = Refusals(log.warning)
@@ -78,7 +86,7 @@ class Session:
             self._closing.append(self._publications.close)
             self._feedforward = FrictionFeedforward(node)
             self._closing.append(self._feedforward.close)
-            self._ramps = Ramps(node, self.joints, self._gains, state_path)
+            self._ramps = Ramps(node, self.joints, self._gains, journal)
             self._closing.append(self._ramps.close)
             self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self._reports = Reports(

@@ -76,6 +76,11 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
                 with suppress(OSError):
                     self.trouble += f"; it is kept as {set_aside(path)}"
 
+    @classmethod
+    def beside(cls, state_path: Path | None) -> RampJournal:
+        """The journal beside a state file, None for no file."""
+        return cls(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
+
     def __getitem__(self, joint: str) -> UnfinishedRamp:
         return self._ramps[joint]
 

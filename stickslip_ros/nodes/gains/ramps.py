@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -179,18 +178,12 @@ class Ramps:
     Parameters
     ----------
     node : has the services and the parameters. joints : watched joints. gains : has their controllers.
-    state_path : path of the state file, beside which the journal is kept; None for no journal.
+    journal : of unfinished ramps.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        joints: Mapping[str, WatchedJoint],
-        gains: GainIntake,
-        state_path: Path | None,
-    ) -> None:
+    def __init__(self, node: Node, joints: Mapping[str, WatchedJoint], gains: GainIntake, journal: RampJournal) -> None:
         self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
-        self._journal = RampJournal(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
+        self._journal = journal
         if self._journal.trouble:
             node.get_logger().warning(self._journal.trouble)
         self._service = RampService(node, {APPLY: self._to_the_advice, RESTORE: self._back})
