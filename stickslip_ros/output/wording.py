@@ -11,6 +11,7 @@ from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Friction
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import (
     Finding,
@@ -61,6 +62,23 @@ def friction_change_text(change: FrictionChange | None) -> str:
         return f"{text}; learning anew"
     what = ", ".join(f"{one.name.replace('_', ' ')} {one.old:.3g} to {one.new:.3g}" for one in change.differences)
     return f"{text}: {what or 'in ways that the slips since do not name'}"
+
+
+def kept_gains_text(slowest: float, velocity: float, exact: ExactVerdict) -> str:
+    """What is to be said of a joint that sticks with gains that advice keeps.
+
+    Parameters
+    ----------
+    slowest : velocity from which on the gains have the wanted reserve [rad/s]. velocity : at which the joint sticks
+        [rad/s]. exact : verdict on the gains at that velocity.
+    """
+    if exact.smooth is False:
+        # The joint does what the estimate predicts.
+        return (
+            f"its gains have the wanted reserve from {slowest:.3g} rad/s on; "
+            f"at {velocity:.3g} rad/s the model predicts stick-slip"
+        )
+    return "its gains have the wanted reserve by the friction estimate, which is therefore wrong"
 
 
 def dry_friction_text(dry: DryFriction | None) -> str:
