@@ -118,6 +118,19 @@ def constant_effort_text(effort: float) -> str:
     return f"its effort is always {effort:.3g}, so it is no measurement and counts as unknown"
 
 
+def references_off_text(offset: float) -> str:
+    """What is to be said of references that are not used, because their stamps are never near those of the samples.
+
+    Parameters
+    ----------
+    offset : stamp of a reference less that of a joint state that comes with it [s].
+    """
+    return (
+        f"the stamps of its references are {abs(offset):.1f} s {'ahead of' if offset > 0 else 'behind'} those of its "
+        "joint states (do the clocks agree?), so they are not used"
+    )
+
+
 def in_metres_text(names: Iterable[str]) -> str:
     """What is to be said of joints whose positions are in metres."""
     return f"positions of {', '.join(names)} are in m; wherever rad is said, read m, and N for N·m"
