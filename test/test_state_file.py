@@ -13,6 +13,7 @@ import pytest
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMemory
+from stickslip_ros.nodes.state.plain_data import NewerVersionError
 from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, write_state
 from stickslip_ros.output.wording import friction_change_text
 
@@ -86,5 +87,5 @@ def test_what_no_version_has_is_refused(tmp_path: Path, text: bytes, message: st
     """Neither a sentence in place of a change nor a later version is guessed at."""
     path = tmp_path / "state.json"
     path.write_bytes(text)
-    with pytest.raises(StateFileError, match=message):
+    with pytest.raises((StateFileError, NewerVersionError), match=message):
         read_state(path)

@@ -136,7 +136,7 @@ def analyze(
         warnings = [*bag.warnings, *(note for topics in robots.values() for note in topics.notes)]
         named = {*reader.joints, *(joint for _, joint in reader.joints.values())}
         warnings += [*options.parameters.notes, *options.parameters.unused_gains(named)]
-        warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader, joints)]
+        warnings += [*options.parameters.misnamed_joints(named), *_without_leaders(robots, reader)]
         warnings += [f"{count} messages left out: {reason}" for reason, count in reader.refused.items()]
         warnings += [f"{what} ({count} messages)" for what, count in reader.replaced.items()]
         warnings += reader.wrapped
@@ -162,8 +162,8 @@ def analyze(
     )
 
 
-def _without_leaders(robots: Mapping[str, Topics], reader: BagReader, joints: Mapping[str, JointAnalyzer]) -> list[str]:
-    """What is to be said of joints that follow a leader which has no joint of their name, or other times."""
+def _without_leaders(robots: Mapping[str, Topics], reader: BagReader) -> list[str]:
+    """What is to be said of joints that follow a leader which has no joint of their name."""
     there: dict[str, list[str]] = {name: [] for name in robots}
     for robot, joint in reader.joints.values():
         there[robot].append(joint)
@@ -178,13 +178,6 @@ def _without_leaders(robots: Mapping[str, Topics], reader: BagReader, joints: Ma
             texts.append(
                 f"{robot}: no joint of its leader {topics.leader.topic} is named {' or '.join(alone)} (there are "
                 f"{', '.join(leads)}): judged without a reference"
-            )
-        pairs = [name for name, (owner, own) in reader.joints.items() if owner == robot and own in leads]
-        met = [joints[name] for name in pairs if name in joints]
-        if met and not any(joint.with_reference for joint in met):
-            texts.append(
-                f"{robot}: no stamp of its leader {topics.leader.topic} is near any of its own "
-                "(do their clocks agree?): judged without a reference"
             )
     return texts
 

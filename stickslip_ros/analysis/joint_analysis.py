@@ -122,7 +122,6 @@ class JointAnalyzer:
             studies_at_once=True, segments_kept=None, at_arrest=True,  # as the node has it
         )  # fmt: skip
         self.cycles: list[Cycle] = []
-        self.with_reference = False  # whether any sample had one
         self._pairing = ReferencePairing()
         self._checks = SampleChecks()
         self._samples = 0
@@ -161,7 +160,6 @@ class JointAnalyzer:
             self._start = float(usable.time[0])
         self._samples += len(batch)
         self._checks.add(usable)
-        self.with_reference = self.with_reference or bool(np.isfinite(batch.reference_position).any())
         found = self.monitor.process(batch)
         if self._traces is not None:
             self._traces.add(usable, found, self.monitor)
@@ -182,7 +180,7 @@ class JointAnalyzer:
             if assessment.here is not None:
                 exact_here = replace(question, joint=assessment.here, uncertainty=None).verdict()
         problems = (
-            *data_problems(assessment, self._samples),
+            *data_problems(assessment, self._samples, self._pairing.offset),
             *self._checks.problems(),
         )
         start, end = self._start, assessment.time

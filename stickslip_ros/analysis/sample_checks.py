@@ -13,7 +13,7 @@ import numpy as np
 
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-from stickslip_ros.output.wording import constant_effort_text
+from stickslip_ros.output.wording import constant_effort_text, references_off_text
 
 _BLOCK = 4096  # samples that are looked at together, however they come
 _MOST_BLOCKS = 25  # for what holds of a whole recording
@@ -182,12 +182,13 @@ def _wrong_samples(position: FloatArray) -> int:
     return int((wrong & ~beside & (off > _BEYOND * largest)).sum())
 
 
-def data_problems(assessment: Assessment, samples: int) -> list[str]:
+def data_problems(assessment: Assessment, samples: int, references_off: float) -> list[str]:
     """What is wrong with a joint's samples, a sentence each; nothing if all is in order.
 
     Parameters
     ----------
-    samples : how many came, those that were left out among them.
+    samples : how many came, those that were left out among them. references_off : by how much the stamps of the
+        references are off, where these are not used for it [s]; else NaN.
     """
     restarts = assessment.restarts
     texts = [f"{count} of {samples} samples left out: {why}" for why, count in assessment.dropped.items()]
@@ -196,6 +197,8 @@ def data_problems(assessment: Assessment, samples: int) -> list[str]:
         texts.append(constant_effort_text(assessment.constant_effort))
     if assessment.reference_follows:
         texts.append(REFERENCE_FOLLOWS)
+    if math.isfinite(references_off):
+        texts.append(references_off_text(references_off))
     if restarts:
         times = "once" if restarts == 1 else f"{restarts} times"
         texts.append(f"stamps jump back {times}: the motion is followed anew from there")

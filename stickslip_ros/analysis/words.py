@@ -14,7 +14,13 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.output.wording import dry_friction_text, presliding_text, reversals_text, with_prefix
+from stickslip_ros.output.wording import (
+    dry_friction_text,
+    kept_gains_text,
+    presliding_text,
+    reversals_text,
+    with_prefix,
+)
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
@@ -128,12 +134,7 @@ def advice(joint: JointAnalysis) -> str:
     if recommendation is not None and recommendation.keep:
         # A joint that sticks only after starting is no witness against friction that promises smooth motion.
         if joint.worst is Status.STICK_SLIP and joint.transient is None:
-            if joint.exact.smooth is False and joint.velocity < recommendation.velocity:
-                return (
-                    f"Its gains have the wanted reserve from the slowest velocity, {recommendation.velocity:.3g} "
-                    "rad/s, on. It moved more slowly, where the model predicts stick-slip."
-                )
-            return "By the friction estimate its gains have the wanted reserve. It sticks, so the estimate is wrong."
+            return _sentence(kept_gains_text(recommendation.velocity, joint.velocity, joint.exact))
         return "Its gains have the wanted reserve: keep them."
     slowest = joint.exact.lowest_smooth_velocity
     # A model that does not fit is good for no speed.

@@ -21,8 +21,9 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 def read_joint_with_gains(
     path: Path, joint: str, choice: TopicChoice, limit: UnpackLimit | None = None
-) -> tuple[Batch, tuple[Gains, ...]]:
-    """Everything recorded of one joint, with its reference; and its gains, one after the other.
+) -> tuple[Batch, tuple[Gains, ...], float]:
+    """Everything recorded of one joint, with its reference; its gains, one after the other; and by how much the stamps
+    of its references are off, where these are not used for it [s], else NaN.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def read_joint_with_gains(
         raise RecordingError(
             f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --joint)"
         )
-    return batch, tuple(gains)
+    return batch, tuple(gains), pairing.offset
 
 
 def joint_names(

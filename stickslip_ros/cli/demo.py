@@ -160,7 +160,7 @@ def _cure(console: Console, out: Path) -> int:
         changed_at, gains_before = listener.now, _gains_heard(listener)
         console.print(
             "Asked to apply it ([bold]~/apply_recommendation[/]), the monitor ramps the gains in small steps while the "
-            "joint moves, and watches it."
+            "joint moves, and watches it. The reserve is of the gains in force; the status follows seconds later."
         )
         for left in reversed(range(_ATTEMPTS)):
             answer = listener.trigger("/stickslip_monitor", "apply_recommendation", "apply its advice")
@@ -196,6 +196,8 @@ def _cure(console: Console, out: Path) -> int:
             _half(data, -math.inf, changed_at, gains_before),
             _half(data, applied_at, math.inf, _gains_heard(listener)),
         )
+        between = len(data.cycles) - sum(len(half.cycles) for half in halves)
+        console.print(f"Before the ramp and after it ({between} slips while the gains rose are in neither):")
         print_joints(console, [compare_joints(*halves)])
         draw(
             data,

@@ -17,8 +17,8 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.output.published import RESERVE_FIELD
 
 _COLUMNS = (
-    "[dim]Once a second: position; number of slips; damping reserve, the damping in excess of that at which\n"
-    "stick-slip ends (below 0 the joint sticks); and the monitor's status of the joint.[/]"
+    "[dim]Once a second: position; number of slips so far; damping reserve, the damping in excess of that at which\n"
+    "stick-slip ends (below 0 the joint sticks); and the monitor's status, which is of the last seconds of motion.[/]"
 )
 
 

@@ -128,18 +128,18 @@ def run(options: argparse.Namespace) -> int:
     gains = _gains(options)
     if options.recording:
         path = _find(options.recording)
-        batch, gains = _samples(path, options, gains)
+        batch, gains, references_off = _samples(path, options, gains)
         name, source = path.stem, f"Identified from {path.name}."
     else:
         experiment = _experiment(options)
         if experiment is None:
             return 0
-        batch, heard = experiment
+        batch, heard, references_off = *experiment, math.nan
         gains = gains or heard
         name, source = options.joint, f"Identified by a ladder of speeds {options.speeds} rad/s."
     with Terminal(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
         found = identify(batch, gains, prior.joint if prior else None)
-    problems = data_problems(found.state, len(batch))
+    problems = data_problems(found.state, len(batch), references_off)
     if sum(found.state.dropped.values()) == len(batch):
         raise RecordingError(f"{name}: {'; '.join(problems) or 'no samples'}")
     if options.json:
@@ -161,24 +161,26 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tuple[Batch, Gains | None]:
-    """The samples, and the gains: those that are given, else those that a bag has."""
+def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tuple[Batch, Gains | None, float]:
+    """The samples; the gains: those that are given, else those that a bag has; and by how much the stamps of references
+    that are not used for it are off [s], else NaN.
+    """
     limit = unpack_limit(options)
     if not is_read_as_bag(path):
-        return load_recording(path, options.joint, limit).batch, given
+        return load_recording(path, options.joint, limit).batch, given, math.nan
     references = options.references
     choice = TopicChoice(
         states=options.states,
         references=None if references is None else tuple(topic for topic in references if topic),
         gains=options.gains_topic if given is None else "",
     )
-    batch, recorded = read_joint_with_gains(path, options.joint, choice, limit)
+    batch, recorded, off = read_joint_with_gains(path, options.joint, choice, limit)
     if len(recorded) > 1:
         raise RecordingError(
             f"bag {path}: the gains of {options.joint} change, and one set of gains is fitted: give them by --gains, "
             "or use stickslip analyze, which follows such changes"
         )
-    return batch, given or next(iter(recorded), None)
+    return batch, given or next(iter(recorded), None), off
 
 
 def _find(name: str) -> Path:

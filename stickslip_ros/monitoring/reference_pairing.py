@@ -17,6 +17,7 @@ from stickslip_ros.monitoring.samples import LATE_IN_A_ROW, LATEST_STAMP, Batch,
 
 _LONGEST_WAIT = 0.2  # time that samples may run ahead of the reference, s: of the data's own time, and on the clock
 _STALE = 1.0  # age of a reference, s: an older one says nothing
+_NEVER_NEAR = 2.0  # time of samples without any reference near, s: a pause of one of the topics is shorter
 
 
 class ReferencePairing:
@@ -35,7 +36,17 @@ class ReferencePairing:
         self._late_in_a_row = 0
         self._went_on = -math.inf  # when a sample had its reference last, as a steady time [s]
         self._gone_until = -math.inf  # stamp of the last sample that was taken [s]
+        self._came = (math.inf, -math.inf)  # earliest and latest stamp of the references since the last batch [s]
+        self._offset = math.nan  # of these references from the samples [s], NaN where they are near
+        self._near_at = self._compared_at = math.nan  # stamps of samples, when references were near, and came, last [s]
         self.too_late = 0
+
+    @property
+    def offset(self) -> float:
+        """Stamps of the references that come less those of the samples that come [s], where they are never near, as by
+        two clocks: such references are not used. NaN where they are near, or none come.
+        """
+        return self._offset if self._compared_at - self._near_at > _NEVER_NEAR else math.nan
 
     def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
         """One row of samples."""
@@ -68,6 +79,8 @@ class ReferencePairing:
             return None
         times = self._samples[:, 0]
         ready = len(times)
+        if self._came[1] > -math.inf:
+            self._compare(float(times[0]), float(times[-1]))
         if len(self._references) and not all_of_them:
             last, newest = self._references[-1, 0], times[-1]
             waits = np.flatnonzero(times > last)
@@ -84,6 +97,19 @@ class ReferencePairing:
         columns[4], columns[5] = self._at(columns[0]) if len(self._references) else (math.nan, math.nan)
         return Batch.of_columns(columns)
 
+    def _compare(self, begin: float, end: float) -> None:
+        """Compare the stamps of the references that came with those of the first and the last sample [s]."""
+        earliest, latest = self._came
+        self._came = (math.inf, -math.inf)
+        apart = earliest - end > _STALE or begin - latest > _STALE
+        self._offset, self._compared_at = latest - end if apart else math.nan, end
+        # Time may begin anew.
+        if not apart or not self._near_at <= begin:
+            self._near_at = begin if apart else end
+        if self.offset > 0.0:
+            # Of a clock that is ahead they would become ever more, and meet samples that they have nothing to do with.
+            self._references = self._references[-1:]
+
     def _collect(self) -> None:
         if self._new_samples:
             waiting = [self._samples] if len(self._samples) else []
@@ -95,6 +121,8 @@ class ReferencePairing:
         new = np.concatenate(self._new_references)
         self._new_references.clear()
         new = new[np.abs(new[:, 0]) < LARGEST]
+        if len(new):
+            self._came = min(self._came[0], float(new[:, 0].min())), max(self._came[1], float(new[:, 0].max()))
         # What is older by more belongs to a clock that was set back.
         self.too_late += int(((new[:, 0] <= self._gone_until) & (new[:, 0] > self._gone_until - LATEST_STAMP)).sum())
         joined = np.concatenate([self._references, new])

@@ -131,7 +131,7 @@ def select_model(
     if configured is None:
         if mismatch:
             return None, f"{mismatch}; no joint is configured to take its place"
-        return None, "inertia and friction of the joint are neither configured nor estimated yet"
+        return None, "inertia and friction of the joint are neither configured nor estimated"
     return _configured(configured, gains, mismatch)
 
 

@@ -18,6 +18,7 @@ from rclpy.timer import Timer
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes import monitor_parameters
+from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joints import GainBounds
 from stickslip_ros.nodes.pace import SHORTEST_TICK
@@ -42,6 +43,8 @@ class Monitor(LifecycleNode):
         self._session: Session | None = None
         self._timer: Timer | None = None
         self._bounds, self._own_change = GainBounds(), OwnChange()
+        # A ramp that was cut off outlasts the session, as the gains do that it left.
+        self._journal: RampJournal | None = None
         self.failure: Exception | None = None
         monitor_parameters.declare(self)
         monitor_parameters.check(self)
@@ -80,7 +83,10 @@ class Monitor(LifecycleNode):
         """Create the session: joints, topics and services."""
 
         def configure() -> None:
-            self._session = Session(self, self._bounds, self._own_change, monitor_parameters.state_path(self))
+            path = monitor_parameters.state_path(self)
+            if self._journal is None:
+                self._journal = RampJournal.beside(path)
+            self._session = Session(self, self._bounds, self._own_change, path, self._journal)
 
         return self._transition(configure, super().on_configure, state)
 

@@ -19,6 +19,7 @@ from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
+from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.arrivals import Arrivals
 from stickslip_ros.nodes.intake.inputs import Inputs
@@ -27,6 +28,7 @@ from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.scheduling import BatchProcessing
 from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoints
+from stickslip_ros.nodes.other_monitors import OtherMonitors
 from stickslip_ros.nodes.pace import Pace
 from stickslip_ros.nodes.publications import Publications
 from stickslip_ros.nodes.reports import Reports
@@ -45,7 +47,7 @@ class Session:
 
     Parameters
     ----------
-    bounds : limits of the gains that may be written, which outlast the session.
+    bounds, journal : limits of the gains that may be written, and ramps that were cut off; both outlast the session.
 
     Raises
     ------
@@ -53,7 +55,14 @@ class Session:
         If parameters make no joint or topic.
     """
 
-    def __init__(self, node: LifecycleNode, bounds: GainBounds, own_change: OwnChange, state_path: Path | None) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        bounds: GainBounds,
+        own_change: OwnChange,
+        state_path: Path | None,
+        journal: RampJournal,
+    ) -> None:
         log = node.get_logger()
         self._node = node
         self._refuse = Refusals(log.warning)
@@ -78,7 +87,9 @@ class Session:
             self._closing.append(self._publications.close)
             self._feedforward = FrictionFeedforward(node)
             self._closing.append(self._feedforward.close)
-            self._ramps = Ramps(node, self.joints, self._gains, state_path)
+            self._others = OtherMonitors(node, self.joints)
+            self._closing.append(self._others.close)
+            self._ramps = Ramps(node, self.joints, self._gains, self._others, journal)
             self._closing.append(self._ramps.close)
             self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self._reports = Reports(
@@ -126,6 +137,7 @@ class Session:
             last = [(name, cycle) for name, joint in self.joints.items() for cycle in joint.monitor.finish()]
             self._publications.publish_cycles([*self._processing.pop_cycles(), *last])
         self._arrivals.close()
+        self._others.close()
         self._arrivals = self._self = None
         self._keeper.save(self.joints)
 
@@ -148,6 +160,7 @@ class Session:
             self._poll_at = now + _POLL_GAINS
             self._gains.poll(now)
             self._inputs.poll(now, arrivals.states)
+            self._others.poll(now)
         behind = not self._compiled.ready or arrivals.behind(now)
         waits = self._compiled.state or "what came while the node compiled is being looked at"
         self._ramps.tick(now, not_yet=waits if behind else "")
@@ -208,6 +221,7 @@ class Session:
         troubles = [
             self._compiled.state,
             self._ramps.trouble,
+            self._others.trouble,
             self._gains.state if self._gains.waiting else "",
             *self._inputs.troubles,
             own.trouble,
@@ -217,6 +231,7 @@ class Session:
         message = "; ".join(trouble for trouble in troubles if trouble)
         values: list[tuple[str, object]] = [
             ("compiling", self._compiled.state),
+            *self._others.values(),
             ("joints [1]", len(self.joints)),
             ("controller", self._gains.state),
             ("gains of joints not heard of", ", ".join(self._gains.early)),

@@ -22,7 +22,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.output import published as published
-from stickslip_ros.output.wording import constant_effort_text, friction_change_text, reason_text
+from stickslip_ros.output.wording import constant_effort_text, friction_change_text, kept_gains_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 
@@ -270,11 +270,7 @@ def _summary(
             text += f"; {friction_change_text(assessment.change)}"
         recommendation = assessment.recommendation
         if recommendation is not None and recommendation.keep:
-            if exact.smooth is False:
-                # It is predicted at this speed, which is below the slowest velocity.
-                text += f"; its gains have the wanted reserve from {recommendation.velocity:.3g} rad/s on"
-            else:
-                text += ", though its gains have the wanted reserve: the friction estimate is wrong"
+            text += f"; {kept_gains_text(recommendation.velocity, assessment.velocity, exact)}"
             return Level.ERROR, text
         return Level.ERROR, f"{text}; {assessment.advice_text}" if assessment.advice_text else text
     if finding.status in (Status.AT_RISK, Status.UNKNOWN):

@@ -11,6 +11,7 @@ from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Friction
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import (
     Finding,
@@ -63,6 +64,23 @@ def friction_change_text(change: FrictionChange | None) -> str:
     return f"{text}: {what or 'in ways that the slips since do not name'}"
 
 
+def kept_gains_text(slowest: float, velocity: float, exact: ExactVerdict) -> str:
+    """What is to be said of a joint that sticks with gains that advice keeps.
+
+    Parameters
+    ----------
+    slowest : velocity from which on the gains have the wanted reserve [rad/s]. velocity : at which the joint sticks
+        [rad/s]. exact : verdict on the gains at that velocity.
+    """
+    if exact.smooth is False:
+        # The joint does what the estimate predicts.
+        return (
+            f"its gains have the wanted reserve from {slowest:.3g} rad/s on; "
+            f"at {velocity:.3g} rad/s the model predicts stick-slip"
+        )
+    return "its gains have the wanted reserve by the friction estimate, which is therefore wrong"
+
+
 def dry_friction_text(dry: DryFriction | None) -> str:
     """What the dry friction depends on, in one sentence; "" if nothing is known to matter."""
     if dry is None:
@@ -98,6 +116,19 @@ def reversals_text(record: ReversalRecord) -> str:
 def constant_effort_text(effort: float) -> str:
     """What is to be said of an effort that never changes while its joint moves."""
     return f"its effort is always {effort:.3g}, so it is no measurement and counts as unknown"
+
+
+def references_off_text(offset: float) -> str:
+    """What is to be said of references that are not used, because their stamps are never near those of the samples.
+
+    Parameters
+    ----------
+    offset : stamp of a reference less that of a joint state that comes with it [s].
+    """
+    return (
+        f"the stamps of its references are {abs(offset):.1f} s {'ahead of' if offset > 0 else 'behind'} those of its "
+        "joint states (do the clocks agree?), so they are not used"
+    )
 
 
 def in_metres_text(names: Iterable[str]) -> str:

@@ -25,6 +25,7 @@ from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.output.diagnosis import joint_diagnostic
 from stickslip_ros.settings.parameter_file import Parameters
 
 pytestmark = pytest.mark.slow
@@ -207,17 +208,19 @@ def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.Cap
 
 def test_a_joint_slower_than_it_has_to_be_smooth(tmp_path: Path) -> None:
     """Gains that are good from the slowest velocity on do not refute the friction estimate, which predicts stick-slip
-    at the speed of the recording.
+    at the speed of the recording; the node says the same.
     """
     path = tmp_path / "a.mcap"
     write_simulation(path, {"a": sticking(0.006)}, duration=20.0, rate=200.0)
     options = {"learn": False, "model.*": "puma560_joint1", "slowest_velocity.a": 5.0}
     joint = analyze(path, AnalysisOptions(parameters=Parameters(options))).joints["a"]
     assert joint.worst is STICKS
-    assert words.advice(joint) == (
-        "Its gains have the wanted reserve from the slowest velocity, 5 rad/s, on. It moved more slowly, where the "
-        "model predicts stick-slip."
+    sentence = (
+        f"ts gains have the wanted reserve from 5 rad/s on; at {joint.velocity:.3g} rad/s the model predicts stick-slip"
     )
+    assert words.advice(joint) == f"I{sentence}."
+    status = joint_diagnostic("a", joint.assessment, joint.exact, joint.exact, warn_margin=0.1, silent_for=None)
+    assert status.message == f"stick_slip; i{sentence}"
 
 
 def test_a_model_that_does_not_fit_is_good_for_no_speed(tmp_path: Path) -> None:

@@ -305,15 +305,18 @@ def test_a_follower_that_is_left_behind(tmp_path: Path, capsys: pytest.CaptureFi
     assert plain["joints"]["follower/joint1"]["reason"] == ""
 
 
-def test_a_leader_by_another_clock(tmp_path: Path) -> None:
-    """Issue 17, item 10: stamps that never meet give no reference, which is said."""
+def test_a_leader_by_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 17, item 10: stamps that never meet give no reference, which is said, with how far they are off."""
     follower = motion("/follower/joint_states", lambda time: 0.1 * time)
     leader = motion("/leader/joint_states", lambda time: 0.1 * time)
     later = [(*one[:3], joint_state(one[2] + 100.0, ["joint1"], position=[0.1 * one[2]])) for one in leader]
-    found = analyze(in_order(tmp_path / "bag.mcap", follower, later), AnalysisOptions(parameters=Parameters({})))
-    (warning,) = found.warnings
-    assert "follower: no stamp of its leader /leader/joint_states is near any of its own" in warning
+    path = in_order(tmp_path / "bag.mcap", follower, later)
+    found = analyze(path, AnalysisOptions(parameters=Parameters({})))
+    said = "the stamps of its references are 100.0 s ahead of those of its joint states (do the clocks agree?)"
+    assert found.warnings == (f"follower/joint1: {said}, so they are not used",)
     assert math.isnan(found.joints["follower/joint1"].assessment.tracking_error)
+    main(["identify", str(path), "--states", "/follower/joint_states", "--references", "/leader/joint_states"])
+    assert said in " ".join(capsys.readouterr().out.split())
 
 
 def test_commands_that_need_one_robot_name_the_option(two_arms: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,6 +45,12 @@ def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     told = re.search(r"Stick-slip: (\d+) cycles", done.stdout)
     assert told is not None
     assert int(told[1]) <= 6
+    # The table has the slips of the lines but those of the ramp.
+    lines, table = re.findall(r"slips +(\d+)  ", done.stdout), re.search(r"cycles +(\d+) +(\d+)", done.stdout)
+    between = re.search(r"\((\d+) slips while the gains rose are in neither\)", done.stdout)
+    assert table is not None
+    assert between is not None
+    assert int(table[1]) + int(between[1]) + int(table[2]) == int(lines[-1])
     assert imread(picture).shape[0] > 500
     assert processes_on(ros_domain) == []
 

@@ -348,10 +348,10 @@ def test_slips_that_teach_nothing_are_told(puma: Joint) -> None:
         monitor.learner.study_now()
     assert monitor.learner.estimate is None
     assert re.search(
-        r"neither configured nor estimated yet: \d+ slips were studied in vain$", monitor.assessment().margin_reason
+        r"neither configured nor estimated: \d+ slips were studied in vain$", monitor.assessment().margin_reason
     )
     monitor.learner.reset()
-    assert monitor.assessment().margin_reason.endswith("neither configured nor estimated yet")
+    assert monitor.assessment().margin_reason.endswith("neither configured nor estimated")
 
 
 def test_slider_on_a_spring() -> None:

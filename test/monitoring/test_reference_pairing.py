@@ -133,3 +133,33 @@ def test_references_that_came_too_late_are_counted() -> None:
     pairing.add_references(np.array([[0.1, 1.0, 0.0]]))
     pairing.next_batch(11.2)
     assert pairing.too_late == 2
+
+
+@pytest.mark.parametrize("offset", [-1.7e9, -4.0, -0.5, 0.5, 4.0, 1.7e9])
+def test_references_by_another_clock(offset: float) -> None:
+    """Stamps that are never near those of the samples are off, by how much; such references are not kept for later."""
+    pairing = ReferencePairing()
+    stamps = 100.0 + 0.01 * np.arange(1200)
+    taken = []
+    for times in np.split(stamps, 300):
+        pairing.add_samples(np.column_stack([times, np.zeros((4, 3))]))
+        pairing.add_references(np.column_stack([times + offset, times, times]))
+        batch = pairing.next_batch(float(times[-1]))
+        taken += [] if batch is None else [batch]
+        # A moment without any reference near is no proof.
+        assert times[-1] > 102.0 or math.isnan(pairing.offset)
+    used = np.isfinite(np.concatenate([batch.reference_position for batch in taken]))
+    assert used.any() == (abs(offset) < 1.0)
+    assert pairing.offset == pytest.approx(math.nan if used.any() else offset, abs=0.1, nan_ok=True)
+
+
+def test_references_that_end_or_begin_anew_are_not_off() -> None:
+    """Neither references of a motion that has ended, nor those of time that began anew are of another clock."""
+    pairing = ReferencePairing()
+    for begin in (50.0, 3.0):
+        for times in np.split(begin + 0.01 * np.arange(1000), 250):
+            pairing.add_samples(np.column_stack([times, np.zeros((4, 3))]))
+            if times[0] < begin + 2.0:
+                pairing.add_references(np.column_stack([times, times, times]))
+            pairing.next_batch(float(times[-1]))
+            assert math.isnan(pairing.offset)

@@ -20,9 +20,11 @@ from rcl_interfaces.srv import ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from support_ros import Probe, probe
 
+from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.settings.parameter_names import unknown_name
 
 PUMA = {"joints": "[joint1]", "model.joint1": "puma560_joint1", "learn": "false", "state_file": "none"}
@@ -62,6 +64,25 @@ def test_another_type_on_the_references(ros_domain: int) -> None:
         context.shutdown()
         one.wait(lambda: text not in own(one), "the end of it")
         one.wait(lambda: text not in joint_line(one), "the end of it in the joint's line")
+
+
+def test_references_by_another_clock(ros_domain: int) -> None:
+    """References that are never used are no silent loss: the joint's line says by how much their stamps are off."""
+    with NodeProcess("monitor", PUMA), probe() as one:
+        one.wait_for_monitor()
+        begun = time.monotonic()
+        text = "no reference: the stamps of its references are 95.0 s behind those of its joint states"
+
+        def said(behind: float) -> bool:
+            at = 100.0 + time.monotonic() - begun
+            message = JointState(name=["joint1"], position=[0.0])
+            message.header.stamp = stamp(at - behind)
+            one.references.publish(message)
+            one.publish(["joint1"], at, position=[0.0])
+            return text in joint_line(one)
+
+        one.wait(lambda: said(95.0), "the joint's line")
+        one.wait(lambda: not said(0.0), "the end of it")
 
 
 def test_a_controller_that_is_not_there(ros_domain: int) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from conftest import nightly
+from lifecycle_msgs.msg import Transition
 from nodes.forked_nodes import NodeProcess
 from rclpy.task import Future
 from support_ros import Probe, probe
@@ -241,6 +242,26 @@ def test_an_unfinished_ramp_is_remembered(ros_domain: int) -> None:
             assert stated is not None
             assert float(stated[1]) == pytest.approx(float(wrote[-1]), rel=1e-5)
             one.wait(lambda: math.isnan(one.margins["joint1"]["stiffness"]), "gains that are not known")
+
+
+def test_a_ramp_cut_off_by_a_transition_is_remembered(ros_domain: int) -> None:
+    """Without a state file, too: a cleanup in mid-ramp leaves gains half-way, and the same node goes back from them."""
+    with NodeProcess(LATE, JOINT) as joint, monitor(state_file="none"), probe() as one:
+        one.wait_for_monitor()
+        asked = begin(one, joint)
+        assert one.change_state(Transition.TRANSITION_DEACTIVATE)
+        message = end(one, asked)
+        assert "the monitor was deactivated" in message
+        for transition in (
+            Transition.TRANSITION_CLEANUP, Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE,
+        ):  # fmt: skip
+            assert one.change_state(transition)
+        one.wait_for_monitor()
+        one.wait(lambda: "~/restore_gains goes back" in one.diagnostics["stickslip_monitor"][1], "what was left")
+        assert gains(one) > (630.0, 0.0)
+        answer = one.answer("restore_gains")
+        assert answer.success, answer.message
+        assert gains(one) == (630.0, 0.0)
 
 
 def test_a_journal_that_cannot_be_read(ros_domain: int, tmp_path: Path) -> None:

@@ -46,6 +46,21 @@ def test_what_is_damaged_is_said(tmp_path: Path, change: bytes) -> None:
     assert path.with_name("ramps.json.damaged").read_bytes() == damaged
 
 
+def test_what_a_newer_release_wrote_is_left_alone(tmp_path: Path) -> None:
+    """It is sound: called newer, neither set aside nor written over, and ramps go on to be kept in the process."""
+    path = tmp_path / "ramps.json"
+    RampJournal(path).begin(RAMP)
+    newer = path.read_bytes().replace(b'"version": 1', b'"version": 2')
+    path.write_bytes(newer)
+    found = RampJournal(path)
+    found.begin(RAMP)
+    assert found["joint1"].before == RAMP.before
+    found.end("joint1")
+    assert "is newer than this release (it has version 2; this release reads versions up to 1)" in found.trouble
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == newer
+
+
 def test_what_cannot_be_noted_is_not_begun(tmp_path: Path) -> None:
     """A folder in its place, a file that never ends: an error before anything is written to a controller."""
     (tmp_path / "file").write_bytes(b"")

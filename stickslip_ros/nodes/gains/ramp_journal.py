@@ -15,7 +15,7 @@ from pathlib import Path
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.state.plain_data import USER_ONLY, from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.plain_data import USER_ONLY, NewerVersionError, from_plain, sealed, to_plain, unsealed
 from stickslip_ros.nodes.state.state_file import set_aside
 from stickslip_ros.regular_files import read_regular
 
@@ -62,12 +62,24 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         self.trouble = ""
         try:
             self._ramps = _read(path) if path is not None else {}
+        except NewerVersionError as error:
+            # The file is sound, and of use to the release that wrote it.
+            self._path = None
+            self.trouble = (
+                f"{path}, the journal of ramps of gains that were cut off, is newer than this release ({error}); it is "
+                "left as it is, and ramps are kept in this process alone"
+            )
         except (OSError, ValueError, RecursionError) as error:
             self.trouble = f"{path}, the journal of ramps of gains that were cut off, cannot be read: {error}"
             # The next ramp would replace the only record of the gains before.
             if path is not None and path.is_file():
                 with suppress(OSError):
                     self.trouble += f"; it is kept as {set_aside(path)}"
+
+    @classmethod
+    def beside(cls, state_path: Path | None) -> RampJournal:
+        """The journal beside a state file, None for no file."""
+        return cls(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
 
     def __getitem__(self, joint: str) -> UnfinishedRamp:
         return self._ramps[joint]
@@ -112,7 +124,8 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
                 raise JournalError(
                     f"what is to be changed cannot be noted in {self._path} first: {error.strerror or error}"
                 ) from error
-        self._ramps, self.trouble = ramps, ""
+            self.trouble = ""
+        self._ramps = ramps
 
 
 def _read(path: Path) -> dict[str, UnfinishedRamp]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -25,6 +24,7 @@ from stickslip_ros.nodes.gains.motion_watch import MotionWatch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.intake.drain import NeverExecuted
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
+from stickslip_ros.nodes.other_monitors import OtherMonitors
 
 APPLY, RESTORE = "apply_recommendation", "restore_gains"
 _PATIENCE = 10.0  # time until advice has been computed, s: a client waits no longer for an answer
@@ -179,7 +179,7 @@ class Ramps:
     Parameters
     ----------
     node : has the services and the parameters. joints : watched joints. gains : has their controllers.
-    state_path : path of the state file, beside which the journal is kept; None for no journal.
+    others : other monitors, which may change the same gains. journal : of unfinished ramps.
     """
 
     def __init__(
@@ -187,10 +187,11 @@ class Ramps:
         node: Node,
         joints: Mapping[str, WatchedJoint],
         gains: GainIntake,
-        state_path: Path | None,
+        others: OtherMonitors,
+        journal: RampJournal,
     ) -> None:
         self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
-        self._journal = RampJournal(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
+        self._others, self._journal = others, journal
         if self._journal.trouble:
             node.get_logger().warning(self._journal.trouble)
         self._service = RampService(node, {APPLY: self._to_the_advice, RESTORE: self._back})
@@ -282,6 +283,10 @@ class Ramps:
         self._require_permission()
         ramps, reasons = [], []
         for joint in self._joints.values():
+            other = self._others.watching(joint.name)
+            if other:
+                reasons.append(f"another monitor watches {joint.name} too, and may change its gains: {other}")
+                continue
             assessment = joint.monitor.assessment()
             if joint.being_advised(assessment):
                 raise NotYetError(f"the advice for {joint.name} is being worked out")

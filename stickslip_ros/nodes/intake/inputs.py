@@ -18,6 +18,7 @@ from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, n
 from stickslip_ros.nodes.intake.reference_topic import REFERENCE_TYPES, reference_type_name
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.unknown_parameters import UnknownParameters
+from stickslip_ros.output.wording import references_off_text
 from stickslip_ros.visible import listed
 
 REFERENCES = "joint_references"
@@ -206,6 +207,8 @@ class Inputs:
             reasons += [f"gains not known: {why}"] if why else []
         if REFERENCES in self._types.troubles and assessment.velocity_source != "reference":
             reasons.append(f"no reference: {self._types.troubles[REFERENCES]}")
+        if math.isfinite(joint.pairing.offset):
+            reasons.append(f"no reference: {references_off_text(joint.pairing.offset)}")
         if assessment.reference_follows:
             reasons.append("no reference: what is published only repeats what is measured")
         return "; ".join(reasons)

@@ -18,6 +18,8 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from stickslip_ros.errors import StickSlipError
+
 USER_ONLY = 0o600  # permissions of a file, mode bits: the user alone reads and writes it
 
 Kind = TypeVar("Kind")
@@ -115,7 +117,7 @@ def _array(data: Any, where: str) -> Any:
     return array
 
 
-class NewerVersionError(ValueError):
+class NewerVersionError(StickSlipError, ValueError):
     """A sound file of a version that a later release writes."""
 
 

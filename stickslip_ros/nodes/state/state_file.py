@@ -32,10 +32,6 @@ class StateFileError(StickSlipError, ValueError):
     """A file that is no state, or damaged; the text has the reason."""
 
 
-class NewerStateError(StateFileError):
-    """A sound file of a version that a later release writes."""
-
-
 def default_path(node_name: str) -> Path:
     """Path of the state of a node of this fully qualified name, in ROS_HOME or ~/.ros."""
     home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
@@ -49,7 +45,7 @@ def read_state(path: Path) -> dict[str, JointMemory]:
 
     Raises
     ------
-    NewerStateError
+    NewerVersionError
         If a later release wrote the file.
     StateFileError
         If the file is damaged or no state.
@@ -66,8 +62,8 @@ def read_state(path: Path) -> dict[str, JointMemory]:
         if version < _VERSION:
             joints = {name: as_of_now(data, version) for name, data in joints.items()}
         return {name: from_plain(JointMemory, data) for name, data in joints.items()}
-    except NewerVersionError as error:
-        raise NewerStateError(str(error)) from error
+    except NewerVersionError:
+        raise
     except (ValueError, RecursionError, AttributeError) as error:
         raise StateFileError(str(error)) from error
 

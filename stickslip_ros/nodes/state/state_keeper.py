@@ -14,14 +14,8 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from stickslip_ros.files import remove_abandoned
 from stickslip_ros.monitoring.joint_monitor import JointMemory
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
-from stickslip_ros.nodes.state.state_file import (
-    NewerStateError,
-    StateFileError,
-    as_text,
-    read_state,
-    set_aside,
-    write_state,
-)
+from stickslip_ros.nodes.state.plain_data import NewerVersionError
+from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, set_aside, write_state
 
 _EVERY = 60.0  # time between two files, s: a crash loses a minute of learning
 _LONGEST_WAIT = 0.5  # wait for the last file at the end, s: whoever ends the node waits no longer
@@ -47,7 +41,7 @@ class StateKeeper:
         remove_abandoned(path)
         try:
             return read_state(path)
-        except NewerStateError as error:
+        except NewerVersionError as error:
             # The file is sound, and of use to the release that wrote it.
             self._path = None
             self._trouble(f"{path} is newer than this release ({error}); it is left as it is, and nothing is kept")
