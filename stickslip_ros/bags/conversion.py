@@ -15,7 +15,7 @@ from stickslip_ros.bags.simulated import GAINS, LAST_STAMP, REFERENCES, STATES
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
-from stickslip_ros.messages.blocks import Block, Channel, Warn, batches
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of
 from stickslip_ros.messages.content import DESCRIPTION, robot_description
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
@@ -137,5 +137,4 @@ class EpisodeStorage:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         chosen = [some for number, some in enumerate(self._messages) if self._channels[number] in wanted]
         merged = heapq.merge(*chosen, key=lambda one: one[0])
-        for batch in batches((number, time, data) for time, number, data in merged):
-            yield Block.of_messages(batch, self._channels)
+        yield from blocks_of(((number, time, data) for time, number, data in merged), self._channels)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
-from stickslip_ros.bags.joint_samples import joint_names
+from stickslip_ros.bags.reading import joint_names
 from stickslip_ros.bags.storage.unpacking import OPTION, UnpackLimit
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.cli.options import add_flag, add_number

@@ -24,12 +24,13 @@ from rich.table import Table as Grid
 
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.simulated import LAST_STAMP
-from stickslip_ros.bags.table import RecordingError, Table, Use, find_recording, load_table
+from stickslip_ros.bags.table import RecordingError, Table, find_recording, load_table
 from stickslip_ros.bags.table_columns import (
     COUNTS,
     FIELDS,
     POSITION,
     TIME,
+    Column,
     Named,
     factor_of,
     hint,
@@ -165,8 +166,8 @@ def _show(table: Table, names: list[str]) -> None:
         console.print(f"[dim]not used: {escape(listed)}[/]", soft_wrap=True)
 
 
-def _shown(use: Use) -> str:
-    return escape(f"{use.column} [{shown_unit(use.unit)}{'?' if use.assumed else ''}]")
+def _shown(use: Column) -> str:
+    return escape(f"{use.name} [{shown_unit(use.unit)}{'?' if use.assumed else ''}]")
 
 
 def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
@@ -180,7 +181,7 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
         # What is named of a field stands for all of it: the other joints are named too.
         console.print(
             f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
-            f"{escape(uses_of[suspect][1][POSITION].column)} in {'encoder counts' if counts else 'degrees'}? Then: "
+            f"{escape(uses_of[suspect][1][POSITION].name)} in {'encoder counts' if counts else 'degrees'}? Then: "
             + escape(_hints(table, COUNTS if counts else "deg"))
         )
 
@@ -204,7 +205,7 @@ def _hints(table: Table, unit: str) -> str:
     for field in _PLACES:
         of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
         if any(use.assumed for use in of_field.values()):
-            columns = {own: (use.column, unit if use.assumed else use.unit) for own, use in of_field.items()}
+            columns = {own: (use.name, unit if use.assumed else use.unit) for own, use in of_field.items()}
             texts.append(hint(field, columns))
     return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 

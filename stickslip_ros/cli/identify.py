@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from stickslip_ros.analysis.sample_checks import data_problems
-from stickslip_ros.bags.joint_samples import read_joint_with_gains
+from stickslip_ros.bags.reading import read_joint_with_gains
 from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.bags.topics import TopicChoice

@@ -25,7 +25,7 @@ from stickslip_ros.analysis.comparison_words import (
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import JUDGED
 from stickslip_ros.analysis.report.page import Plot, write_page
-from stickslip_ros.bags.joint_samples import read_windows
+from stickslip_ros.bags.reading import read_windows
 from stickslip_ros.monitoring.samples import FloatArray
 
 _PERIODS = 6.0  # that are drawn

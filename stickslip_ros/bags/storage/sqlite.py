@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn, batches, counts_by_channel
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel
 
 _ENCODINGS = ("ros2msg", "ros2idl")
 _COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
@@ -72,9 +72,9 @@ class SqliteStorage:
             return
         try:
             with closing(self._open()) as database:
-                for batch in batches(self._messages(database, set(numbers))):
-                    yield Block.of_messages(batch, numbers)
-                    taken += len(batch)
+                for block in blocks_of(self._messages(database, set(numbers)), numbers):
+                    yield block
+                    taken += len(block)
                     progress(size * min(taken, total) // total - reported)
                     reported = size * min(taken, total) // total
         except _DAMAGE as error:
