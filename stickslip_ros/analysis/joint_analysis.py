@@ -13,15 +13,16 @@ import numpy as np
 from stickslip_ros.analysis.judgement import (
     NOT_JUDGED,
     SEVERITY,
+    Transient,
     moving_time,
     overall_status,
     stick_slip_share,
     time_in,
+    transient,
     worst_status,
 )
 from stickslip_ros.analysis.sample_checks import SampleChecks, data_problems
 from stickslip_ros.analysis.traces import JointTraces
-from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment

@@ -22,12 +22,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.analysis.alarm import parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
 from stickslip_ros.analysis.annotation import Annotation
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
-from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints
+from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints, parse_alarm
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
 from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
