@@ -42,7 +42,7 @@ from stickslip_ros.cli.analysis_tables import (
     print_fleet,
 )
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_flag, add_json
+from stickslip_ros.cli.options import add_flag, add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
 from stickslip_ros.cli.progress import progress_bar
 from stickslip_ros.cli.terminal import Terminal, complain
@@ -63,42 +63,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     printed = output.add_mutually_exclusive_group()
     add_json(printed)
     add_flag(printed, "--brief", "print one line for each bag and nothing else")
-    output.add_argument("--csv", type=CSV, metavar="FILE", help="write a table of all stick-slip cycles")
-    output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")
-    output.add_argument(
-        "--out",
-        type=OutputBag(),
-        metavar="BAG",
-        help="write cycles, margins and diagnostics as a bag",
-    )
+    add_option(output, "--csv", "FILE", "write a table of all stick-slip cycles", type=CSV)
+    add_option(output, "--html", "FILE", "write a report: one page that needs no network", type=PAGE)
+    add_option(output, "--out", "BAG", "write cycles, margins and diagnostics as a bag", type=OutputBag())
     add_flag(output, "--fail-on-stick-slip", "exit with status 1 if a joint sticks and slips, however briefly")
     fleet = parser.add_argument_group("many bags")
-    fleet.add_argument(
-        "--jobs", type=int, metavar="N", default=1, help="number of bags analysed at once (default: %(default)s)"
+    add_option(fleet, "--jobs", "N", "number of bags analysed at once", 1, type=int)
+    add_option(fleet, "--scheduler", "ADDRESS", "address of a Dask cluster that can read the files: tcp://…")
+    folder = OutputFolder()
+    add_option(fleet, "--results", "FOLDER", "cache results in this folder and reuse them next time", type=folder)
+    add_option(
+        fleet, "--reports", "FOLDER", "write a report of each bag; the page of --html links to them", type=folder
     )
-    fleet.add_argument(
-        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster that can read the files: tcp://…"
-    )
-    fleet.add_argument(
-        "--results", type=OutputFolder(), metavar="FOLDER", help="cache results in this folder and reuse them next time"
-    )
-    fleet.add_argument(
-        "--reports",
-        type=OutputFolder(),
-        metavar="FOLDER",
-        help="write a report of each bag; the page of --html links to them",
-    )
-    fleet.add_argument(
-        "--alarm", action="append", default=[], metavar="A",
-        help="condition that raises an alarm, e.g. coulomb=+15%% (since the first bag), 'stick_slip>5%%' or "
-        "'reserve<20%%'; may be repeated",
+    add_repeated(
+        fleet, "--alarm", "A",
+        "condition that raises an alarm, e.g. coulomb=+15%% (since the first bag), 'stick_slip>5%%' or 'reserve<20%%'; "
+        "may be repeated",
     )  # fmt: skip
-    fleet.add_argument(
-        "--table",
-        type=TABLE,
-        metavar="FILE",
-        help="write a table with a row for each joint of each bag (.csv or .parquet)",
-    )
+    rows = "write a table with a row for each joint of each bag (.csv or .parquet)"
+    add_option(fleet, "--table", "FILE", rows, type=TABLE)
 
 
 def run(options: argparse.Namespace) -> int:

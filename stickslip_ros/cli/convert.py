@@ -20,7 +20,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from rich.markup import escape
-from rich.table import Table as Grid
 
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.simulated import LAST_STAMP
@@ -39,9 +38,9 @@ from stickslip_ros.bags.table_columns import (
 )
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain, unpack_limit
-from stickslip_ros.cli.options import add_number
-from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.options import add_number, add_option, add_repeated
+from stickslip_ros.cli.outputs import add_bag_arguments, refuse_inputs, refuse_to_overwrite
+from stickslip_ros.cli.terminal import Terminal, new_table
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -59,38 +58,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known recording"
     )
+    add_bag_arguments(parser)
     parser.add_argument(
-        "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
+        "--names", "--name", metavar="A,B", help="names of the joints, in the table's order (default: from the columns)"
     )
-    add_force_argument(parser)
-    parser.add_argument(
-        "--names",
-        "--name",
-        metavar="A,B",
-        help="names of the joints, in the table's order (default: from the columns)",
-    )
-    parser.add_argument(
-        "--column", action="append", metavar="FIELD=COLUMN[:UNIT]", default=[],
-        help=f"column of a FIELD, which is one of {', '.join(FIELDS)}; * stands for the joint; may be repeated",
-    )  # fmt: skip
+    column = f"column of a FIELD, which is one of {', '.join(FIELDS)}; * stands for the joint; may be repeated"
+    add_repeated(parser, "--column", "FIELD=COLUMN[:UNIT]", column)
     add_number(parser, "--first-stamp", "S", "time stamp of time zero [s] (default: 1, or as recorded)")
     add_number(parser, "--stiffness", "KP", "k_p of the controllers in the recording, to write into the bag [N·m/rad]")
     add_number(parser, "--damping", "KV", "k_v of the controllers [N·m·s/rad] (default: 0)")
     add_number(parser, "--integral", "KI", "k_i of the controllers [N·m/(rad·s)] (default: 0)")
     add_unpack_argument(parser)
-    parser.add_argument(
-        "--compression",
-        choices=sorted(COMPRESSIONS),
-        default="zstd",
-        help="compression of the chunks (default: %(default)s)",
-    )
+    add_option(parser, "--compression", None, "compression of the chunks", "zstd", choices=sorted(COMPRESSIONS))
 
 
 def run(options: argparse.Namespace) -> int:
     """Convert; exit status 0."""
     path = find_recording(options.recording)
     refuse_inputs({"--out": options.out}, [path])
-    refuse_to_overwrite("--out", options.out, force=options.force)
+    refuse_to_overwrite(options)
     gains = _gains(options)
     table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
     names = _names(options.names, table)
@@ -141,9 +127,8 @@ def _show(table: Table, names: list[str]) -> None:
     console = Terminal(stderr=True, highlight=False)
     console = console if console.is_terminal else Terminal(stderr=True, highlight=False, width=_WIDTH)
     fields = [field for field in FIELDS if any(field in uses for uses in table.joints.values())]
-    grid = Grid(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for heading in ("joint", *(field.replace("_", " ") for field in fields)):
-        grid.add_column(heading, no_wrap=True)
+    headings = ["joint", *(field.replace("_", " ") for field in fields)]
+    grid = new_table(headings, headings, padding=(0, 2, 0, 0), pad_edge=False)
     for name, uses in zip(names, table.joints.values(), strict=True):
         grid.add_row(escape(name), *(_shown(uses[field]) if field in uses else "-" for field in fields))
     form = f" ({table.form})" if table.form else ""

@@ -29,7 +29,7 @@ from bokeh.models import (
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 from stickslip_ros.cli.live_joint import Subject, cycle_duration, joint_map, phase_loop, what_if
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
-from stickslip_ros.cli.watch_view import JointView
+from stickslip_ros.cli.watch_view import MARKS, JointView, worst_first
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
@@ -42,9 +42,7 @@ _EVERY = 500  # [ms]
 _SILENT = 3.0  # [s] from when on it is said
 _MOST_POINTS = 1500  # of a curve
 _SHOWN = 10.0  # [s] of motion
-_WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
 _CLASSES = {Level.ERROR: "bad", Level.WARN: "warn", Level.STALE: "none", Level.OK: "good"}
-_MARKS = {Level.ERROR: "■", Level.WARN: "▲", Level.STALE: "○", Level.OK: "●"}
 _MOVED = 1e-3  # relative change of what a map depends on
 _DECADES = 1.0  # of the slider on either side of the present stiffness
 _ADVISED = "#116329"
@@ -137,7 +135,7 @@ class LivePage:
     def update(self) -> None:
         """Send what has changed."""
         now = self._listener.snapshot
-        ordered = sorted(now.joints, key=lambda one: (_WORST_FIRST.index(one.level), one.name))
+        ordered = worst_first(now.joints)
         names = [one.name for one in ordered]
         if sorted(self._choice.options) != sorted(names):
             self._choice.options = names
@@ -283,7 +281,7 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
         reserve = "–" if math.isnan(one.reserve) else f"{100.0 * min(one.reserve, 10.0):+.0f}"
         rows.append(
             f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
-            f"<td class='{_CLASSES[one.level]}'>{_MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
+            f"<td class='{_CLASSES[one.level]}'>{MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
             f"<td class='number'>{_number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
             f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
             f"<td class='number'>{_number_text(1e3 * one.slip)}</td></tr>"

@@ -18,14 +18,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
-from stickslip_ros.cli.margin import add_conditions, add_joint_arguments, conditions_from, joint_from, judged
-from stickslip_ros.cli.options import add_flag, add_json, add_number
+from stickslip_ros.cli.margin import (
+    add_conditions,
+    add_joint_arguments,
+    conditions_from,
+    joint_from,
+    judged,
+    refuse_of_a_rigid_contact,
+)
+from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, refuse_without_effect
 from stickslip_ros.cli.outputs import PICTURE
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, new_table
 from stickslip_ros.cli.trajectory import read_trajectory
-from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model.controlled import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
@@ -45,7 +50,7 @@ from stickslip_ros.model.reversal import (
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.output.plotting import save
 from stickslip_ros.output.published import number
-from stickslip_ros.output.reversal_figure import Dependence, reversal_figure
+from stickslip_ros.output.reversal_figure import Dependences, reversal_figure
 from stickslip_ros.output.wording import with_prefix
 
 _AMPLITUDES = (0.25, 1.0, 4.0)  # times the one that is asked for
@@ -62,19 +67,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(motion, "--amplitude", "A", "amplitude of the motion: half of peak to peak [rad]")
     add_number(motion, "--frequency", "F", "frequency of the motion [Hz]")
     add_flag(motion, "--triangle", "triangle in place of the sine: constant speed 4·A·F to and fro")
-    motion.add_argument(
-        "--trajectory",
-        type=Path,
-        metavar="FILE",
-        help="table (CSV, Parquet) of time and position, followed in straight lines",
-    )
+    table = "table (CSV, Parquet) of time and position, followed in straight lines"
+    add_option(motion, "--trajectory", "FILE", table, type=Path)
     add_conditions(parser, "the controller")
-    parser.add_argument(
-        "--out",
-        type=PICTURE,
-        metavar="FILE.png",
-        help="draw the motion, and how the error depends on speed and amplitude",
-    )
+    drawn = "draw the motion, and how the error depends on speed and amplitude"
+    add_option(parser, "--out", "FILE.png", drawn, type=PICTURE)
     add_json(parser)
 
 
@@ -88,9 +85,9 @@ def run(options: argparse.Namespace) -> int:
         found = reversals(joint, gains, reference, conditions)
         if not found:
             raise StickSlipError(f"{words} {_why_none(reference)}")
-        dependences = (
-            [] if make is None or options.out is None else _dependences(options, make, joint, gains, conditions)
-        )
+        dependences: Dependences = {}
+        if make is not None and options.out is not None:
+            dependences = _dependences(options, make, joint, gains, conditions)
     if options.json:
         print(json_text({"reversals": [_as_json(turn) for turn in found]}))
     else:
@@ -112,10 +109,9 @@ def _refuse(options: argparse.Namespace, joint: Joint, gains: Gains) -> None:
         raise StickSlipError(
             "missing: --coulomb [N·m], on which reversals depend; 0 only if the joint has no Coulomb friction"
         )
-    own = Need(
-        options=("triangle",), met=options.trajectory is None, text="--amplitude and --frequency, not a --trajectory"
-    )
-    refuse_without_effect(options, [own, contact_need(joint.friction)])
+    needs = "--amplitude and --frequency, not a --trajectory"
+    refuse_without_effect(options, "triangle", met=options.trajectory is None, needs=needs)
+    refuse_of_a_rigid_contact(options, joint.friction)
 
 
 def _why_none(reference: ReferenceMotion) -> str:
@@ -150,15 +146,13 @@ def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple
 
 def _dependences(
     options: argparse.Namespace, make: Make, joint: Joint, gains: Gains, conditions: OperatingConditions
-) -> list[Dependence]:
-    own = _TOP_SPEED[make] * options.amplitude * options.frequency
-    found = []
-    for factor in _AMPLITUDES:
-        amplitude = factor * options.amplitude
-        speeds = (own * _SPEEDS).tolist()
+) -> Dependences:
+    speeds = (_TOP_SPEED[make] * options.amplitude * options.frequency * _SPEEDS).tolist()
+    found = {}
+    for amplitude in (factor * options.amplitude for factor in _AMPLITUDES):
         references = [make(amplitude, speed / (_TOP_SPEED[make] * amplitude), joint, gains) for speed in speeds]
         turns = reversal_map(joint, gains, references, conditions, workers=os.cpu_count() or 1)
-        found.append(Dependence.of(amplitude, speeds, turns))
+        found[amplitude] = dict(zip(speeds, turns, strict=True))
     return found
 
 
@@ -171,17 +165,8 @@ def _print(found: Sequence[Reversal], words: str, joint: Joint, gains: Gains) ->
     console.print(f"[dim]{judged(joint, gains, coulomb=True)}[/]")
     worst = max(found, key=lambda turn: turn.peak_error)
     console.print(f"Where {words} turns round, the joint {_in_words(worst)}")
-    table = Table(box=None, padding=(0, 1))
-    for heading in (
-        "turns\nat",
-        "stands",
-        "lost\nmotion",
-        "peak\nerror",
-        "steady\nerror",
-        "further\nstops",
-        "follows\nagain after",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
+    headings = "turns\nat", "stands", "lost\nmotion", "peak\nerror", "steady\nerror", "further\nstops"
+    table = new_table((*headings, "follows\nagain after"), padding=(0, 1))
     for turn in found[:_MOST_SHOWN]:
         table.add_row(
             f"{turn.time:.3f} s", _seconds(turn.standing), _milli(turn.lost_motion), _milli(turn.peak_error),

@@ -6,9 +6,11 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
+from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.markup import escape
 from rich.measure import Measurement
 from rich.segment import Segment
 from rich.table import Table
@@ -44,6 +46,14 @@ def console_of_tables() -> Console:
     """As wide as the terminal; where there is none, as wide as the tables."""
     console = Terminal(highlight=False)
     return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
+
+
+def new_table(headings: Iterable[str], left: Container[str] = ("",), **more: Any) -> Table:
+    """An empty table without lines; ``left``: headings of the columns of words, as all others are of numbers."""
+    table = Table(box=None, **more)
+    for heading in headings:
+        table.add_column(escape(heading), justify="left" if heading in left else "right", no_wrap=True)
+    return table
 
 
 def width_of(console: Console, table: Table) -> int:

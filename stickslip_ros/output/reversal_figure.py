@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,29 +20,8 @@ _MILLI = 1e3
 _COLOURS = (BLUE, GREEN, ORANGE, RED)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Dependence:
-    """The worst reversal over the top speed of the reference, for one amplitude.
-
-    Attributes
-    ----------
-    amplitude : [rad]. speeds : [rad/s], shape (n,). peak_errors : [rad]. standing : [s]; infinite where it never moves.
-    """
-
-    amplitude: float
-    speeds: FloatArray
-    peak_errors: FloatArray
-    standing: FloatArray
-
-    @classmethod
-    def of(cls, amplitude: float, speeds: Sequence[float], turns: Sequence[tuple[Reversal, ...]]) -> Dependence:
-        """From the reversals at each speed."""
-        return cls(
-            amplitude=amplitude,
-            speeds=np.array(speeds),
-            peak_errors=np.array([max((turn.peak_error for turn in found), default=math.nan) for found in turns]),
-            standing=np.array([max((turn.standing for turn in found), default=math.nan) for found in turns]),
-        )
+# Reversals by the reference's amplitude [rad], and by its top speed [rad/s].
+Dependences = Mapping[float, Mapping[float, Sequence[Reversal]]]
 
 
 def reversal_figure(
@@ -51,7 +29,7 @@ def reversal_figure(
     reference: ReferenceMotion,
     position: FloatArray,
     turns: Sequence[Reversal],
-    dependences: Sequence[Dependence],
+    dependences: Dependences,
     *,
     name: str,
 ) -> Figure:
@@ -87,10 +65,10 @@ def reversal_figure(
         ),
     ]  # fmt: skip
     if dependences:
-        panels.append(
-            _against_speed("largest error [mrad]", "The error, by amplitude", dependences, "peak_errors", _MILLI)
-        )
-        panels.append(_against_speed("stands for [s]", "The stop, by amplitude", dependences, "standing", 1.0))
+        panels += [
+            _against_speed("largest error [mrad]", "The error, by amplitude", dependences, "peak_error", _MILLI),
+            _against_speed("stands for [s]", "The stop, by amplitude", dependences, "standing", 1.0),
+        ]
     return Figure(name=name, title=subject, note="By integration of Eqs (4)-(6).", panels=tuple(panels))
 
 
@@ -102,13 +80,15 @@ def _window(turn: Reversal, turns: Sequence[Reversal], last: float) -> tuple[flo
     return turn.time - back, min(turn.time + ahead, last)
 
 
-def _against_speed(label: str, title: str, dependences: Sequence[Dependence], of: str, scale: float) -> Panel:
+def _against_speed(label: str, title: str, dependences: Dependences, of: str, scale: float) -> Panel:
+    """The worst reversal over the top speed, a curve for each amplitude."""
     curves = []
-    for one, colour in zip(dependences, _COLOURS, strict=False):
-        values = scale * getattr(one, of)
+    for (amplitude, turns), colour in zip(dependences.items(), _COLOURS, strict=False):
+        worst = [max((getattr(turn, of) for turn in found), default=math.nan) for found in turns.values()]
+        values = scale * np.array(worst)
         curves.append(
             Curve(
-                label=f"±{_MILLI * one.amplitude:.3g} mrad", x=_MILLI * one.speeds,
+                label=f"±{_MILLI * amplitude:.3g} mrad", x=_MILLI * np.array(list(turns)),
                 y=np.where(np.isfinite(values) & (values > 0), values, np.nan), colour=colour,
             )
         )  # fmt: skip
