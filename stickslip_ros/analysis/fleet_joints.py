@@ -103,24 +103,16 @@ def parse_alarm(text: str) -> Alarm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Point:
-    """A quantity in one recording, which is told by its number among the joint's."""
-
-    recording: int
-    measured: Measured
-
-
-@dataclass(frozen=True, kw_only=True)
 class History:
-    """A quantity over the recordings that tell it, with its trend where their dates allow one."""
+    """A quantity over the recordings that tell it, by their numbers; with its trend where their dates allow one."""
 
-    points: tuple[Point, ...]
+    points: dict[int, Measured]
     trend: Trend | None
 
     @property
     def latest(self) -> float:
         """Value of the last recording that tells it; NaN if none does."""
-        return self.points[-1].measured.value if self.points else math.nan
+        return next((one.value for one in reversed(self.points.values())), math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,25 +190,21 @@ def _joint(robot: str, name: str, rows: Sequence[Row], alarms: Sequence[Alarm]) 
     histories = {quantity: _history(rows, quantity, dated=dated) for quantity in QUANTITIES}
     ringing = []
     for alarm in alarms:
-        points = histories[alarm.quantity].points
+        points = list(histories[alarm.quantity].points.values())
         if points:
-            ringing.append(alarm.rings(points[0].measured, points[-1].measured))
+            ringing.append(alarm.rings(points[0], points[-1]))
     return FleetJoint(
         robot=robot, name=name, rows=tuple(rows), dated=dated, histories=histories, alarms=tuple(filter(None, ringing))
     )
 
 
 def _history(rows: Sequence[Row], name: str, *, dated: bool) -> History:
-    points = []
-    for number, row in enumerate(rows):
-        if (row["moving_time"] or 0.0) >= LEAST_MOVING:
-            found = _measured(row, name)
-            if math.isfinite(found.value):
-                points.append(Point(recording=number, measured=found))
-    times = [rows[point.recording]["recorded"] for point in points]
-    measured = [point.measured for point in points]
-    line = trend(times, [one.value for one in measured], [one.error for one in measured]) if dated else None
-    return History(points=tuple(points), trend=line)
+    long_enough = (number for number, row in enumerate(rows) if (row["moving_time"] or 0.0) >= LEAST_MOVING)
+    measured = {number: _measured(rows[number], name) for number in long_enough}
+    points = {number: one for number, one in measured.items() if math.isfinite(one.value)}
+    times, known = [rows[number]["recorded"] for number in points], points.values()
+    line = trend(times, [one.value for one in known], [one.error for one in known]) if dated else None
+    return History(points=points, trend=line)
 
 
 def _measured(row: Row, name: str) -> Measured:

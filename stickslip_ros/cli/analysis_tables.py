@@ -123,7 +123,7 @@ def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None
 
 
 def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
-    friction = [_number(point.measured.value) for point in joint.histories["coulomb"].points] or ["-"]
+    friction = [_number(point.value) for point in joint.histories["coulomb"].points.values()] or ["-"]
     return {
         "robot\n": escape(visible(joint.robot)),
         "joint\n": escape(visible(joint.name)),

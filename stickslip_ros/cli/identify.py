@@ -40,7 +40,7 @@ from stickslip_ros.output import published as published
 from stickslip_ros.output.as_json import json_text, parameter_json
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import presliding_text
-from stickslip_ros.settings.known_joints import KnownJoint, joint_file_text, load_joint, write_joint_file
+from stickslip_ros.settings.known_joints import joint_file_text, load_joint, write_joint_file
 
 if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
@@ -104,7 +104,8 @@ def run(options: argparse.Namespace) -> int:
         _refuse_experiment(options)
     gains = _gains(options)
     if options.recording:
-        path = _find(options.recording)
+        path = Path(options.recording)
+        path = path if is_read_as_bag(path) else find_recording(options.recording)
         batch, gains = _samples(path, options, gains)
         name, source = path.stem, f"Identified from {path.name}."
     else:
@@ -131,7 +132,8 @@ def run(options: argparse.Namespace) -> int:
             joint, gains = slips.joint(), slips.gains
         else:
             joint = found.joint(prior.joint if prior else None)
-        text = joint_file_text(options.name or name, joint, found, gains, _full(source, prior))
+        source += f" What is not identified is of {prior.name}." if prior else ""
+        text = joint_file_text(options.name or name, joint, found, gains, source)
         write_joint_file(options.out, text)
         if not options.json:
             Terminal(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
@@ -154,14 +156,6 @@ def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tu
             "or use stickslip analyze, which follows such changes"
         )
     return batch, given or next(iter(recorded), None)
-
-
-def _find(name: str) -> Path:
-    return Path(name) if is_read_as_bag(Path(name)) else find_recording(name)
-
-
-def _full(source: str, prior: KnownJoint | None) -> str:
-    return f"{source} What is not identified is of {prior.name}." if prior else source
 
 
 def _gains(options: argparse.Namespace) -> Gains | None:

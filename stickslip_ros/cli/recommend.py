@@ -108,9 +108,7 @@ def run(options: argparse.Namespace) -> int:
     limits = _limits(options)
     if options.sample_rate is not None:
         require_positive("sample_rate", options.sample_rate)
-    if options.tracking_error is not None:
-        require_not_negative("tracking_error", options.tracking_error)
-    for name in ("speed_filter", "feedforward"):
+    for name in ("tracking_error", "speed_filter", "feedforward"):
         if getattr(options, name) is not None:
             require_not_negative(name, getattr(options, name))
     loop = ObservedLoop(

@@ -112,11 +112,8 @@ def load_joint(name_or_path: str) -> KnownJoint:
     except InvalidParameterError as error:
         raise JointFileError(f"joint file {path}: {error}") from error
     except (KeyError, TypeError, ValueError) as error:
-        raise JointFileError(f"joint file {path}: {_explain(error)}") from error
-
-
-def _explain(error: Exception) -> str:
-    return f"missing key {error}" if isinstance(error, KeyError) else str(error)
+        text = f"missing key {error}" if isinstance(error, KeyError) else str(error)
+        raise JointFileError(f"joint file {path}: {text}") from error
 
 
 def _parse(content: Any) -> KnownJoint:
@@ -127,11 +124,12 @@ def _parse(content: Any) -> KnownJoint:
     friction, gains = content["friction"], content["gains"]
     _refuse_unknown(friction, {entry.name for entry in fields(Friction)})
     _refuse_unknown(gains, {entry.name for entry in fields(Gains)})
+    values: dict[str, Any] = {key: value if key in _WORDS else float(value) for key, value in friction.items()}
     return KnownJoint(
         name=str(content["name"]),
         joint=Joint(
             inertia=float(content["inertia"]),
-            friction=_friction(friction),
+            friction=Friction(**values),
             transmission=Transmission.given(content),
         ),
         gains=Gains(**{key: float(value) for key, value in gains.items()}),
@@ -140,11 +138,6 @@ def _parse(content: Any) -> KnownJoint:
         assumed=tuple(content.get("assumed", ())),
         per_inertia=bool(content.get("per_inertia", False)),
     )
-
-
-def _friction(content: dict[str, Any]) -> Friction:
-    values: dict[str, Any] = {key: value if key in _WORDS else float(value) for key, value in content.items()}
-    return Friction(**values)
 
 
 def _refuse_unknown(content: Any, known: set[str]) -> None:

@@ -116,8 +116,8 @@ def _cell(
 ) -> _Cell:
     """The latest value of a quantity, and its history."""
     history = joint.histories[name]
-    where = [_where(joint, point.recording) for point in history.points]
-    spark = sparkline(where, [point.measured.value for point in history.points], low=low, high=high)
+    where = [_where(joint, recording) for recording in history.points]
+    spark = sparkline(where, [point.value for point in history.points.values()], low=low, high=high)
     return _Cell(text=text(history.latest), sort=history.latest, spark=spark)
 
 
@@ -131,11 +131,10 @@ def _data(joint: FleetJoint, links: Mapping[str, str], *, dated: bool) -> dict[s
     histories = {}
     for name, (_, scale) in _PLOTS.items():
         points = joint.histories[name].points
-        measured = [point.measured for point in points]
         histories[name] = {
-            "at": [1000.0 * _where(joint, one.recording) if dated else one.recording + 1 for one in points],
-            "value": [_rounded(scale * one.value) for one in measured],
-            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in measured],
+            "at": [1000.0 * _where(joint, recording) if dated else recording + 1 for recording in points],
+            "value": [_rounded(scale * one.value) for one in points.values()],
+            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in points.values()],
         }
     return {
         "title": visible(f"{joint.robot} {joint.name}".strip()),

@@ -18,16 +18,9 @@ from typing import IO
 import numpy as np
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
+from stickslip_ros.bags.storage import mcap_records as records
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.mcap_records import (
-    ChannelRecord,
-    Chunk,
-    ChunkIndex,
-    Opcode,
-    Schema,
-    footer,
-    messages_by_channel,
-)
+from stickslip_ros.bags.storage.mcap_records import Opcode
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
@@ -47,7 +40,7 @@ _DAMAGE = (ValueError, EOFError, OverflowError, MemoryError)
 class _Summary:
     channels: dict[int, Channel]
     counts: dict[int, int]
-    chunks: list[ChunkIndex]
+    chunks: list[records.ChunkIndex]
 
 
 class McapStorage:
@@ -66,7 +59,7 @@ class McapStorage:
         self._known = np.zeros(_MOST_CHANNELS, dtype=np.bool_)
         self._wanted: set[Channel] | None = None
         self._yielded: dict[int, Channel] = {}
-        self._schemas: dict[int, Schema] = {}
+        self._schemas: dict[int, records.Schema] = {}
         self._unknown = 0
 
     def channels(self) -> dict[Channel, int]:
@@ -122,46 +115,39 @@ class McapStorage:
 
     def _read_summary(self) -> _Summary | None:
         """The summary section, if it is there and sound."""
-        size = self._file.size
-        tail = _FOOTER + len(MAGIC)
+        size, tail = self._file.size, _FOOTER + len(MAGIC)
+        if size < len(MAGIC) + tail:
+            return None
         with self._file.open() as file:
-            if size < len(MAGIC) + tail:
-                return None
             file.seek(size - tail)
             end = file.read(tail)
             if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
                 self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
                 return None
-            begin, expected = footer(end[9:])
+            begin, expected = records.footer(end[9:])
             if begin == 0:
                 return None
-            if not len(MAGIC) <= begin <= size - tail:
-                self._warn_of_index()
-                return None
-            file.seek(begin)
-            content = file.read(size - tail - begin)
-            # Without a checksum the index may say anything; the data speak for themselves.
-            if expected == 0:
-                return None
-            if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
-                self._warn_of_index()
-                return None
             try:
-                summary = self._parse_summary(content)
-            except _DAMAGE:
-                self._warn_of_index()
-                return None
-            for chunk in summary.chunks:
-                file.seek(chunk.begin)
-                if file.read(1) != bytes([Opcode.CHUNK]):
-                    self._warn_of_index()
+                if not len(MAGIC) <= begin <= size - tail:
+                    raise ValueError("it is elsewhere")
+                file.seek(begin)
+                content = file.read(size - tail - begin)
+                # Without a checksum the index may say anything; the data speak for themselves.
+                if expected == 0:
                     return None
+                if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
+                    raise ValueError("its checksum is wrong")
+                summary = self._parse_summary(content)
+                for chunk in summary.chunks:
+                    file.seek(chunk.begin)
+                    if file.read(1) != bytes([Opcode.CHUNK]):
+                        raise ValueError("there is no chunk where it names one")
+            except _DAMAGE:
+                self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
+                return None
             # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
             listed = [chunk.channels for chunk in summary.chunks]
             return summary if listed and all(some and some <= set(summary.channels) for some in listed) else None
-
-    def _warn_of_index(self) -> None:
-        self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
 
     def _parse_summary(self, content: bytes) -> _Summary:
         buffer = np.frombuffer(content, dtype=np.uint8)
@@ -169,9 +155,9 @@ class McapStorage:
         for table in _tables(buffer):
             for opcode, offset, length, _, _ in table.tolist():
                 if opcode == Opcode.CHUNK_INDEX:
-                    chunks.append(ChunkIndex.read(_content(buffer, offset, length)))
+                    chunks.append(records.ChunkIndex.read(_content(buffer, offset, length)))
                 elif opcode == Opcode.STATISTICS:
-                    counts = messages_by_channel(_content(buffer, offset, length))
+                    counts = records.messages_by_channel(_content(buffer, offset, length))
                 else:
                     self._note(opcode, buffer, offset, length)
         return _Summary(
@@ -285,15 +271,15 @@ class McapStorage:
 
     def _chunk(self, content: bytes, offset: int) -> Iterator[Block]:
         try:
-            chunk = Chunk.read(content)
-            records = _decompressed(chunk, self._file.allowance)
+            chunk = records.Chunk.read(content)
+            unpacked = _decompressed(chunk, self._file.allowance)
         except ImportError:
             raise
         except Exception as error:
             # Whatever the libraries of compressions raise for bytes that make no sense.
             self._warn(self._lost(offset, " ".join(str(error).split()) or type(error).__name__))
             return
-        buffer = np.frombuffer(records, dtype=np.uint8)
+        buffer = np.frombuffer(unpacked, dtype=np.uint8)
         tables, at, _, sound = _walk(buffer)
         for table in tables:
             yield from self._records(buffer, table[table[:, kernel.OPCODE] != Opcode.CHUNK], offset)
@@ -303,10 +289,10 @@ class McapStorage:
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_content(buffer, offset, length))
+            schema = records.Schema.read(_content(buffer, offset, length))
             self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            record = ChannelRecord.read(_content(buffer, offset, length))
+            record = records.ChannelRecord.read(_content(buffer, offset, length))
             schema_of = self._schemas.get(record.schema_id)
             channel = Channel(
                 topic=record.topic,
@@ -372,7 +358,7 @@ def _tables(buffer: Bytes) -> list[Integers]:
     return tables
 
 
-def _decompressed(chunk: Chunk, allowance: Allowance) -> bytes:
+def _decompressed(chunk: records.Chunk, allowance: Allowance) -> bytes:
     """The records of a chunk.
 
     Raises
@@ -380,17 +366,12 @@ def _decompressed(chunk: Chunk, allowance: Allowance) -> bytes:
     ValueError
         If they are not what their length and checksum say.
     """
-    size = chunk.uncompressed_size
-    if chunk.compression == "":
-        records = chunk.data
-    elif chunk.compression == "zstd":
-        records = allowance.zstd(chunk.data)
-    elif chunk.compression == "lz4":
-        records = allowance.lz4(chunk.data)
-    else:
+    unpackers: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": allowance.zstd, "lz4": allowance.lz4}
+    if chunk.compression not in unpackers:
         raise ValueError(f"its compression {chunk.compression[:32]!r} is none of zstd, lz4")
-    if len(records) != size:
-        raise ValueError(f"it holds {len(records)} bytes instead of {size}")
-    if chunk.uncompressed_crc and zlib.crc32(records) != chunk.uncompressed_crc:
+    unpacked, size = unpackers[chunk.compression](chunk.data), chunk.uncompressed_size
+    if len(unpacked) != size:
+        raise ValueError(f"it holds {len(unpacked)} bytes instead of {size}")
+    if chunk.uncompressed_crc and zlib.crc32(unpacked) != chunk.uncompressed_crc:
         raise ValueError("its checksum is wrong")
-    return records
+    return unpacked
