@@ -22,19 +22,9 @@ from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import EVENTS_TYPE, TopicChoice, Topics, find_robots, find_topics, nearest_namespace
-from stickslip_ros.messages import joint_states
+from stickslip_ros.messages import content, joint_states
 from stickslip_ros.messages.blocks import Block, Channel, Integers
-from stickslip_ros.messages.content import (
-    DESCRIPTION,
-    DESCRIPTION_TYPE,
-    MessageError,
-    gains_from_message,
-    prismatic_joints,
-    reference_rows,
-    seconds,
-    with_time,
-    with_times,
-)
+from stickslip_ros.messages.content import MessageError
 from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
@@ -217,7 +207,7 @@ class BagReader:
         for channel in self._descriptions:
             chosen = self._chosen(block, numbers, channel, 0, len(block))
             for _, text in self._decoded(channel, block, chosen, lambda message: str(message.data)):
-                self._prismatic |= prismatic_joints(text)
+                self._prismatic |= content.prismatic_joints(text)
 
     def _gains_in(self, block: Block, numbers: dict[Channel, list[int]]) -> list[tuple[int, dict[str, Gains]]]:
         """At which messages of a block which gains change."""
@@ -227,7 +217,7 @@ class BagReader:
         ):
             of_events = channel.type == EVENTS_TYPE
             chosen = self._chosen(block, numbers, channel, 0, len(block))
-            read: Callable[[Any], Any] = (lambda event: event) if of_events else gains_from_message
+            read: Callable[[Any], Any] = (lambda event: event) if of_events else content.gains_from_message
             for number, message in self._decoded(channel, block, chosen, read):
                 for robot, topics in self._robots.items():
                     if channel in (*topics.gains, *topics.events):
@@ -292,11 +282,11 @@ class BagReader:
         listed: dict[str, list[tuple[float, float, float]]] = {}
 
         def read(message: Any) -> tuple[float, dict[str, tuple[float, float]]]:
-            return seconds(message.header.stamp), reference_rows(message)
+            return content.seconds(message.header.stamp), content.reference_rows(message)
 
         for number, (stamp, rows_of) in self._decoded(channel, block, chosen, read):
             recorded = 1e-9 * float(block.log_time[number])
-            time = with_time(stamp, recorded, _INSTEAD, self._replacing(channel))
+            time = content.with_time(stamp, recorded, _INSTEAD, self._replacing(channel))
             for joint, (position, velocity) in rows_of.items():
                 listed.setdefault(joint, []).append((time, position, velocity))
         return {joint: np.array(rows) for joint, rows in listed.items()}
@@ -307,7 +297,7 @@ class BagReader:
         def recorded() -> FloatArray:
             return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
 
-        return with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
+        return content.with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
 
     def _replacing(self, channel: Channel) -> Callable[[str, int], None]:
         def replace(reason: str, count: int) -> None:
@@ -318,7 +308,7 @@ class BagReader:
 
 def _is_description(channel: Channel) -> bool:
     """Whether a channel has descriptions of a robot that can be read."""
-    if channel.type != DESCRIPTION_TYPE or not channel.topic.endswith(DESCRIPTION):
+    if channel.type != content.DESCRIPTION_TYPE or not channel.topic.endswith(content.DESCRIPTION):
         return False
     try:
         Decoder(channel)

@@ -17,19 +17,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.bags import table_text
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
 from stickslip_ros.bags.table_columns import Named
-from stickslip_ros.bags.table_text import (
-    CLOCK,
-    DATE,
-    DAY,
-    below_a_preamble,
-    cells_of,
-    columns_of_an_echo,
-    delimiter_of,
-    header_of,
-    is_number,
-)
 from stickslip_ros.errors import needs
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular
@@ -126,24 +116,24 @@ class _Text(TableFile):
         self._file = file
         begin = file.read(_LOOKED_AT)
         lines = begin.splitlines(keepends=True)
-        self._skipped, header = header_of(lines)
+        self._skipped, header = table_text.header_of(lines)
         self._above = 0
-        below = below_a_preamble(lines, self._skipped)
+        below = table_text.below_a_preamble(lines, self._skipped)
         if below is not None:
             self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
-        self._delimiter = delimiter_of(header, texts)
-        self._columns = cells_of(header, self._delimiter)
-        named = columns_of_an_echo(self._columns)
+        self._delimiter = table_text.delimiter_of(header, texts)
+        self._columns = table_text.cells_of(header, self._delimiter)
+        named = table_text.columns_of_an_echo(self._columns)
         if named:
             # The message's own layout stands for the line of names that is not there.
             self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
-        if all(is_number(cell) for cell in self._columns):
+        if all(table_text.is_number(cell) for cell in self._columns):
             raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
-        rows = [cells_of(text, self._delimiter) for text in texts]
+        rows = [table_text.cells_of(text, self._delimiter) for text in texts]
         values = [cell for row in rows for cell in row]
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
         self._decimal = "," if commas else "."
@@ -155,9 +145,9 @@ class _Text(TableFile):
         self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
         }
-        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if DATE.match(cell)}
-        self.days = frozenset(name for name, cell in firsts.items() if DAY.fullmatch(cell))
-        self.clocks = frozenset(name for name, cell in firsts.items() if CLOCK.fullmatch(cell))
+        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if table_text.DATE.match(cell)}
+        self.days = frozenset(name for name, cell in firsts.items() if table_text.DAY.fullmatch(cell))
+        self.clocks = frozenset(name for name, cell in firsts.items() if table_text.CLOCK.fullmatch(cell))
         self.dates = frozenset(self._zones) | self.days | self.clocks
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
         above = f", below {self._above} other lines" if self._above else ""

@@ -33,14 +33,7 @@ from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.analysis.words import nothing_judged
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import (
-    alarms_json,
-    print_alarms,
-    print_analysis,
-    print_brief,
-    print_finished,
-    print_fleet,
-)
+from stickslip_ros.cli import analysis_tables as tables
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.options import add_flag, add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
@@ -118,15 +111,15 @@ def run(options: argparse.Namespace) -> int:
     finally:
         # Whatever becomes of the files, the answer is not lost.
         if options.json:
-            print(json_text({"bags": answers} | ({"alarms": alarms_json(joints)} if options.alarm else {})))
+            print(json_text({"bags": answers} | ({"alarms": tables.alarms_json(joints)} if options.alarm else {})))
         elif options.brief:
-            print_brief(answers)
+            tables.print_brief(answers)
         elif analysis is not None:
-            print_analysis(analysis)
+            tables.print_analysis(analysis)
         elif len(bags) > 1 or not errors:
-            print_fleet(joints, answers)
+            tables.print_fleet(joints, answers)
         if not options.json:
-            print_alarms(joints)
+            tables.print_alarms(joints)
     for text in unwritten:
         complain(text)
     worst = [joint["worst_status"] for found in answers for joint in found.get("joints", {}).values()]
@@ -236,5 +229,5 @@ def _many(
             reports=pages,
             progress=progress,
             # Where nobody watches a bar, a log has a line a bag.
-            finished=(lambda _: None) if watched else print_finished,
+            finished=(lambda _: None) if watched else tables.print_finished,
         )
