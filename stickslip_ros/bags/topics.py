@@ -271,21 +271,20 @@ def _chosen_references(
             raise RecordingError(f"--references {text}: no robot {robot!r}; there are {', '.join(robots)}")
         (own[robot] if equals else common).append(candidates.reference(topic))
     namespaces = [_folder(channel) for channel in robots.values()]
+    below_the_root = [space for space in namespaces if space]
     for name, states in robots.items():
         if own[name] or states in common:
             continue
         near = [one for one in common if nearest_namespace(one.topic, namespaces) == _folder(states)]
         near = [one for one in near if one not in robots.values()]
-        fit = near or [one for one in common if one in robots.values() or not _owned(one, namespaces)]
+        fit = near or [
+            one for one in common if one in robots.values() or nearest_namespace(one.topic, below_the_root) is None
+        ]
         if len(fit) > 1 and not near:
             listed = candidates.listed(fit)
             raise RecordingError(f"references of {name} could be {listed}: say whose with --references ROBOT=TOPIC")
         own[name] = fit
     return own
-
-
-def _owned(channel: Channel, namespaces: Sequence[str]) -> bool:
-    return nearest_namespace(channel.topic, [space for space in namespaces if space]) is not None
 
 
 def _references_by_namespace(

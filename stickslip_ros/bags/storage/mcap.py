@@ -59,7 +59,7 @@ class McapStorage:
         self._known = np.zeros(_MOST_CHANNELS, dtype=np.bool_)
         self._wanted: set[Channel] | None = None
         self._yielded: dict[int, Channel] = {}
-        self._schemas: dict[int, records.Schema] = {}
+        self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding and definition of each
         self._unknown = 0
 
     def channels(self) -> dict[Channel, int]:
@@ -271,8 +271,7 @@ class McapStorage:
 
     def _chunk(self, content: bytes, offset: int) -> Iterator[Block]:
         try:
-            chunk = records.Chunk.read(content)
-            unpacked = _decompressed(chunk, self._file.allowance)
+            unpacked = _unpacked(content, self._file.allowance)
         except ImportError:
             raise
         except Exception as error:
@@ -288,28 +287,27 @@ class McapStorage:
 
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            return
+        fields = records.Fields(_content(buffer, offset, length))
+        number = fields.number(2)
         if opcode == Opcode.SCHEMA:
-            schema = records.Schema.read(_content(buffer, offset, length))
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            record = records.ChannelRecord.read(_content(buffer, offset, length))
-            schema_of = self._schemas.get(record.schema_id)
-            channel = Channel(
-                topic=record.topic,
-                type=schema_of.name if schema_of else "",
-                encoding=record.message_encoding,
-                schema_encoding=schema_of.encoding if schema_of else "",
-                schema=schema_of.data.decode("utf-8", errors="replace") if schema_of else "",
-            )
-            self._channels[record.id] = channel
-            self._known[record.id] = True
-            # Blocks that were given before keep what they were given with.
-            if self._wanted is None or channel in self._wanted:
-                if self._yielded.get(record.id, channel) != channel:
-                    self._yielded = dict(self._yielded)
-                self._yielded[record.id] = channel
-            elif record.id in self._yielded:
-                self._yielded = {number: one for number, one in self._yielded.items() if number != record.id}
+            name, encoding = fields.text(), fields.text()
+            definition = fields.data(fields.number(4)).decode("utf-8", errors="replace")
+            self._schemas[number] = name, encoding, definition
+            return
+        kind, schema_encoding, schema = self._schemas.get(fields.number(2), ("", "", ""))
+        topic, encoding = fields.text(), fields.text()
+        channel = Channel(topic=topic, type=kind, encoding=encoding, schema_encoding=schema_encoding, schema=schema)
+        self._channels[number] = channel
+        self._known[number] = True
+        # Blocks that were given before keep what they were given with.
+        if self._wanted is None or channel in self._wanted:
+            if self._yielded.get(number, channel) != channel:
+                self._yielded = dict(self._yielded)
+            self._yielded[number] = channel
+        elif number in self._yielded:
+            self._yielded = {other: one for other, one in self._yielded.items() if other != number}
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
         known = self._known[table[:, kernel.CHANNEL]]
@@ -358,20 +356,24 @@ def _tables(buffer: Bytes) -> list[Integers]:
     return tables
 
 
-def _decompressed(chunk: records.Chunk, allowance: Allowance) -> bytes:
-    """The records of a chunk.
+def _unpacked(content: bytes, allowance: Allowance) -> bytes:
+    """The records that a chunk holds.
 
     Raises
     ------
     ValueError
         If they are not what their length and checksum say.
     """
+    fields = records.Fields(content)
+    fields.data(16)  # first and last time
+    size, checksum, compression = fields.number(8), fields.number(4), fields.text()
+    data = fields.data(fields.number(8))
     unpackers: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": allowance.zstd, "lz4": allowance.lz4}
-    if chunk.compression not in unpackers:
-        raise ValueError(f"its compression {chunk.compression[:32]!r} is none of zstd, lz4")
-    unpacked, size = unpackers[chunk.compression](chunk.data), chunk.uncompressed_size
+    if compression not in unpackers:
+        raise ValueError(f"its compression {compression[:32]!r} is none of zstd, lz4")
+    unpacked = unpackers[compression](data)
     if len(unpacked) != size:
         raise ValueError(f"it holds {len(unpacked)} bytes instead of {size}")
-    if chunk.uncompressed_crc and zlib.crc32(unpacked) != chunk.uncompressed_crc:
+    if checksum and zlib.crc32(unpacked) != checksum:
         raise ValueError("its checksum is wrong")
     return unpacked
