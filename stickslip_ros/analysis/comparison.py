@@ -187,11 +187,6 @@ def _slow_time(joint: JointAnalysis, speed: float) -> float:
     return sum(one.end - one.start for one in slow)
 
 
-def _period(joint: JointAnalysis) -> float:
-    """Median period of a joint's cycles [s]; NaN without any."""
-    return float(np.median([cycle.period for cycle in joint.cycles])) if joint.cycles else math.nan
-
-
 def _share(joint: JointAnalysis) -> Measured:
     """Share of stick-slip in the moving time, with the error described in the module."""
     moving = [one for one in joint.segments if moves(one)]
@@ -204,8 +199,7 @@ def _share(joint: JointAnalysis) -> Measured:
     ends = np.append(0.0, np.cumsum(lengths))
     until = np.interp(np.linspace(0.0, total, _PARTS + 1), ends, np.append(0.0, np.cumsum(lengths * sticking)))
     error = _error_of_mean(np.diff(until) * _PARTS / total)
-    period = _period(joint)
-    watched = period / total if math.isfinite(period) else 0.0
+    watched = float(np.median([cycle.period for cycle in joint.cycles])) / total if joint.cycles else 0.0
     return Measured(value=joint.stick_slip_share, error=math.hypot(error, watched))
 
 

@@ -40,15 +40,11 @@ def stick_slip_share(rows: Sequence[Row]) -> float:
 
 
 def _row(path: Path, found: Answer) -> Row:
-    known = {"bag": str(path), "robot": robot_of(path, found), "recorded": found.get("recorded")}
+    # The robot has the name of its joint states' namespace, else that of the folder that the bag lies in.
+    namespace = found.get("topics", {}).get("joint_states", "").rpartition("/")[0].strip("/")
+    robot = namespace or path.resolve().parent.name
+    known = {"bag": str(path), "robot": robot, "recorded": found.get("recorded")}
     return known | _joint(None, None) | {"warnings": len(found.get("warnings", [])), "error": None}
-
-
-def robot_of(path: Path, found: Answer) -> str:
-    """The robot's name: the namespace of its joint states, else the folder that the bag lies in."""
-    topic = found.get("topics", {}).get("joint_states", "")
-    namespace = topic.rpartition("/")[0].strip("/")
-    return namespace or path.resolve().parent.name
 
 
 def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -27,17 +26,6 @@ _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
 _COMPENSATED = 3  # sections that say what compensation buys, which takes a second each
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """A parameter, with its error where it was learnt."""
-
-    meaning: str
-    value: float
-    unit: str
-    source: str
-    error: float = math.nan
 
 
 @optional_packages("a page")
@@ -105,9 +93,10 @@ def _section(joint: JointAnalysis, *, with_compensation: bool) -> dict[str, Any]
     }
 
 
-def _parameters(joint: JointAnalysis) -> list[_Row]:
+def _parameters(joint: JointAnalysis) -> list[dict[str, Any]]:
+    """The rows of parameters, each with its error where it was learnt."""
     state = joint.assessment
-    rows = []
+    rows: list[dict[str, Any]] = []
     estimate = state.estimate
     per_inertia = estimate.normalised if estimate is not None and estimate.usable else state.per_inertia
     for parameter in JOINT_PARAMETERS:
@@ -124,9 +113,10 @@ def _parameters(joint: JointAnalysis) -> list[_Row]:
         elif state.joint is not None:
             value = float(state.joint.inertia if name == "inertia" else getattr(state.joint.friction, name))
         if math.isfinite(value):
-            rows.append(_Row(meaning=label, value=value, unit=unit, source=source, error=error))
+            rows.append({"meaning": label, "value": value, "unit": unit, "source": source, "error": error})
     if state.gains is not None:
         for meaning, name in (("stiffness k_p", "stiffness"), ("damping k_v", "damping")):
-            value, unit = float(getattr(state.gains, name)), unit_of(Gains, name)
-            rows.append(_Row(meaning=meaning, value=value, unit=unit, source="of the controller"))
+            value, source = float(getattr(state.gains, name)), "of the controller"
+            unit = unit_of(Gains, name)
+            rows.append({"meaning": meaning, "value": value, "unit": unit, "source": source, "error": math.nan})
     return rows
