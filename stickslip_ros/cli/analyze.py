@@ -37,8 +37,7 @@ from stickslip_ros.cli import analysis_tables as tables
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.options import add_flag, add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import Terminal, complain
+from stickslip_ros.cli.terminal import Terminal, complain, progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.output.as_json import json_text

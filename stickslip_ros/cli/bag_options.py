@@ -67,20 +67,9 @@ def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_unpack_argument(parser: Any) -> None:
-    """The option read by :func:`unpack_limit`."""
+    """The option that an :class:`~stickslip_ros.bags.storage.unpacking.UnpackLimit` is made of."""
     usual = UnpackLimit().largest_unpacked
     add_number(parser, OPTION, "MB", "largest decompressed size of a chunk or message, in MB", usual)
-
-
-def unpack_limit(options: argparse.Namespace) -> UnpackLimit:
-    """What the option says.
-
-    Raises
-    ------
-    InvalidParameterError
-        If it is not positive and finite.
-    """
-    return UnpackLimit(largest_unpacked=options.largest_unpacked)
 
 
 def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = ()) -> AnalysisOptions:
@@ -105,7 +94,9 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
         given[f"model.{joint}"] = name
     for option, texts in (("--gains", options.gains), ("--gains-after", gains_after)):
         for text in texts:
-            given |= _gains(option, text)
+            joint, values = _of_joint(text)
+            numbers = zip(_ORDER, gain_numbers(option, values), strict=False)
+            given |= {f"gains.{joint}.{kind}": number for kind, number in numbers}
     if options.no_learning:
         given["learn"] = False
     for name, (parameter, _) in _LIMITS.items():
@@ -124,7 +115,7 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
         start=options.start,
         end=options.end,
         parameters=Parameters.of_files(options.parameters, given),
-        unpacking=unpack_limit(options),
+        unpacking=UnpackLimit(largest_unpacked=options.largest_unpacked),
     )
 
 
@@ -137,11 +128,6 @@ def topic_choice(options: argparse.Namespace) -> TopicChoice:
         gains=options.gains_topic,
         controller=options.controller,
     )
-
-
-def _gains(option: str, text: str) -> dict[str, float]:
-    joint, values = _of_joint(text)
-    return dict(zip((f"gains.{joint}.{kind}" for kind in _ORDER), gain_numbers(option, values), strict=False))
 
 
 def gain_numbers(option: str, text: str) -> list[float]:

@@ -30,8 +30,7 @@ from stickslip_ros.cli.analysis_tables import COLOURS, status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.options import add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import console_of_tables
+from stickslip_ros.cli.terminal import console_of_tables, progress_bar
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.visible import visible
 

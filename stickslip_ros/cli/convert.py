@@ -21,23 +21,14 @@ from collections.abc import Sequence
 import numpy as np
 from rich.markup import escape
 
+from stickslip_ros.bags import table_columns as columns
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.simulated import LAST_STAMP
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, Table, find_recording, load_table
-from stickslip_ros.bags.table_columns import (
-    COUNTS,
-    FIELDS,
-    POSITION,
-    TIME,
-    Column,
-    Named,
-    factor_of,
-    hint,
-    shown_unit,
-    spelled_unit,
-)
+from stickslip_ros.bags.table_columns import POSITION, Column, Named
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain, unpack_limit
+from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain
 from stickslip_ros.cli.options import add_number, add_option, add_repeated
 from stickslip_ros.cli.outputs import add_bag_arguments, refuse_inputs, refuse_to_overwrite
 from stickslip_ros.cli.terminal import Terminal, new_table
@@ -62,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--names", "--name", metavar="A,B", help="names of the joints, in the table's order (default: from the columns)"
     )
-    column = f"column of a FIELD, which is one of {', '.join(FIELDS)}; * stands for the joint; may be repeated"
+    column = f"column of a FIELD, which is one of {', '.join(columns.FIELDS)}; * stands for the joint; may be repeated"
     add_repeated(parser, "--column", "FIELD=COLUMN[:UNIT]", column)
     add_number(parser, "--first-stamp", "S", "time stamp of time zero [s] (default: 1, or as recorded)")
     add_number(parser, "--stiffness", "KP", "k_p of the controllers in the recording, to write into the bag [N·m/rad]")
@@ -78,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
     refuse_inputs({"--out": options.out}, [path])
     refuse_to_overwrite(options)
     gains = _gains(options)
-    table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
+    table = load_table(
+        path, [_column(text) for text in options.column], UnpackLimit(largest_unpacked=options.largest_unpacked)
+    )
     names = _names(options.names, table)
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
     # A stamp of zero means that there is none.
@@ -126,7 +119,7 @@ def _show(table: Table, names: list[str]) -> None:
     """Which columns were taken for what."""
     console = Terminal(stderr=True, highlight=False)
     console = console if console.is_terminal else Terminal(stderr=True, highlight=False, width=_WIDTH)
-    fields = [field for field in FIELDS if any(field in uses for uses in table.joints.values())]
+    fields = [field for field in columns.FIELDS if any(field in uses for uses in table.joints.values())]
     headings = ["joint", *(field.replace("_", " ") for field in fields)]
     grid = new_table(headings, headings, padding=(0, 2, 0, 0), pad_edge=False)
     for name, uses in zip(names, table.joints.values(), strict=True):
@@ -152,7 +145,7 @@ def _show(table: Table, names: list[str]) -> None:
 
 
 def _shown(use: Column) -> str:
-    return escape(f"{use.name} [{shown_unit(use.unit)}{'?' if use.assumed else ''}]")
+    return escape(f"{use.name} [{columns.shown_unit(use.unit)}{'?' if use.assumed else ''}]")
 
 
 def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
@@ -167,7 +160,7 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
         console.print(
             f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
             f"{escape(uses_of[suspect][1][POSITION].name)} in {'encoder counts' if counts else 'degrees'}? Then: "
-            + escape(_hints(table, COUNTS if counts else "deg"))
+            + escape(_hints(table, columns.COUNTS if counts else "deg"))
         )
 
 
@@ -190,8 +183,8 @@ def _hints(table: Table, unit: str) -> str:
     for field in _PLACES:
         of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
         if any(use.assumed for use in of_field.values()):
-            columns = {own: (use.name, unit if use.assumed else use.unit) for own, use in of_field.items()}
-            texts.append(hint(field, columns))
+            named = {own: (use.name, unit if use.assumed else use.unit) for own, use in of_field.items()}
+            texts.append(columns.hint(field, named))
     return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 
 
@@ -200,17 +193,17 @@ def _column(text: str) -> Named:
     name, colon, unit = rest.rpartition(":")
     if not colon:
         name, unit = rest, ""
-    if not equals or field not in FIELDS or not name:
-        wanted = f"FIELD=COLUMN[:UNIT] with a field of {', '.join(FIELDS)}"
+    if not equals or field not in columns.FIELDS or not name:
+        wanted = f"FIELD=COLUMN[:UNIT] with a field of {', '.join(columns.FIELDS)}"
         raise InvalidParameterError("--column", wanted, text)
-    if field == TIME and "*" in name:
+    if field == columns.TIME and "*" in name:
         raise InvalidParameterError("--column", "of one column, where it is of the time", text)
-    spelled = spelled_unit(unit)
+    spelled = columns.spelled_unit(unit)
     try:
-        factor = factor_of(field, spelled) if unit else 1.0
+        factor = columns.factor_of(field, spelled) if unit else 1.0
     except ValueError as error:
         raise InvalidParameterError(f"--column {text}", str(error), unit) from error
     if math.isnan(factor):
-        example = f"{name}:{shown_unit(spelled)}"
+        example = f"{name}:{columns.shown_unit(spelled)}"
         raise InvalidParameterError(f"--column {text}", f"with the counts that make a turn, as in {example}", unit)
     return Named(field=field, column=name, unit=spelled)

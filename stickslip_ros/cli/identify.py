@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.analysis.sample_checks import data_problems
 from stickslip_ros.bags.reading import read_joint_with_gains
 from stickslip_ros.bags.storage.formats import is_read_as_bag
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
-from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, topic_choice, unpack_limit
+from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, topic_choice
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of
 from stickslip_ros.cli.outputs import JOINT_FILE
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import Terminal, new_table
+from stickslip_ros.cli.terminal import Terminal, new_table, progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.interrupts import Interrupted
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
@@ -100,8 +100,10 @@ def run(options: argparse.Namespace) -> int:
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
         raise StickSlipError("missing: one of RECORDING, --simulated NODE and --controller NODE")
-    if options.recording:
-        _refuse_experiment(options)
+    for name, default in _OF_EXPERIMENT.items():
+        if options.recording and getattr(options, name) != default:
+            rule = "left out with a RECORDING: it is of an experiment"
+            raise InvalidParameterError(option_of(name), rule, getattr(options, name))
     gains = _gains(options)
     if options.recording:
         path = Path(options.recording)
@@ -142,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tuple[Batch, Gains | None]:
     """The samples, and the gains: those that are given, else those that a bag has."""
-    limit = unpack_limit(options)
+    limit = UnpackLimit(largest_unpacked=options.largest_unpacked)
     if not is_read_as_bag(path):
         return load_recording(path, options.joint, limit).batch, given
     # The controller of an experiment is another one's node.
@@ -173,14 +175,6 @@ def _gains(options: argparse.Namespace) -> Gains | None:
         require_finite(name, getattr(options, name))
     require_not_negative("stiffness", options.stiffness)
     return Gains(stiffness=options.stiffness, damping=options.damping, integral=options.integral)
-
-
-def _refuse_experiment(options: argparse.Namespace) -> None:
-    """Refuse what is said of an experiment where a recording is given."""
-    for name, default in _OF_EXPERIMENT.items():
-        if getattr(options, name) != default:
-            rule = "left out with a RECORDING: it is of an experiment"
-            raise InvalidParameterError(option_of(name), rule, getattr(options, name))
 
 
 def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | None:

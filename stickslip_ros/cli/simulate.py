@@ -21,8 +21,7 @@ from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.options import add_flag, add_number, add_option, refuse_without_effect
 from stickslip_ros.cli.outputs import add_bag_arguments, refuse_to_overwrite
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint

@@ -15,7 +15,7 @@ import os
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
 from stickslip_ros.cli.options import add_option
 from stickslip_ros.cli.outputs import PICTURE
-from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.output.plotting import save
 from stickslip_ros.output.stability_map import MapSubject, map_figure, map_of

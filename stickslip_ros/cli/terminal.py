@@ -6,15 +6,18 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
 from rich.measure import Measurement
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.table import Table
 
+from stickslip_ros.interrupts import check
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n"  # by which tables and paragraphs are made
@@ -76,6 +79,24 @@ def fitting(
             break
         kept.remove(heading)
     return kept
+
+
+@contextmanager
+def progress_bar(text: str) -> Iterator[Callable[[float, float], None]]:
+    """A bar that is told what is done and of how much, and ends long work on Ctrl-C, whenever it comes. It is on
+    stderr, so that stdout stays the answer's; nothing is drawn where that is no terminal.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    console = Terminal(stderr=True)
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with bar as progress:
+        task = progress.add_task(text, total=None)
+
+        def advance(done: float, total: float) -> None:
+            check()
+            progress.update(task, completed=done, total=total)
+
+        yield advance
 
 
 def complain(text: str) -> None:

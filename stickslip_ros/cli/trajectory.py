@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from stickslip_ros.bags.table import Table, load_table
 from stickslip_ros.bags.table_columns import POSITION, TIME, UNITS, USUAL_UNIT, Column
@@ -25,8 +24,8 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.friction import Friction
+from stickslip_ros.monitoring.samples import FloatArray
 
-FloatArray = NDArray[np.float64]
 _LEAST_POINTS = 3
 _SINCE_1970 = 1e8  # [s]: so late a stamp is a date, and its unit is told by its size
 _QUICKEST = 1e-3  # [s] in which the effort goes from one side to the other
