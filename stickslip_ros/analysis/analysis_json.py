@@ -15,16 +15,7 @@ from stickslip_ros.bags.topics import Topics
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
-from stickslip_ros.output import published
-from stickslip_ros.output.as_json import (
-    asymmetry_json,
-    curvature_json,
-    dry_friction_json,
-    growth_json,
-    margin_json,
-    parameter_json,
-    recommendation_json,
-)
+from stickslip_ros.output import as_json, published
 from stickslip_ros.output.csv_table import write_csv
 from stickslip_ros.output.published import number, numbers
 
@@ -72,7 +63,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     state = joint.assessment
     margin = None
     if state.joint is not None and state.margin_gains is not None and state.margin is not None:
-        margin = margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
+        margin = as_json.margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
         margin |= published.UNCERTAINTY.for_json(state) | published.EXACT_UNCERTAINTY.for_json(joint.exact)
         margin |= published.BELIEF.for_json(state)
     gains = state.gains
@@ -102,7 +93,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         "margin_reason": state.margin_reason,
         "recommendation": None
         if state.advice is None
-        else recommendation_json(state.advice.recommendation, state.advice.sensitivities),
+        else as_json.recommendation_json(state.advice.recommendation, state.advice.sensitivities),
     }
 
 
@@ -118,16 +109,16 @@ def cycle_json(cycle: Cycle) -> dict[str, Any]:
 def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, Any] | None:
     if estimate is None:
         return None
-    found: dict[str, Any] = {name: parameter_json(estimate[name]) for name in (*NAMES, COULOMB_AND_LOAD)}
+    found: dict[str, Any] = {name: as_json.parameter_json(estimate[name]) for name in (*NAMES, COULOMB_AND_LOAD)}
     found |= {
         "per_inertia": estimate.normalised,
         "slips": estimate.slips,
         "summary": estimate.summary(),
         "mismatch": estimate.mismatch,
-        "dry": None if estimate.dry is None else dry_friction_json(estimate.dry),
-        "growth": growth_json(estimate, position),
-        "viscous_curvature": curvature_json(estimate.curvature),
-        "stribeck_asymmetry": asymmetry_json(estimate.asymmetry),
+        "dry": None if estimate.dry is None else as_json.dry_friction_json(estimate.dry),
+        "growth": as_json.growth_json(estimate, position),
+        "viscous_curvature": as_json.curvature_json(estimate.curvature),
+        "stribeck_asymmetry": as_json.asymmetry_json(estimate.asymmetry),
     }
     return found
 

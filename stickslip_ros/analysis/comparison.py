@@ -19,7 +19,6 @@ it stuck, or slower.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -27,12 +26,12 @@ import numpy as np
 
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.analysis.judgement import JUDGED
+from stickslip_ros.analysis.judgement import JUDGED, moves
 from stickslip_ros.analysis.trend import BEYOND_CHANCE, Measured
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
-from stickslip_ros.monitoring.detection.status import Segment, Status
-from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
+from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 
 _SAME_SPEED = 1.25  # a ratio of speeds up to which they are the same
@@ -184,21 +183,13 @@ def _share_of(before: JointAnalysis, after: JointAnalysis) -> Quantity:
 
 def _slow_time(joint: JointAnalysis, speed: float) -> float:
     """How long a joint moved at a speed [rad/s], or slower [s]."""
-    return sum(one.end - one.start for one in _moving(joint) if abs(one.velocity) <= _SAME_SPEED * speed)
-
-
-def _period(joint: JointAnalysis) -> float:
-    """Median period of a joint's cycles [s]; NaN without any."""
-    return float(np.median([cycle.period for cycle in joint.cycles])) if joint.cycles else math.nan
-
-
-def _moving(joint: JointAnalysis) -> list[Segment]:
-    return [one for one in joint.segments if one.status not in (Status.AT_REST, Status.UNKNOWN)]
+    slow = (one for one in joint.segments if moves(one) and abs(one.velocity) <= _SAME_SPEED * speed)
+    return sum(one.end - one.start for one in slow)
 
 
 def _share(joint: JointAnalysis) -> Measured:
     """Share of stick-slip in the moving time, with the error described in the module."""
-    moving = _moving(joint)
+    moving = [one for one in joint.segments if moves(one)]
     lengths = np.array([one.end - one.start for one in moving])
     total = float(lengths.sum()) if len(moving) else 0.0
     if not total > 0.0:
@@ -208,8 +199,7 @@ def _share(joint: JointAnalysis) -> Measured:
     ends = np.append(0.0, np.cumsum(lengths))
     until = np.interp(np.linspace(0.0, total, _PARTS + 1), ends, np.append(0.0, np.cumsum(lengths * sticking)))
     error = _error_of_mean(np.diff(until) * _PARTS / total)
-    period = _period(joint)
-    watched = period / total if math.isfinite(period) else 0.0
+    watched = float(np.median([cycle.period for cycle in joint.cycles])) / total if joint.cycles else 0.0
     return Measured(value=joint.stick_slip_share, error=math.hypot(error, watched))
 
 
@@ -254,17 +244,15 @@ def _reserve(joint: JointAnalysis) -> Measured:
 
 
 def _gains(before: JointAnalysis, after: JointAnalysis) -> tuple[Quantity, ...]:
+    gains = [one.assessment.gains if one.assessment.gains_known else None for one in (before, after)]
     found = []
     for name in ("stiffness", "damping", "integral"):
-        values = []
-        for joint in (before, after):
-            state = joint.assessment
-            gains_known = state.gains is not None and state.gains_known
-            values.append(Measured(value=float(getattr(state.gains, name)), exact=True) if gains_known else Measured())
+        values = [Measured() if one is None else Measured(value=float(getattr(one, name)), exact=True) for one in gains]
         known = [one.value for one in values if one.exact]
-        if not known or (name == "integral" and not any(known)):
-            continue
-        found.append(_quantity(name, f"gain: {name}", unit_of(Gains, name), values[0], values[1], "gains not known"))
+        if known and (name != "integral" or any(known)):
+            found.append(
+                _quantity(name, f"gain: {name}", unit_of(Gains, name), values[0], values[1], "gains not known")
+            )
     return tuple(found)
 
 
@@ -277,37 +265,26 @@ def _friction(before: JointAnalysis, after: JointAnalysis) -> tuple[Quantity, ..
     for parameter in JOINT_PARAMETERS:
         if parameter.name == "inertia" and per_inertia:
             continue
-        values = []
         name, label = parameter.name, parameter.label
         if name == "coulomb" and any(
             one is not None and math.isfinite(one.coulomb_and_load.value) for one in estimates
         ):
             name, label = COULOMB_AND_LOAD, "Coulomb friction with any load"
-        for one in estimates:
-            learnt = one[name] if one is not None and one.usable else None
-            identified = learnt is not None and learnt.identified
-            values.append(
-                Measured()
-                if learnt is None
-                else Measured(value=learnt.value, error=learnt.std if identified else math.nan)
-            )
-        if not any(math.isfinite(one.value) for one in values):
-            continue
-        quantity = _quantity(
-            name,
-            label,
-            parameter.unit_where(per_inertia=per_inertia),
-            values[0],
-            values[1],
-            "the motion does not identify it",
-        )
-        if units_differ:
-            quantity = Quantity(
-                name=name, label=label, unit=quantity.unit, before=values[0], after=values[1],
-                missing="gains are known in one recording only: its units are others",
-            )  # fmt: skip
-        found.append(quantity)
+        values = [_learnt(one, name) for one in estimates]
+        if any(math.isfinite(one.value) for one in values):
+            unit = parameter.unit_where(per_inertia=per_inertia)
+            quantity = _quantity(name, label, unit, values[0], values[1], "the motion does not identify it")
+            if units_differ:
+                quantity = replace(quantity, missing="gains are known in one recording only: its units are others")
+            found.append(quantity)
     return tuple(found)
+
+
+def _learnt(estimate: FrictionEstimate | None, name: str) -> Measured:
+    if estimate is None or not estimate.usable:
+        return Measured()
+    found = estimate[name]
+    return Measured(value=found.value, error=found.std if found.identified else math.nan)
 
 
 def _verdict(before: JointAnalysis, after: JointAnalysis, share: Quantity, slip: Quantity) -> tuple[Verdict, str]:
@@ -342,11 +319,8 @@ def _of_two_that_stick(
             f"it stuck at {before.velocity:.3g} rad/s before and at {after.velocity:.3g} rad/s after; "
             "record both at one speed"
         )
-    verdicts: tuple[tuple[Quantity, Callable[[bool], Verdict]], ...] = (
-        (share, lambda less: Verdict.HELPED_IN_PART if less else Verdict.WORSE),
-        (slip, lambda less: Verdict.SMALLER_SLIPS if less else Verdict.LARGER_SLIPS),
-    )
-    for quantity, verdict in verdicts:
-        if quantity.significant:
-            return verdict(quantity.change < 0.0), ""
+    if share.significant:
+        return (Verdict.HELPED_IN_PART if share.change < 0.0 else Verdict.WORSE), ""
+    if slip.significant:
+        return (Verdict.SMALLER_SLIPS if slip.change < 0.0 else Verdict.LARGER_SLIPS), ""
     return Verdict.NO_CHANGE, ""

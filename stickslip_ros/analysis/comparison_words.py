@@ -68,7 +68,7 @@ def rows(joint: JointComparison) -> list[Row]:
     found.append(Row(label="speed [rad/s]", before=f"{before.velocity:.3g}", after=f"{after.velocity:.3g}"))
     found.append(Row(label="cycles", before=str(len(before.cycles)), after=str(len(after.cycles))))
     for one in joint.quantities:
-        unit = unit_text(one)
+        unit = "" if one.name in (_SHARE, "reserve") else one.unit  # the values of these have it
         found.append(
             Row(
                 label=f"{one.label} [{unit}]" if unit else one.label,
@@ -146,11 +146,6 @@ def value_text(quantity: Quantity, one: Measured) -> str:
         error = f" ± {100.0 * one.error:.2g}" if math.isfinite(one.error) else ""
         return f"{100.0 * one.value:+.3g}{error} %"
     return f"{one.value:.4g}" + (f" ± {one.error:.2g}" if math.isfinite(one.error) else "")
-
-
-def unit_text(quantity: Quantity) -> str:
-    """The unit of a quantity, beside its name; "" where its values have it."""
-    return "" if quantity.name in (_SHARE, "reserve") else quantity.unit
 
 
 def change_text(quantity: Quantity) -> str:

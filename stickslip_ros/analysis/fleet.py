@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import stickslip_ros
-from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
+from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.lerobot import episodes, is_data_set
@@ -80,19 +80,13 @@ def answer(task: BagTask, share: Callable[[float], None] = lambda _: None) -> Ti
         analysis = analyze(task.path, options, read)
         found = bag_json(analysis)
         if task.report is not None:
-            found["warnings"] += _reported(task.report, analysis)
+            try:
+                write_report(task.report, analysis)
+            except (StickSlipError, OSError) as error:
+                found["warnings"].append(f"the report {task.report} was not written: {in_words(error)}")
     except (StickSlipError, OSError) as error:
         found = {"path": str(task.path), "error": in_words(error)}
     return TimedAnswer(found, time.monotonic() - began)
-
-
-def _reported(path: Path, analysis: BagAnalysis) -> list[str]:
-    """Write a bag's report; returns why, if that cannot be."""
-    try:
-        write_report(path, analysis)
-    except (StickSlipError, OSError) as error:
-        return [f"the report {path} was not written: {in_words(error)}"]
-    return []
 
 
 def _no_answer(task: BagTask) -> TimedAnswer:

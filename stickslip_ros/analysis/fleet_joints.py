@@ -5,47 +5,114 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stickslip_ros.analysis.alarm import Alarm
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_table import (
-    Row,
-    by_joint,
-    dry_friction_name,
-    rows_of,
-    stick_slip_share,
-    stuck_in,
-    worst_status,
-)
+from stickslip_ros.analysis.fleet_table import Row, rows_of, stick_slip_share
 from stickslip_ros.analysis.judgement import JUDGED, SEVERITY
-from stickslip_ros.analysis.trend import YEAR_2001, Measured, Trend, trend
+from stickslip_ros.analysis.trend import BEYOND_CHANCE, YEAR_2001, Measured, Trend, trend
+from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
 
 # What is shorter says too little of a joint to be a point of its history: a few cycles of a slow one.
 LEAST_MOVING = 5.0  # [s]
+# What an alarm may be about: what it is called, and whether it is a share, which is told in per cent.
+QUANTITIES = {
+    "coulomb": ("Coulomb friction", False),
+    "stribeck": ("Stribeck friction", False),
+    "viscous": ("viscous friction", False),
+    "stick_slip": ("stick-slip", True),
+    "reserve": ("damping reserve", True),
+}
+_FORM = re.compile(r"\s*([a-z_]+)\s*(=\s*[+-]|[<>])\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(%?)\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Point:
-    """A quantity in one recording, which is told by its number among the joint's."""
+class Alarm:
+    """What rings.
 
-    recording: int
-    measured: Measured
+    Attributes
+    ----------
+    quantity : one of :data:`QUANTITIES`. text : as it was typed.
+    change : share of the first value by which the latest has to differ, signed; NaN if the alarm has a bound instead.
+    above, below : bounds of the latest value; infinite if there is none.
+    """
+
+    quantity: str
+    text: str
+    change: float = math.nan
+    above: float = math.inf
+    below: float = -math.inf
+
+    def rings(self, first: Measured, latest: Measured) -> str:
+        """What is the matter, in words; "" if nothing is.
+
+        A change counts where it is also more than chance makes of both errors, a bound where it is passed by more
+        than the value's error.
+        """
+        name, is_share = QUANTITIES[self.quantity]
+        error = math.hypot(*(one.error if one.error > 0.0 else 0.0 for one in (first, latest)))
+        differs = latest.value - first.value
+        if not math.isnan(self.change):
+            threshold = self.change * abs(first.value)
+            if abs(differs) < abs(threshold) or differs * self.change <= 0.0 or abs(differs) <= BEYOND_CHANCE * error:
+                return ""
+            share = f" ({100.0 * differs / abs(first.value):+.0f} %)" if first.value else ""
+            return f"{name} {_value_text(first.value, is_share)} → {_value_text(latest.value, is_share)}{share}"
+        own = BEYOND_CHANCE * latest.error if latest.error > 0.0 else 0.0
+        if latest.value - own > self.above or latest.value + own < self.below:
+            return f"{name} {_value_text(latest.value, is_share)}"
+        return ""
+
+
+def _value_text(value: float, is_share: bool) -> str:
+    return f"{100.0 * value:.0f} %" if is_share else f"{value:.3g}"
+
+
+def parse_alarm(text: str) -> Alarm:
+    """An alarm as it is typed: ``coulomb=+15%``, ``reserve=-30%``, ``stick_slip>5%``, ``reserve<20%``, ``coulomb>12``.
+
+    Raises
+    ------
+    InvalidParameterError
+        If it is none of these; the text says what would be.
+    """
+    found = _FORM.fullmatch(text)
+    if found is None:
+        raise InvalidParameterError("--alarm", "like coulomb=+15%, reserve=-30% or 'stick_slip>5%'", text)
+    name, sign, number, percent = found.groups()
+    if name not in QUANTITIES:
+        raise InvalidParameterError("--alarm", f"about one of {', '.join(QUANTITIES)}", text)
+    try:
+        value = float(number) * (0.01 if percent else 1.0)
+    except ValueError:
+        raise InvalidParameterError("--alarm", "with a number after its sign", text) from None
+    if not (math.isfinite(value) and (value > 0.0 or sign in "<>")):
+        raise InvalidParameterError("--alarm", "with a finite number above 0", text)
+    if sign.startswith("="):
+        if not percent:
+            raise InvalidParameterError("--alarm", "a change in per cent, like coulomb=+15%", text)
+        return Alarm(quantity=name, text=text, change=-value if sign.endswith("-") else value)
+    if bool(percent) is not QUANTITIES[name][1]:
+        unit = "in per cent" if QUANTITIES[name][1] else "a number in SI units, without %"
+        raise InvalidParameterError("--alarm", f"with the bound of {name} {unit}", text)
+    return Alarm(quantity=name, text=text, above=value) if sign == ">" else Alarm(quantity=name, text=text, below=value)
 
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """A quantity over the recordings that tell it, with its trend where their dates allow one."""
+    """A quantity over the recordings that tell it, by their numbers; with its trend where their dates allow one."""
 
-    points: tuple[Point, ...]
+    points: dict[int, Measured]
     trend: Trend | None
 
     @property
     def latest(self) -> float:
         """Value of the last recording that tells it; NaN if none does."""
-        return self.points[-1].measured.value if self.points else math.nan
+        return next((one.value for one in reversed(self.points.values())), math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,20 +122,13 @@ class FleetJoint:
     Attributes
     ----------
     rows : its recordings, oldest first. dated : whether these have dates.
-    status : in the last recording in which its motion could be judged, else in the last one. reason : for it.
-    worst : that occurred in any. stuck_in : recordings in which stick-slip occurred.
-    histories : by the names of :data:`stickslip_ros.analysis.alarm.QUANTITIES`. alarms : what rings, in words.
+    histories : by the names of :data:`QUANTITIES`. alarms : what rings, in words.
     """
 
     robot: str
     name: str
     rows: tuple[Row, ...]
     dated: bool
-    status: Status
-    reason: str
-    worst: Status
-    stuck_in: int
-    stick_slip_share: float
     histories: dict[str, History]
     alarms: tuple[str, ...]
 
@@ -77,15 +137,45 @@ class FleetJoint:
         """Its last recording."""
         return self.rows[-1]
 
+    @property
+    def _judged(self) -> Row:
+        """The last recording in which its motion could be judged, else the last one."""
+        return next((row for row in reversed(self.rows) if Status(row["status"]) in JUDGED), self.latest)
+
+    @property
+    def status(self) -> Status:
+        """In the last recording in which its motion could be judged, else in the last one."""
+        return Status(self._judged["status"])
+
+    @property
+    def reason(self) -> str:
+        """Of this status; "" where it says it all."""
+        return str(self._judged["reason"] or "")
+
+    @property
+    def worst(self) -> Status:
+        """The most severe status that occurred in any of its recordings."""
+        here = {row["worst_status"] for row in self.rows}
+        return next(status for status in SEVERITY if status.value in here)
+
+    @property
+    def stuck_in(self) -> int:
+        """In how many recordings stick-slip occurred."""
+        return sum(row["worst_status"] == Status.STICK_SLIP.value for row in self.rows)
+
 
 def fleet_joints(answers: Sequence[Answer], alarms: Sequence[Alarm] = ()) -> list[FleetJoint]:
     """All joints of all bags, the worst first: those with alarms, then by their share of stick-slip."""
-    joints = [_joint(key, rows, alarms) for key, rows in by_joint(rows_of(answers)).items()]
-    return sorted(joints, key=_badness)
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in sorted(rows_of(answers), key=lambda row: row["recorded"] or 0.0):
+        # A bag that could not be analysed has no joint.
+        if row["joint"] is not None:
+            groups.setdefault((row["robot"], row["joint"]), []).append(row)
+    return sorted((_joint(*key, rows, alarms) for key, rows in groups.items()), key=_badness)
 
 
 def _badness(joint: FleetJoint) -> tuple[object, ...]:
-    share = joint.stick_slip_share
+    share = stick_slip_share(joint.rows)
     return (
         not joint.alarms,
         -share if math.isfinite(share) else 0.0,
@@ -95,54 +185,37 @@ def _badness(joint: FleetJoint) -> tuple[object, ...]:
     )
 
 
-def _joint(key: tuple[str, str], rows: Sequence[Row], alarms: Sequence[Alarm]) -> FleetJoint:
+def _joint(robot: str, name: str, rows: Sequence[Row], alarms: Sequence[Alarm]) -> FleetJoint:
     dated = all(row["recorded"] is not None and row["recorded"] > YEAR_2001 for row in rows)
-    judged = [row for row in rows if Status(row["status"]) in JUDGED] or rows
-    histories = {name: _history(rows, name, dated=dated) for name in ("stick_slip", "reserve")}
-    histories |= {name: _history(rows, name, dated=dated) for name in ("coulomb", "stribeck", "viscous")}
+    histories = {quantity: _history(rows, quantity, dated=dated) for quantity in QUANTITIES}
     ringing = []
     for alarm in alarms:
-        points = histories[alarm.quantity].points
+        points = list(histories[alarm.quantity].points.values())
         if points:
-            ringing.append(alarm.rings(points[0].measured, points[-1].measured))
+            ringing.append(alarm.rings(points[0], points[-1]))
     return FleetJoint(
-        robot=key[0],
-        name=key[1],
-        rows=tuple(rows),
-        dated=dated,
-        status=Status(judged[-1]["status"]),
-        reason=judged[-1]["reason"] or "",
-        worst=Status(worst_status(rows)),
-        stuck_in=stuck_in(rows),
-        stick_slip_share=stick_slip_share(rows),
-        histories=histories,
-        alarms=tuple(text for text in ringing if text),
+        robot=robot, name=name, rows=tuple(rows), dated=dated, histories=histories, alarms=tuple(filter(None, ringing))
     )
 
 
 def _history(rows: Sequence[Row], name: str, *, dated: bool) -> History:
-    points = []
-    for number, row in enumerate(rows):
-        if (row["moving_time"] or 0.0) >= LEAST_MOVING:
-            found = _measured(row, name)
-            if math.isfinite(found.value):
-                points.append(Point(recording=number, measured=found))
-    times = [rows[point.recording]["recorded"] for point in points]
-    measured = [point.measured for point in points]
-    line = trend(times, [one.value for one in measured], [one.error for one in measured]) if dated else None
-    return History(points=tuple(points), trend=line)
+    long_enough = (number for number, row in enumerate(rows) if (row["moving_time"] or 0.0) >= LEAST_MOVING)
+    measured = {number: _measured(rows[number], name) for number in long_enough}
+    points = {number: one for number, one in measured.items() if math.isfinite(one.value)}
+    times, known = [rows[number]["recorded"] for number in points], points.values()
+    line = trend(times, [one.value for one in known], [one.error for one in known]) if dated else None
+    return History(points=points, trend=line)
 
 
 def _measured(row: Row, name: str) -> Measured:
     """A quantity of one recording; NaN where it is not known, or is known per inertia only."""
-    if name == "stick_slip":
-        return Measured(value=_number(row["stick_slip_share"]))
-    if name == "reserve":
-        return Measured(value=_number(row["reserve"]))
-    column = dry_friction_name(row) if name == "coulomb" else name
-    if not column or not row[f"{column}_identified"] or row["per_inertia"]:
-        return Measured()
-    return Measured(value=_number(row[column]), error=_number(row[f"{column}_std"]))
+    if name in ("stick_slip", "reserve"):
+        return Measured(value=_number(row["stick_slip_share" if name == "stick_slip" else name]))
+    # Coulomb friction is known with any load where the joint moved in one direction alone.
+    for column in (name, COULOMB_AND_LOAD) if name == "coulomb" else (name,):
+        if row[f"{column}_identified"] and not row["per_inertia"]:
+            return Measured(value=_number(row[column]), error=_number(row[f"{column}_std"]))
+    return Measured()
 
 
 def _number(value: float | None) -> float:

@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.judgement import SEVERITY
 from stickslip_ros.files import whole_file
-from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
 from stickslip_ros.output import published
 from stickslip_ros.output.csv_table import write_csv
@@ -35,89 +33,48 @@ def rows_of(answers: Iterable[Answer]) -> list[Row]:
     return rows
 
 
-def by_joint(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
-    """The rows of each robot's joint, in the order of their recording; those without a joint are left out."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in sorted(rows, key=lambda row: row["recorded"] or 0.0):
-        if row["joint"] is not None:
-            groups.setdefault((row["robot"], row["joint"]), []).append(row)
-    return groups
-
-
 def stick_slip_share(rows: Sequence[Row]) -> float:
     """Share of the moving time of a joint's recordings that it spent in stick-slip, 0 to 1; NaN if it never moved."""
     moving = sum(row["moving_time"] or _NEVER for row in rows)
     return sum(row["sticking_time"] for row in rows) / moving if moving > 0.0 else math.nan
 
 
-def stuck_in(rows: Sequence[Row]) -> int:
-    """In how many of a joint's recordings stick-slip occurred."""
-    return sum(row["worst_status"] == Status.STICK_SLIP.value for row in rows)
-
-
-def worst_status(rows: Sequence[Row]) -> str:
-    """The most severe status that occurred in any of a joint's recordings."""
-    here = {row["worst_status"] for row in rows}
-    return next(status.value for status in SEVERITY if status.value in here)
-
-
-def dry_friction_name(row: Row) -> str:
-    """The column of a row's Coulomb friction, which is with any load where the joint moved in one direction alone; ""
-    if none is known.
-    """
-    known = (name for name in ("coulomb", COULOMB_AND_LOAD) if row[f"{name}_identified"] and not row["per_inertia"])
-    return next(known, "")
-
-
 def _row(path: Path, found: Answer) -> Row:
-    known = {"bag": str(path), "robot": robot_of(path, found), "recorded": found.get("recorded")}
+    # The robot has the name of its joint states' namespace, else that of the folder that the bag lies in.
+    namespace = found.get("topics", {}).get("joint_states", "").rpartition("/")[0].strip("/")
+    robot = namespace or path.resolve().parent.name
+    known = {"bag": str(path), "robot": robot, "recorded": found.get("recorded")}
     return known | _joint(None, None) | {"warnings": len(found.get("warnings", [])), "error": None}
-
-
-def robot_of(path: Path, found: Answer) -> str:
-    """The robot's name: the namespace of its joint states, else the folder that the bag lies in."""
-    topic = found.get("topics", {}).get("joint_states", "")
-    namespace = topic.rpartition("/")[0].strip("/")
-    return namespace or path.resolve().parent.name
 
 
 def _joint(name: str | None, joint: Mapping[str, Any] | None) -> Row:
     """The columns that are about a joint, in their order; all None where there is none."""
     joint = joint or {}
-    margin, friction, advice = joint.get("margin"), joint.get("friction"), joint.get("recommendation")
+    margin, friction = joint.get("margin"), joint.get("friction") or {}
+    exact = None if margin is None else margin["exact"]
     cycles = joint.get("cycles")
     slips = sorted(abs(cycle["slip_distance"]) for cycle in cycles or ())
     row: Row = {"joint": name, "samples": joint.get("samples"), "duration": joint.get("duration")}
     for section in (published.SAMPLING, published.POSITION, published.STATUS, published.VELOCITY):
         row |= section.for_fleet(joint or None)
+    row |= {key: joint.get(key) for key in ("reason", "worst_status", "stick_slip_share", "moving_time")}
     row |= {
-        "reason": joint.get("reason"),
-        "worst_status": joint.get("worst_status"),
-        "stick_slip_share": joint.get("stick_slip_share"),
-        "moving_time": joint.get("moving_time"),
         "sticking_time": joint["time_in"]["stick_slip"] or _NEVER if joint else None,
         "cycles": None if cycles is None else len(cycles),
         "usual_slip": slips[len(slips) // 2] if slips else None,
-        **published.RESERVE.for_fleet(None if margin is None else margin["exact"]),
     }
-    for section in (
-        published.MARGIN,
-        published.MARGIN_TERMS,
-        published.LOWEST_SMOOTH_VELOCITY,
-        published.UNCERTAINTY,
-        published.EXACT_UNCERTAINTY,
-    ):
-        row |= section.for_fleet(margin)
-    row |= published.EXACT.for_fleet(None if margin is None else margin["exact"])
-    for section in (published.GAINS, published.INTEGRAL_GAIN):
-        row |= section.for_fleet(joint.get("gains"))
+    row |= published.RESERVE.for_fleet(exact) | published.MARGIN.for_fleet(margin)
+    row |= published.MARGIN_TERMS.for_fleet(margin) | published.LOWEST_SMOOTH_VELOCITY.for_fleet(margin)
+    row |= published.UNCERTAINTY.for_fleet(margin) | published.EXACT_UNCERTAINTY.for_fleet(margin)
+    row |= published.EXACT.for_fleet(exact)
+    row |= published.GAINS.for_fleet(joint.get("gains")) | published.INTEGRAL_GAIN.for_fleet(joint.get("gains"))
     for key in (*NAMES, COULOMB_AND_LOAD):
-        found = (friction or {}).get(key, {})
+        found = friction.get(key, {})
         row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
     row |= published.BELIEF.for_fleet(margin) | published.REVERSALS.for_fleet(joint.get("reversals"))
     row |= published.PRESLIDING.for_fleet(joint.get("presliding"))
     for section in published.OF_ADVICE:
-        row |= section.for_fleet(advice)
+        row |= section.for_fleet(joint.get("recommendation"))
     return row
 
 

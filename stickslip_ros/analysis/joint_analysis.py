@@ -10,18 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stickslip_ros.analysis.judgement import (
-    NOT_JUDGED,
-    SEVERITY,
-    moving_time,
-    overall_status,
-    stick_slip_share,
-    time_in,
-    worst_status,
-)
+from stickslip_ros.analysis import judgement
+from stickslip_ros.analysis.judgement import NOT_JUDGED, SEVERITY, Transient
 from stickslip_ros.analysis.sample_checks import SampleChecks, data_problems
 from stickslip_ros.analysis.traces import JointTraces
-from stickslip_ros.analysis.transient import Transient, transient
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
@@ -97,17 +89,17 @@ class JointAnalysis:
 
     def time_in(self, status: Status) -> float:
         """How long the joint was in a status [s]."""
-        return time_in(self.segments, status)
+        return judgement.time_in(self.segments, status)
 
     @property
     def moving_time(self) -> float:
         """How long the joint moved or stuck [s]."""
-        return moving_time(self.segments)
+        return judgement.moving_time(self.segments)
 
     @property
     def stick_slip_share(self) -> float:
         """Share of the moving time in stick-slip, 0 to 1; NaN if the joint did not move."""
-        return stick_slip_share(self.segments)
+        return judgement.stick_slip_share(self.segments)
 
 
 class JointAnalyzer:
@@ -169,7 +161,7 @@ class JointAnalyzer:
     def analysis(self) -> JointAnalysis:
         """What has been found, after the last samples."""
         segments = tuple(self.monitor.segments)
-        status, worst = overall_status(segments), worst_status(segments)
+        status, worst = judgement.overall_status(segments), judgement.worst_status(segments)
         # Advice is for where it is wanted: at the speed at which it went worst.
         velocity = judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
@@ -197,7 +189,7 @@ class JointAnalyzer:
             reason=_reason(status, assessment, self.monitor.why_not_judged(), problems),
             segments=segments,
             cycles=tuple(self.cycles),
-            transient=transient(segments, self.cycles),
+            transient=judgement.transient(segments, self.cycles),
             velocity=velocity,
             assessment=assessment,
             exact=exact,

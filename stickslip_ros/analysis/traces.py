@@ -105,7 +105,8 @@ class JointTraces:
                 # More than the cycle may have come at once.
                 samples = samples.where(samples.time <= cycle.arrest + _AFTER * cycle.period)
             if samples is not None and len(samples) and samples.time[0] <= cycle.breakaway:
-                self._close_ups.append(CloseUp(cycle, samples.where(slice(None, None, _every(samples)))))
+                every = max(1, math.ceil(len(samples) / _MOST_SAMPLES))
+                self._close_ups.append(CloseUp(cycle, samples.where(slice(None, None, every))))
 
     def _note_friction(self, batch: Batch, resolution: float) -> None:
         if not np.isfinite(batch.effort).any():
@@ -137,7 +138,3 @@ class JointTraces:
             return None
         usual = float(np.median(self._distances))
         return min(self._close_ups, key=lambda one: abs(math.log(abs(one.cycle.slip_distance) / usual)))
-
-
-def _every(samples: Batch) -> int:
-    return max(1, math.ceil(len(samples) / _MOST_SAMPLES))

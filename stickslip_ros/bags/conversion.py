@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from stickslip_ros.bags.simulated import GAINS, LAST_STAMP, REFERENCES, STATES
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import load_table
-from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
-from stickslip_ros.messages.blocks import Block, Channel, Warn, batches
+from stickslip_ros.bags.writing import BagWriter, Serialized, serialized_joint_states
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of
 from stickslip_ros.messages.content import DESCRIPTION, robot_description
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
@@ -30,8 +30,8 @@ def _with_stamp(time: FloatArray, start: float) -> NDArray[np.bool_]:
     return np.asarray((stamps >= 0.0) & (stamps <= LAST_STAMP))
 
 
-def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str, Iterator[tuple[int, bytes]]]:
-    """Joint states and, if there are any, references of joints as serialized JointStates, by topic: time [ns], message.
+def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str, Iterator[Serialized]]:
+    """Joint states and, if there are any, references of joints as serialized JointStates, by topic.
 
     Parameters
     ----------
@@ -48,10 +48,10 @@ def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str,
     references = np.stack(
         [np.stack([one.reference_position, one.reference_velocity, nothing], axis=1) for one in parts], axis=2
     )
-    streams = {STATES: serialized_joint_states(names, times, states)}
+    streams = {STATES: serialized_joint_states(STATES, names, times, states)}
     if np.isfinite(references).any():
         # Before the samples that they are the references of.
-        streams = {REFERENCES: serialized_joint_states(names, times, references), **streams}
+        streams = {REFERENCES: serialized_joint_states(REFERENCES, names, times, references), **streams}
     return streams
 
 
@@ -92,13 +92,12 @@ def write_recording(
             text = writer.message("std_msgs/msg/String", data=robot_description(names, prismatic))
             writer.write([writer.serialized(round(float(times[0]) * 1e9), DESCRIPTION, text)])
         if gains is not None and len(times):
-            kinds = {"p": gains.stiffness, "d": gains.damping}
-            if gains.integral:
-                kinds = {"p": gains.stiffness, "i": gains.integral, "d": gains.damping}
+            kinds = {"p": gains.stiffness, "i": gains.integral, "d": gains.damping}
+            kinds = {kind: gain for kind, gain in kinds.items() if kind != "i" or gain}
             values = np.tile([float(value) for value in kinds.values()], (len(names), 1))
             table = writer.table(",".join(names), ",".join(kinds), values)
             writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
-        writer.write(*([(stamp, topic, data) for stamp, data in stream] for topic, stream in streams.items()))
+        writer.write(*streams.values())
     return len(times)
 
 
@@ -126,7 +125,7 @@ class EpisodeStorage:
             for number, topic in enumerate(streams)
         }
         self._messages = [
-            [(time, number, data) for time, data in stream] for number, stream in enumerate(streams.values())
+            [(time, number, data) for time, _, data in stream] for number, stream in enumerate(streams.values())
         ]
 
     def channels(self) -> dict[Channel, int]:
@@ -137,5 +136,4 @@ class EpisodeStorage:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         chosen = [some for number, some in enumerate(self._messages) if self._channels[number] in wanted]
         merged = heapq.merge(*chosen, key=lambda one: one[0])
-        for batch in batches((number, time, data) for time, number, data in merged):
-            yield Block.of_messages(batch, self._channels)
+        yield from blocks_of(((number, time, data) for time, number, data in merged), self._channels)

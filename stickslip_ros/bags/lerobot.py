@@ -164,13 +164,13 @@ class EpisodeFile(ParquetFile):
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """See :class:`~stickslip_ros.bags.table_files.TableFile`."""
         columns = {name: self._column_of.get(name, name) for name in names}
-        if not self._indexed:
-            # A file of one episode need not say which.
-            found = super().read(list(dict.fromkeys(columns.values())))
-            return {name: found[column] for name, column in columns.items()}
-        self.choose_groups(_INDEX, self._number)
-        found = super().read(list(dict.fromkeys([_INDEX, *columns.values()])))
-        mine = found[_INDEX] == self._number
+        wanted = dict.fromkeys(columns.values())
+        if self._indexed:
+            self.choose_groups(_INDEX, self._number)
+            wanted[_INDEX] = None
+        found = super().read(list(wanted))
+        # A file of one episode need not say which.
+        mine = found[_INDEX] == self._number if self._indexed else slice(None)
         return {name: found[column][mine] for name, column in columns.items()}
 
 

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What a bag says of joints, in the order of its recording: samples and references as arrays, and changes of gains."""
+"""What a bag says of joints, in the order of its recording: samples and references as arrays, and changes of gains.
+
+The functions at the end read at once: all samples of one joint, stretches of several, or which joints there are.
+"""
 
 from __future__ import annotations
 
@@ -9,32 +12,26 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stickslip_ros.bags.decoding import Decoder
 from stickslip_ros.bags.storage.bag import Bag
-from stickslip_ros.bags.topics import EVENTS_TYPE, Topics, nearest_namespace
-from stickslip_ros.messages import joint_states
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
+from stickslip_ros.bags.table import RecordingError
+from stickslip_ros.bags.topics import EVENTS_TYPE, TopicChoice, Topics, find_robots, find_topics, nearest_namespace
+from stickslip_ros.messages import content, joint_states
 from stickslip_ros.messages.blocks import Block, Channel, Integers
-from stickslip_ros.messages.content import (
-    DESCRIPTION,
-    DESCRIPTION_TYPE,
-    MessageError,
-    gains_from_message,
-    prismatic_joints,
-    reference_rows,
-    seconds,
-    with_time,
-    with_times,
-)
+from stickslip_ros.messages.content import MessageError
 from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
 from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
 from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.reference_pairing import ReferencePairing
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.visible import visible
 
 _INSTEAD = "recording"  # whose time stands for a stamp that is not set
@@ -194,15 +191,23 @@ class BagReader:
                 if known or end > begin:
                     yield self._piece(block, numbers, begin, end, known)
 
+    def _decoded(
+        self, channel: Channel, block: Block, chosen: Integers, read: Callable[[Any], Any]
+    ) -> Iterator[tuple[int, Any]]:
+        """Numbers of messages in a block, and what is read of them; what means nothing is counted, and left out."""
+        for number in chosen.tolist():
+            try:
+                found = read(self._slow[channel].decode(block.message(number)))
+            except MessageError as error:
+                self._refused[f"{channel.topic}: {error}"] += 1
+            else:
+                yield number, found
+
     def _describe(self, block: Block, numbers: dict[Channel, list[int]]) -> None:
         for channel in self._descriptions:
-            for number in self._chosen(block, numbers, channel, 0, len(block)).tolist():
-                try:
-                    text = str(self._slow[channel].decode(block.message(number)).data)
-                except MessageError as error:
-                    self._refused[f"{channel.topic}: {error}"] += 1
-                    continue
-                self._prismatic |= prismatic_joints(text)
+            chosen = self._chosen(block, numbers, channel, 0, len(block))
+            for _, text in self._decoded(channel, block, chosen, lambda message: str(message.data)):
+                self._prismatic |= content.prismatic_joints(text)
 
     def _gains_in(self, block: Block, numbers: dict[Channel, list[int]]) -> list[tuple[int, dict[str, Gains]]]:
         """At which messages of a block which gains change."""
@@ -210,19 +215,15 @@ class BagReader:
         for channel in dict.fromkeys(
             one for topics in self._robots.values() for one in (*topics.gains, *topics.events)
         ):
-            for number in self._chosen(block, numbers, channel, 0, len(block)).tolist():
-                try:
-                    message = self._slow[channel].decode(block.message(number))
-                    gains = None if channel.type == EVENTS_TYPE else gains_from_message(message)
-                except MessageError as error:
-                    self._refused[f"{channel.topic}: {error}"] += 1
-                    continue
+            of_events = channel.type == EVENTS_TYPE
+            chosen = self._chosen(block, numbers, channel, 0, len(block))
+            read: Callable[[Any], Any] = (lambda event: event) if of_events else content.gains_from_message
+            for number, message in self._decoded(channel, block, chosen, read):
                 for robot, topics in self._robots.items():
-                    if channel not in (*topics.gains, *topics.events):
-                        continue
-                    new = self._events[robot].process(message) if gains is None else gains
-                    for joint, value in new.items():
-                        found.setdefault(number, {})[_full_name(robot, joint)] = value
+                    if channel in (*topics.gains, *topics.events):
+                        new = self._events[robot].process(message) if of_events else message
+                        for joint, value in new.items():
+                            found.setdefault(number, {})[_full_name(robot, joint)] = value
         return sorted(found.items())
 
     def _piece(
@@ -279,27 +280,24 @@ class BagReader:
 
     def _controller_states(self, channel: Channel, block: Block, chosen: Integers) -> dict[str, FloatArray]:
         listed: dict[str, list[tuple[float, float, float]]] = {}
-        for number in chosen.tolist():
-            try:
-                message = self._slow[channel].decode(block.message(number))
-                rows_of = reference_rows(message)
-            except MessageError as error:
-                self._refused[f"{channel.topic}: {error}"] += 1
-                continue
+
+        def read(message: Any) -> tuple[float, dict[str, tuple[float, float]]]:
+            return content.seconds(message.header.stamp), content.reference_rows(message)
+
+        for number, (stamp, rows_of) in self._decoded(channel, block, chosen, read):
             recorded = 1e-9 * float(block.log_time[number])
-            time = with_time(seconds(message.header.stamp), recorded, _INSTEAD, self._replacing(channel))
+            time = content.with_time(stamp, recorded, _INSTEAD, self._replacing(channel))
             for joint, (position, velocity) in rows_of.items():
                 listed.setdefault(joint, []).append((time, position, velocity))
         return {joint: np.array(rows) for joint, rows in listed.items()}
 
     def _times(self, channel: Channel, rows: JointRows, block: Block, chosen: Integers) -> FloatArray:
         """Stamps, or the times of recording where there are none."""
-        recorded = partial(self._recorded, block, chosen, rows)
-        return with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
 
-    @staticmethod
-    def _recorded(block: Block, chosen: Integers, rows: JointRows) -> FloatArray:
-        return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
+        def recorded() -> FloatArray:
+            return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
+
+        return content.with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
 
     def _replacing(self, channel: Channel) -> Callable[[str, int], None]:
         def replace(reason: str, count: int) -> None:
@@ -310,7 +308,7 @@ class BagReader:
 
 def _is_description(channel: Channel) -> bool:
     """Whether a channel has descriptions of a robot that can be read."""
-    if channel.type != DESCRIPTION_TYPE or not channel.topic.endswith(DESCRIPTION):
+    if channel.type != content.DESCRIPTION_TYPE or not channel.topic.endswith(content.DESCRIPTION):
         return False
     try:
         Decoder(channel)
@@ -332,3 +330,90 @@ def is_of_robot(topics: Topics, controller: str | None, node: str) -> bool | Non
         # One that was chosen is everybody's.
         return True if node == controller else None
     return space == topics.namespace
+
+
+def read_joint_with_gains(
+    path: Path, joint: str, choice: TopicChoice, limit: UnpackLimit | None = None
+) -> tuple[Batch, tuple[Gains, ...], float]:
+    """Everything recorded of one joint, with its reference; its gains, one after the other; and by how much the stamps
+    of its references are off, where these are not used for it [s], else NaN.
+
+    Parameters
+    ----------
+    choice : of topics. limit : of what is unpacked.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read, or has nothing of the joint; the message lists the joints that are there.
+    """
+    pairing = ReferencePairing()
+    there: set[str] = set()
+    gains: list[Gains] = []
+    with Bag(path, limit) as bag:
+        try:
+            topics = find_topics(bag.channels(), choice)
+        except RecordingError as error:
+            raise RecordingError(f"bag {path}: {error}") from error
+        for piece in BagReader(bag, {"": topics}, choice.controller).pieces():
+            if joint in piece.gains and piece.gains[joint] not in gains[-1:]:
+                gains.append(piece.gains[joint])
+            there |= set(piece.samples)
+            if joint in piece.samples:
+                pairing.add_samples(piece.samples[joint])
+            if joint in piece.references:
+                pairing.add_references(piece.references[joint])
+    batch = pairing.next_batch(all_of_them=True)
+    if batch is None:
+        names = ", ".join(sorted(there)) or "none"
+        raise RecordingError(
+            f"bag {path}: no samples of joint {joint!r}; joints there: {names} (choose one with --joint)"
+        )
+    return batch, tuple(gains), pairing.offset
+
+
+def joint_names(
+    path: Path, choice: TopicChoice, limit: UnpackLimit | None = None
+) -> Iterator[tuple[set[str], set[str]]]:
+    """Names of a bag's joints, those of all robots, as they turn up; with the robot's and without it. Then the same of
+    those that have no gains by their first sample.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
+    with Bag(path, limit) as bag:
+        reader = BagReader(bag, find_robots(bag.channels(), choice), choice.controller)
+        known, gained, without = 0, set[str](), set[str]()
+        for piece in reader.pieces():
+            gained |= set(piece.gains)
+            if len(reader.joints) > known:
+                new = list(reader.joints)[known:]
+                known = len(reader.joints)
+                without |= {one for name in new if name not in gained for one in (name, reader.joints[name][1])}
+                yield {*reader.joints, *(joint for _, joint in reader.joints.values())}, without
+
+
+def read_windows(
+    path: Path, windows: Mapping[str, tuple[float, float]], choice: TopicChoice, limit: UnpackLimit | None = None
+) -> dict[str, FloatArray]:
+    """Stamps and positions of joints, each from a stamp to another [s]: of each that was recorded, of shape (n, 2).
+
+    Parameters
+    ----------
+    windows : by the joints' names, with the robot's where there are several.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
+    found: dict[str, list[FloatArray]] = {}
+    with Bag(path, limit) as bag:
+        for piece in BagReader(bag, find_robots(bag.channels(), choice), choice.controller).pieces():
+            for name, (begin, end) in windows.items():
+                if name in piece.samples:
+                    rows = piece.samples[name][:, :2]
+                    found.setdefault(name, []).append(rows[(rows[:, 0] >= begin) & (rows[:, 0] <= end)])
+    return {name: np.concatenate(parts) for name, parts in found.items()}

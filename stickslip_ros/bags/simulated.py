@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.writing import BagWriter
+from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model._validation import require_not_negative, require_positive
@@ -134,8 +134,8 @@ def write_simulation(
             states = np.stack([measured for measured, _ in parts], axis=2)
             references = np.stack([desired for _, desired in parts], axis=2)
             writer.write(
-                writer.joint_states(REFERENCES, names, times, references),
-                writer.joint_states(STATES, names, times, states),
+                serialized_joint_states(REFERENCES, names, times, references),
+                serialized_joint_states(STATES, names, times, states),
             )
 
 

@@ -8,7 +8,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import environ
 from pathlib import Path
 
@@ -59,15 +59,6 @@ class Recording:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Use:
-    """A column that serves, and its unit; ``assumed``: the name has none, it is the usual one."""
-
-    column: str
-    unit: str
-    assumed: bool
-
-
-@dataclass(frozen=True, kw_only=True)
 class Table:
     """A table of samples.
 
@@ -81,8 +72,8 @@ class Table:
 
     name: str
     form: str
-    time: tuple[Use, ...]
-    joints: dict[str, dict[str, Use]]
+    time: tuple[Column, ...]
+    joints: dict[str, dict[str, Column]]
     unused: tuple[str, ...]
     batches: dict[str, Batch]
     notes: tuple[str, ...] = ()
@@ -178,8 +169,11 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
     found = assign(file.names, named, file.days, file.clocks, file.named)
     columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
-    time = [_use(one, values[one.name], one.name in file.dates) for one in found.time]
-    stamps = np.sum([values[use.column] * UNITS[TIME][use.unit] for use in time], axis=0)
+    time = [
+        replace(one, unit="s") if one.name in file.dates else _with_unit(one, values[one.name], "")
+        for one in found.time
+    ]
+    stamps = np.sum([values[one.name] * UNITS[TIME][one.unit] for one in time], axis=0)
     stamps = np.where(np.abs(stamps) < LARGEST, stamps, math.nan)
     if not len(stamps):
         raise ValueError("it has no rows")
@@ -187,20 +181,18 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
     if _newest_first(stamps):
         notes.append("its rows are newest first: they are read from the last one to the first")
         stamps, values = stamps[::-1], {name: column[::-1] for name, column in values.items()}
-    joints: dict[str, dict[str, Use]] = {}
+    joints: dict[str, dict[str, Column]] = {}
     batches: dict[str, Batch] = {}
     for label, columns_of in found.joints.items():
         name = file.joints.get(label.removeprefix("joint"), label or ONLY)
         uses = {
-            field: _use(one, values[one.name], unit=file.units.get(one.name, "")) for field, one in columns_of.items()
+            field: _with_unit(one, values[one.name], file.units.get(one.name, "")) for field, one in columns_of.items()
         }
         if name in joints:
-            raise ValueError(f"two joints would have the name {name!r}: columns {joints[name][POSITION].column} and "
-                             f"{uses[POSITION].column}; name the right one with --column")  # fmt: skip
+            raise ValueError(f"two joints would have the name {name!r}: columns {joints[name][POSITION].name} and "
+                             f"{uses[POSITION].name}; name the right one with --column")  # fmt: skip
         joints[name] = uses
-        batches[name] = Batch(
-            time=stamps, **{field: _in_si(field, use, values[use.column]) for field, use in uses.items()}
-        )
+        batches[name] = Batch(time=stamps, **{field: _in_si(one, values[one.name]) for field, one in uses.items()})
     return Table(
         name=path.stem,
         form=file.form,
@@ -217,23 +209,18 @@ def _newest_first(stamps: FloatArray) -> bool:
     return len(steps) > 0 and float((steps < 0.0).mean()) > _MOSTLY
 
 
-def _in_si(field: str, use: Use, values: FloatArray) -> FloatArray:
-    factor = factor_of(field, use.unit)
+def _in_si(column: Column, values: FloatArray) -> FloatArray:
+    factor = factor_of(column.field, column.unit)
     if math.isnan(factor):
-        what = hint(field, {"": (use.column, use.unit)})
-        raise ValueError(f"column {use.column!r} is in counts: say how many make a turn, as in {what}")
+        what = hint(column.field, {"": (column.name, column.unit)})
+        raise ValueError(f"column {column.name!r} is in counts: say how many make a turn, as in {what}")
     return values * factor
 
 
-def _use(column: Column, values: FloatArray, is_date: bool = False, unit: str = "") -> Use:
-    if is_date:
-        return Use(column=column.name, unit="s", assumed=False)
+def _with_unit(column: Column, values: FloatArray, unit: str) -> Column:
+    """A column with the unit of its name, else the one that the file gives, else the usual one."""
     known = column.unit or unit
-    return Use(
-        column=column.name,
-        unit=known or USUAL_UNIT[column.field] or _unit_of_time(values),
-        assumed=not known,
-    )
+    return replace(column, unit=known or USUAL_UNIT[column.field] or _unit_of_time(values), assumed=not known)
 
 
 def _unit_of_time(values: FloatArray) -> str:

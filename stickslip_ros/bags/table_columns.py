@@ -14,7 +14,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from itertools import pairwise, takewhile
+from itertools import pairwise
+from os.path import commonprefix
 
 from stickslip_ros.settings.nearest_name import did_you_mean
 
@@ -98,7 +99,7 @@ class Column:
     Attributes
     ----------
     name : in the table. field : one of :data:`FIELDS`. joint : as the name has it, "" where it has none.
-    unit : a key of :data:`UNITS` of the field, "" where the name has none.
+    unit : a key of :data:`UNITS` of the field, "" where the name has none; then the usual one is ``assumed``.
     rank : of columns of the same field and joint the one of the lowest serves.
     """
 
@@ -106,6 +107,7 @@ class Column:
     field: str
     joint: str = ""
     unit: str = ""
+    assumed: bool = False
     rank: int = 0
 
 
@@ -216,16 +218,13 @@ def hint(field: str, columns: Mapping[str, tuple[str, str]]) -> str:
     """Options that say of a field which columns it has, and in which units, by joint: one with a * where that does."""
     names = [name for name, _ in columns.values()]
     units = [shown_unit(unit) for _, unit in columns.values()]
-    before, after = _common_start(names), _common_start([name[::-1] for name in names])[::-1]
+    # These are no paths: character by character is meant.
+    before, after = commonprefix(names), commonprefix([name[::-1] for name in names])[::-1]  # noqa: RUF071
     stars = [name[len(before) : len(name) - len(after)] for name in names]
     joints = [f"joint{star}" if star.isdigit() else star for star in stars]
     if len(names) > 1 and len(set(units)) == 1 and joints == list(columns):
         names, units = [f"{before}{_STAR}{after}"], units[:1]
     return " ".join(f"--column '{field}={name}:{unit}'" for name, unit in zip(names, units, strict=True))
-
-
-def _common_start(texts: Sequence[str]) -> str:
-    return "".join(letters[0] for letters in takewhile(lambda some: len(set(some)) == 1, zip(*texts, strict=False)))
 
 
 def _where(words: Sequence[str], wanted: Iterable[str]) -> list[int]:

@@ -10,25 +10,16 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.bags import table_text
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
 from stickslip_ros.bags.table_columns import Named
-from stickslip_ros.bags.table_text import (
-    CLOCK,
-    DATE,
-    DAY,
-    below_a_preamble,
-    cells_of,
-    columns_of_an_echo,
-    delimiter_of,
-    header_of,
-    is_number,
-)
 from stickslip_ros.errors import needs
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular
@@ -48,8 +39,8 @@ class MissingPackageError(Exception):
     """A table cannot be read without a package that is not there."""
 
 
-class TableFile(Protocol):
-    """A table that is open.
+class TableFile:
+    """A table that is open; of most all columns have nothing but their names.
 
     Attributes
     ----------
@@ -62,14 +53,14 @@ class TableFile(Protocol):
     """
 
     names: tuple[str, ...]
-    dates: frozenset[str]
-    days: frozenset[str]
-    clocks: frozenset[str]
-    joints: Mapping[str, str]
-    form: str
-    named: Sequence[Named]
-    units: Mapping[str, str]
-    notes: Sequence[str]
+    dates: frozenset[str] = frozenset()
+    days: frozenset[str] = frozenset()
+    clocks: frozenset[str] = frozenset()
+    joints: Mapping[str, str] = {}
+    form = ""
+    named: Sequence[Named] = ()
+    units: Mapping[str, str] = {}
+    notes: Sequence[str] = ()
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """Columns as numbers, NaN for what is empty.
@@ -79,6 +70,7 @@ class TableFile(Protocol):
         ValueError
             If something is no number; the text says where.
         """
+        raise NotImplementedError
 
 
 @contextmanager
@@ -106,6 +98,7 @@ def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
 def _pyarrow() -> Any:
     try:
         import pyarrow
+        import pyarrow.compute
         import pyarrow.csv
         import pyarrow.parquet
     except ImportError as error:
@@ -115,20 +108,7 @@ def _pyarrow() -> Any:
     return pyarrow
 
 
-class _Plain:
-    """A table whose columns have nothing but their names."""
-
-    joints: Mapping[str, str] = {}
-    dates: frozenset[str] = frozenset()
-    days: frozenset[str] = frozenset()
-    clocks: frozenset[str] = frozenset()
-    form = ""
-    named: Sequence[Named] = ()
-    units: Mapping[str, str] = {}
-    notes: Sequence[str] = ()
-
-
-class _Text(_Plain):
+class _Text(TableFile):
     """Values with delimiters, under a line of names; its form is told from its first lines."""
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -136,24 +116,24 @@ class _Text(_Plain):
         self._file = file
         begin = file.read(_LOOKED_AT)
         lines = begin.splitlines(keepends=True)
-        self._skipped, header = header_of(lines)
+        self._skipped, header = table_text.header_of(lines)
         self._above = 0
-        below = below_a_preamble(lines, self._skipped)
+        below = table_text.below_a_preamble(lines, self._skipped)
         if below is not None:
             self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
-        self._delimiter = delimiter_of(header, texts)
-        self._columns = cells_of(header, self._delimiter)
-        named = columns_of_an_echo(self._columns)
+        self._delimiter = table_text.delimiter_of(header, texts)
+        self._columns = table_text.cells_of(header, self._delimiter)
+        named = table_text.columns_of_an_echo(self._columns)
         if named:
             # The message's own layout stands for the line of names that is not there.
             self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
-        if all(is_number(cell) for cell in self._columns):
+        if all(table_text.is_number(cell) for cell in self._columns):
             raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
-        rows = [cells_of(text, self._delimiter) for text in texts]
+        rows = [table_text.cells_of(text, self._delimiter) for text in texts]
         values = [cell for row in rows for cell in row]
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
         self._decimal = "," if commas else "."
@@ -165,9 +145,9 @@ class _Text(_Plain):
         self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
         }
-        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if DATE.match(cell)}
-        self.days = frozenset(name for name, cell in firsts.items() if DAY.fullmatch(cell))
-        self.clocks = frozenset(name for name, cell in firsts.items() if CLOCK.fullmatch(cell))
+        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if table_text.DATE.match(cell)}
+        self.days = frozenset(name for name, cell in firsts.items() if table_text.DAY.fullmatch(cell))
+        self.clocks = frozenset(name for name, cell in firsts.items() if table_text.CLOCK.fullmatch(cell))
         self.dates = frozenset(self._zones) | self.days | self.clocks
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
         above = f", below {self._above} other lines" if self._above else ""
@@ -175,14 +155,11 @@ class _Text(_Plain):
         self._start = sum(len(line) for line in lines[: self._skipped + 1])
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """See :class:`TableFile`."""
         arrow = self._arrow
-        kinds = {name: self._kind(name) for name in names}
-        # Of two columns of a name the first serves.
-        seen: set[str] = set()
-        unique = []
-        for number, name in enumerate(self._columns):
-            unique.append(f"{name} {number}" if name in seen else name)
-            seen.add(name)
+        # By their numbers, as several may have one name, of which the first serves.
+        numbers = {name: str(self._columns.index(name)) for name in names}
+        kinds = {numbers[name]: self._kind(name) for name in names}
         self._file.seek(self._start)
         source: IO[bytes] = self._file
         if self._delimiter == " ":
@@ -191,15 +168,17 @@ class _Text(_Plain):
             table = arrow.csv.read_csv(
                 source,
                 # One after the other, so that the row of what cannot be read is known.
-                read_options=arrow.csv.ReadOptions(use_threads=False, column_names=unique),
+                read_options=arrow.csv.ReadOptions(
+                    use_threads=False, column_names=list(map(str, range(len(self._columns))))
+                ),
                 parse_options=arrow.csv.ParseOptions(delimiter=self._delimiter),
                 convert_options=arrow.csv.ConvertOptions(
-                    column_types=kinds, include_columns=list(names), decimal_point=self._decimal
+                    column_types=kinds, include_columns=list(kinds), decimal_point=self._decimal
                 ),
             )
         except arrow.ArrowException as error:
             raise ValueError(self._in_words(str(error))) from error
-        return {name: _numbers(arrow, table.column(name)) for name in names}
+        return {name: _numbers(arrow, table.column(number)) for name, number in numbers.items()}
 
     def _kind(self, name: str) -> Any:
         if name in self.clocks:
@@ -248,7 +227,7 @@ def _plain(column: Any) -> FloatArray:
     return np.asarray(column.to_numpy(zero_copy_only=False) if hasattr(column, "chunks") else column, dtype=float)
 
 
-class ParquetFile(_Plain):
+class ParquetFile(TableFile):
     """A Parquet file; parts of structures are columns `a.b`, lists of numbers columns `a[0]`, `a[1]` and so on."""
 
     def __init__(self, file: IO[bytes], largest: int) -> None:
@@ -260,37 +239,31 @@ class ParquetFile(_Plain):
             raise ValueError(f"it is no Parquet file that can be read: {error}") from error
         self._largest = largest
         self._chosen = list(range(self._groups.num_row_groups))
-        self._kinds: dict[str, Any] = {}
-        self._lengths: dict[str, int] = {}
-        for field in schema:
-            self._add(field.name, field.type)
-        names: list[str] = []
-        for name in self._kinds:
+        parts = _flat(arrow, schema.empty_table()).schema
+        self._lengths = {part.name: length for part in parts if (length := self._length(part)) is not None}
+        # Of each name the column, and which value of its lists is meant.
+        self._places: dict[str, tuple[str, int | None]] = {}
+        for name in parts.names:
             length = self._lengths.get(name)
-            names += [name] if length is None else [f"{name}[{number}]" for number in range(length)]
-        self.names = tuple(names)
-        self.dates = frozenset(name for name, kind in self._kinds.items() if arrow.types.is_timestamp(kind))
+            of_lists = {f"{name}[{number}]": (name, number) for number in range(length or 0)}
+            self._places |= {name: (name, None)} if length is None else of_lists
+        self.names = tuple(self._places)
+        self.dates = frozenset(part.name for part in parts if arrow.types.is_timestamp(part.type))
 
-    def _add(self, name: str, kind: Any) -> None:
+    def _length(self, part: Any) -> int | None:
+        """How many values the lists of a column have, by the first row; None if it has no lists."""
         types = self._arrow.types
-        if types.is_struct(kind):
-            for part in kind:
-                self._add(f"{name}.{part.name}", part.type)
-            return
-        self._kinds[name] = kind
-        if types.is_fixed_size_list(kind):
-            self._lengths[name] = kind.list_size
-        elif types.is_list(kind) or types.is_large_list(kind):
-            first = next((row for row in self._rows(name, 1) if row is not None), ())
-            self._lengths[name] = len(first)
-
-    def _rows(self, name: str, count: int) -> list[Any]:
-        """The first rows of a column."""
+        if types.is_fixed_size_list(part.type):
+            return int(part.type.list_size)
+        if not (types.is_list(part.type) or types.is_large_list(part.type)):
+            return None
         try:
-            batch = next(self._file.iter_batches(batch_size=count, columns=[name]), None)
-            return [] if batch is None else _part(self._arrow, batch, name).to_pylist()
+            rows: list[Any] = []
+            for batch in islice(self._file.iter_batches(batch_size=1, columns=[part.name]), 1):
+                rows = _flat(self._arrow, self._arrow.Table.from_batches([batch])).column(part.name).to_pylist()
         except (self._arrow.ArrowException, OSError, KeyError) as error:
-            raise ValueError(f"column {name!r} cannot be read: {error}") from error
+            raise ValueError(f"column {part.name!r} cannot be read: {error}") from error
+        return len(next((row for row in rows if row is not None), ()))
 
     def choose_groups(self, name: str, value: int) -> None:
         """Read only the groups of rows in which a column may have a value, as far as the file says it."""
@@ -307,7 +280,7 @@ class ParquetFile(_Plain):
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """See :class:`TableFile`."""
         arrow = self._arrow
-        chosen = {name: _list_of(name, self._lengths) for name in names}
+        chosen = {name: self._places[name] for name in names}
         # The file declares its uncompressed size [bytes].
         groups = [self._groups.row_group(number) for number in self._chosen]
         declared = sum(group.total_byte_size for group in groups)
@@ -315,10 +288,10 @@ class ParquetFile(_Plain):
             raise TooMuchUnpackedError("it", self._largest)
         columns = sorted({found[0] for found in chosen.values()})
         try:
-            table = self._file.read_row_groups(self._chosen, columns=columns, use_threads=False)
+            table = _flat(arrow, self._file.read_row_groups(self._chosen, columns=columns, use_threads=False))
             found = {}
             for name, (column, number) in chosen.items():
-                values = _part(arrow, table, column)
+                values = table.column(column)
                 if number is not None:
                     lengths = set(arrow.compute.list_value_length(values).to_pylist())
                     if lengths - {self._lengths[column]}:
@@ -334,22 +307,14 @@ class ParquetFile(_Plain):
         return found
 
 
-def _list_of(name: str, lengths: Mapping[str, int]) -> tuple[str, int | None]:
-    """A column of the file, and which of its list's values is meant."""
-    column, bracket, number = name.rpartition("[")
-    return (column, int(number[:-1])) if bracket and column in lengths else (name, None)
+def _flat(arrow: Any, table: Any) -> Any:
+    """A table whose structures are columns, one for each part, named a.b."""
+    while any(map(arrow.types.is_struct, table.schema.types)):
+        table = table.flatten()
+    return table
 
 
-def _part(arrow: Any, table: Any, name: str) -> Any:
-    """A column, or a part of one that is a structure."""
-    if name in table.column_names:
-        return table.column(name)
-    outer = max((one for one in table.column_names if name.startswith(f"{one}.")), key=len)
-    column = table.column(outer)
-    return arrow.compute.struct_field(column, name[len(outer) + 1 :].split("."))
-
-
-class _Npz(_Plain):
+class _Npz(TableFile):
     """An archive of numpy's: rows of numbers, tables of one column a joint, names of joints."""
 
     def __init__(self, file: IO[bytes], largest: int) -> None:
@@ -374,6 +339,7 @@ class _Npz(_Plain):
         self.names = tuple(self._columns)
 
     def read(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """See :class:`TableFile`."""
         lengths = {name: len(self._columns[name]) for name in names}
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{name} {length}" for name, length in lengths.items())

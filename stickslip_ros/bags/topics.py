@@ -24,12 +24,14 @@ EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
 _STATES = "joint_states"
 _REFERENCES = ("joint_references", "joint_reference", "references", "reference", "desired", "command", "commands")
 _GAINS = "pd_gains"
+_FIELDS = ["header", "name", *joint_states.FIELDS]  # of a JointState
 _LEADS = frozenset({"leader", "lead", "master"})
 _FOLLOWS = frozenset({"follower", "follow", "slave", "puppet"})
 READ_TYPES = frozenset({joint_states.TYPE, *REFERENCE_TYPES, GAINS_TYPE, EVENTS_TYPE})
 _MOST_DEFINITIONS = 200  # of one type there are as many as its package had versions
 _MOST_TOPICS = 1000  # of those types
 _MOST_ROBOTS = 100  # of a bag; what is whose is found by comparing all with all
+_LONGEST_LIST = 400  # characters of the topics that an error lists
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|[0-9]+")
 
 
@@ -90,7 +92,7 @@ def find_topics(channels: Mapping[Channel, int], choice: TopicChoice) -> Topics:
         the option that settles it.
     """
     candidates = _Candidates.of(channels)
-    states = _only(candidates.states(choice), "joint states", "--states", candidates.there, candidates.notes)
+    states = candidates.only(candidates.states(choice), "joint states", "--states")
     return _topics_of_one(candidates, states, choice)
 
 
@@ -139,43 +141,67 @@ class _Candidates:
                 f"it has {len(definitions)} definitions of the types that are read; "
                 f"at most {_MOST_DEFINITIONS} can be: a recorder writes one for each type"
             )
-        usable = [channel for channel in known if not _why_no_joint_state(channel, notes)]
+        usable = [channel for channel in known if _usable_joint_state(channel, notes)]
         named = [channel for channel in usable if _last(channel) in _REFERENCES]
         return _Candidates(there=there, usable=usable, named=named, notes=notes)
 
     def states(self, choice: TopicChoice) -> list[Channel]:
         """Those that could hold joint states: the one that was chosen, else those of that name, else all."""
         if choice.states is not None:
-            return [_named(choice.states, self.usable, self.there, "--states")]
+            return [self.chosen(choice.states, self.usable, "--states")]
         others = [channel for channel in self.usable if channel not in self.named]
         return [channel for channel in others if _last(channel) == _STATES] or others
 
     def reference(self, topic: str) -> Channel:
         """A topic of references by its name."""
         fit = [*self.usable, *(channel for channel in self.there if channel.type in REFERENCE_TYPES)]
-        return _named(topic, fit, self.there, "--references")
+        return self.chosen(topic, fit, "--references")
+
+    def gains(self, choice: TopicChoice) -> list[Channel]:
+        """Those of gains: the one that was chosen, else those of the usual name."""
+        gains = self.of_type(GAINS_TYPE)
+        if choice.gains is not None:
+            return [self.chosen(choice.gains, gains, "--gains-topic")] if choice.gains else []
+        return [channel for channel in gains if _last(channel) == _GAINS]
 
     def of_type(self, kind: str) -> list[Channel]:
         return [channel for channel in self.there if channel.type == kind]
 
+    def only(self, some: Sequence[Channel], what: str, option: str) -> Channel:
+        if len(some) == 1:
+            return some[0]
+        if some:
+            raise RecordingError(f"{what} could be {self.listed(some)}: choose one with {option}")
+        listed = ", ".join(sorted(f"{one.topic} ({one.type or 'unknown type'})" for one in self.there)) or "none"
+        listed = listed if len(listed) <= _LONGEST_LIST else f"{listed[:_LONGEST_LIST]} …"
+        problem = "; ".join([f"no topic of {joint_states.TYPE} with messages", *self.notes])
+        raise RecordingError(f"{problem}; topics there: {listed}")
+
+    def chosen(self, topic: str, some: Sequence[Channel], option: str) -> Channel:
+        for channel in some:
+            if channel.topic == topic:
+                return channel
+        there = self.listed(some)
+        raise RecordingError(f"{option} {topic}: no such topic of a type that fits; there are {there}")
+
+    def listed(self, some: Sequence[Channel]) -> str:
+        counts = {one: f" ({self.there[one]} messages)" if self.there[one] > 0 else "" for one in some}
+        return ", ".join(sorted(f"{one.topic}{count}" for one, count in counts.items())) or "none"
+
 
 def _topics_of_one(candidates: _Candidates, states: Channel, choice: TopicChoice) -> Topics:
-    there, notes, named = candidates.there, candidates.notes, candidates.named
+    notes, named = candidates.notes, candidates.named
     if choice.references is not None:
         references = [candidates.reference(one.rpartition("=")[2]) for one in choice.references]
     else:
         near = [channel for channel in named if _folder(channel) == _folder(states)] or named
-        if len(near) > 1:
-            _only(near, "references", "--references", there, notes)
-        references = near or [channel for channel in there if _usable_reference(channel, notes)]
-    gains = candidates.of_type(GAINS_TYPE)
-    if choice.gains is not None:
-        gains = [_named(choice.gains, gains, there, "--gains-topic")] if choice.gains else []
-    else:
-        gains = [channel for channel in gains if _last(channel) == _GAINS]
-        gains = [channel for channel in gains if _folder(channel) == _folder(states)] or gains
-        if len(gains) > 1:
-            _only(gains, "gains", "--gains-topic", there, notes)
+        if near:
+            candidates.only(near, "references", "--references")
+        references = near or [channel for channel in candidates.there if _usable_reference(channel, notes)]
+    gains = candidates.gains(choice)
+    gains = [channel for channel in gains if _folder(channel) == _folder(states)] or gains
+    if gains:
+        candidates.only(gains, "gains", "--gains-topic")
     return Topics(
         states=states,
         references=tuple(references),
@@ -245,21 +271,20 @@ def _chosen_references(
             raise RecordingError(f"--references {text}: no robot {robot!r}; there are {', '.join(robots)}")
         (own[robot] if equals else common).append(candidates.reference(topic))
     namespaces = [_folder(channel) for channel in robots.values()]
+    below_the_root = [space for space in namespaces if space]
     for name, states in robots.items():
         if own[name] or states in common:
             continue
         near = [one for one in common if nearest_namespace(one.topic, namespaces) == _folder(states)]
         near = [one for one in near if one not in robots.values()]
-        fit = near or [one for one in common if one in robots.values() or not _owned(one, namespaces)]
+        fit = near or [
+            one for one in common if one in robots.values() or nearest_namespace(one.topic, below_the_root) is None
+        ]
         if len(fit) > 1 and not near:
-            listed = _listed(fit, candidates.there)
+            listed = candidates.listed(fit)
             raise RecordingError(f"references of {name} could be {listed}: say whose with --references ROBOT=TOPIC")
         own[name] = fit
     return own
-
-
-def _owned(channel: Channel, namespaces: Sequence[str]) -> bool:
-    return nearest_namespace(channel.topic, [space for space in namespaces if space]) is not None
 
 
 def _references_by_namespace(
@@ -272,7 +297,7 @@ def _references_by_namespace(
         named = [one for one in named if _folder(one) == _folder(states)] or named
         # Robots whose topics lie side by side in one namespace cannot be told apart by it.
         if len(named) > 1 or (named and _shared(states, robots)):
-            listed = _listed(named, candidates.there)
+            listed = candidates.listed(named)
             notes.append(f"references of {name} could be {listed}: choose with --references {name}=TOPIC")
             continue
         found[name] = named or [
@@ -297,13 +322,8 @@ def _gains_by_namespace(
     choice: TopicChoice,
     notes: list[str],
 ) -> dict[str, list[Channel]]:
-    gains = candidates.of_type(GAINS_TYPE)
-    if choice.gains is not None:
-        gains = [_named(choice.gains, gains, candidates.there, "--gains-topic")] if choice.gains else []
-    else:
-        gains = [channel for channel in gains if _last(channel) == _GAINS]
     found: dict[str, list[Channel]] = {name: [] for name in robots}
-    for one in gains:
+    for one in candidates.gains(choice):
         space = nearest_namespace(one.topic, namespaces)
         owners = [name for name, states in robots.items() if _folder(states) == space]
         if not owners and choice.gains is None:
@@ -312,9 +332,8 @@ def _gains_by_namespace(
         for name in owners or (robots if choice.gains is not None else ()):
             found[name].append(one)
     for name, some in found.items():
-        if len(some) > 1:
-            listed = _listed(some, candidates.there)
-            raise RecordingError(f"gains of {name} could be {listed}: choose one with --gains-topic")
+        if some:
+            candidates.only(some, f"gains of {name}", "--gains-topic")
     return found
 
 
@@ -350,48 +369,18 @@ def _folder(channel: Channel) -> str:
     return channel.topic.rpartition("/")[0]
 
 
-def _only(
-    candidates: Sequence[Channel], what: str, option: str, there: Mapping[Channel, int], notes: Sequence[str]
-) -> Channel:
-    if len(candidates) == 1:
-        return candidates[0]
-    if not candidates:
-        listed = ", ".join(sorted(f"{channel.topic} ({channel.type or 'unknown type'})" for channel in there)) or "none"
-        problem = "; ".join([f"no topic of {joint_states.TYPE} with messages", *notes])
-        raise RecordingError(f"{problem}; topics there: {_shortened(listed)}")
-    raise RecordingError(f"{what} could be {_listed(candidates, there)}: choose one with {option}")
-
-
-def _named(topic: str, candidates: Sequence[Channel], there: Mapping[Channel, int], option: str) -> Channel:
-    found = [channel for channel in candidates if channel.topic == topic]
-    if found:
-        return found[0]
-    raise RecordingError(f"{option} {topic}: no such topic of a type that fits; there are {_listed(candidates, there)}")
-
-
-def _listed(candidates: Sequence[Channel], there: Mapping[Channel, int]) -> str:
-    return (
-        ", ".join(sorted(f"{one.topic} ({there[one]} messages)" if there[one] > 0 else one.topic for one in candidates))
-        or "none"
-    )
-
-
-def _shortened(text: str, longest: int = 400) -> str:
-    return text if len(text) <= longest else f"{text[:longest]} …"
-
-
-def _why_no_joint_state(channel: Channel, notes: list[str]) -> bool:
-    """Whether a topic that says so holds no JointStates; the reason goes to the notes."""
+def _usable_joint_state(channel: Channel, notes: list[str]) -> bool:
+    """Whether a topic that says so holds JointStates; the reason why not goes to the notes."""
     try:
-        decoder = _decoder(channel)
-        if decoder is not None and decoder.fields() != ["header", "name", *joint_states.FIELDS]:
-            raise MessageError(f"its definition of {channel.type} has the fields {', '.join(decoder.fields())}")
         if channel.encoding != "cdr":
             raise MessageError(f"its encoding is {channel.encoding!r}, not 'cdr'")
+        fields = Decoder(channel).fields() if channel.schema.strip() else _FIELDS
+        if fields != _FIELDS:
+            raise MessageError(f"its definition of {channel.type} has the fields {', '.join(fields)}")
     except MessageError as error:
         notes.append(f"{channel.topic}: {error}")
-        return True
-    return False
+        return False
+    return True
 
 
 def _usable_reference(channel: Channel, notes: list[str]) -> bool:
@@ -403,7 +392,3 @@ def _usable_reference(channel: Channel, notes: list[str]) -> bool:
         notes.append(f"{channel.topic}: {error}")
         return False
     return True
-
-
-def _decoder(channel: Channel) -> Decoder | None:
-    return Decoder(channel) if channel.schema.strip() else None

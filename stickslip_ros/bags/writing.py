@@ -133,19 +133,6 @@ class BagWriter:
         """A message as it is written, recorded at a time [ns]."""
         return time, topic, bytes(self._store.serialize_cdr(message, self._topics[topic]))
 
-    def joint_states(
-        self, topic: str, names: tuple[str, ...], times: FloatArray, values: FloatArray
-    ) -> Iterator[Serialized]:
-        """JointStates recorded at their stamps.
-
-        Parameters
-        ----------
-        times : stamps [s], of shape (n,). values : position, velocity and effort, of shape (n, 3, joints); a field that
-            is NaN throughout is left out, as publishers do.
-        """
-        for time, data in serialized_joint_states(names, times, values):
-            yield time, topic, data
-
     def _metadata(self) -> dict[str, Any]:
         begin = self._first if self._counts else 0
         duration = max(self._last - begin, 0)
@@ -183,9 +170,9 @@ class BagWriter:
 
 
 def serialized_joint_states(
-    names: tuple[str, ...], times: FloatArray, values: FloatArray
-) -> Iterator[tuple[int, bytes]]:
-    """Stamps [ns] and serialized JointStates.
+    topic: str, names: tuple[str, ...], times: FloatArray, values: FloatArray
+) -> Iterator[Serialized]:
+    """JointStates recorded at their stamps.
 
     Parameters
     ----------
@@ -209,4 +196,4 @@ def serialized_joint_states(
         column = np.ascontiguousarray(values[:, index], dtype="<f8")
         rows[:, place : place + column.shape[1] * 8] = column.view(np.uint8)
     for time, row in zip(nanoseconds.tolist(), rows, strict=True):
-        yield time, row.tobytes()
+        yield time, topic, row.tobytes()

@@ -18,7 +18,7 @@ from stickslip_ros.analysis.fleet import Answer, TimedAnswer
 from stickslip_ros.analysis.fleet_joints import LEAST_MOVING, FleetJoint
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
-from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
+from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new_table
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
@@ -71,9 +71,7 @@ def _print_table(console: Console, rows: Sequence[Mapping[str, str]], spared: Se
     """A line for each row, whose cells are by heading; without the spared headings there is no room for."""
 
     def table(headings: Sequence[str]) -> Table:
-        made = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-        for heading in headings:
-            made.add_column(escape(heading), justify="left" if heading in _TEXTS else "right", no_wrap=True)
+        made = new_table(headings, _TEXTS, padding=(0, 2, 0, 0), pad_edge=False)
         for row in rows:
             made.add_row(*[row[heading] for heading in headings])
         return made
@@ -125,7 +123,7 @@ def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None
 
 
 def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
-    friction = [_number(point.measured.value) for point in joint.histories["coulomb"].points] or ["-"]
+    friction = [_number(point.value) for point in joint.histories["coulomb"].points.values()] or ["-"]
     return {
         "robot\n": escape(visible(joint.robot)),
         "joint\n": escape(visible(joint.name)),

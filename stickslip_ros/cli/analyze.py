@@ -22,31 +22,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.analysis.alarm import parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json, write_cycles
 from stickslip_ros.analysis.annotation import Annotation
 from stickslip_ros.analysis.fleet import Answer, analyze_fleet, find_bags
-from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints
+from stickslip_ros.analysis.fleet_joints import FleetJoint, fleet_joints, parse_alarm
 from stickslip_ros.analysis.fleet_table import rows_of, write_table
 from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.analysis.words import nothing_judged
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import (
-    alarms_json,
-    print_alarms,
-    print_analysis,
-    print_brief,
-    print_finished,
-    print_fleet,
-)
+from stickslip_ros.cli import analysis_tables as tables
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_flag, add_json
+from stickslip_ros.cli.options import add_flag, add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import Terminal, complain
+from stickslip_ros.cli.terminal import Terminal, complain, progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.output.as_json import json_text
@@ -64,42 +55,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     printed = output.add_mutually_exclusive_group()
     add_json(printed)
     add_flag(printed, "--brief", "print one line for each bag and nothing else")
-    output.add_argument("--csv", type=CSV, metavar="FILE", help="write a table of all stick-slip cycles")
-    output.add_argument("--html", type=PAGE, metavar="FILE", help="write a report: one page that needs no network")
-    output.add_argument(
-        "--out",
-        type=OutputBag(),
-        metavar="BAG",
-        help="write cycles, margins and diagnostics as a bag",
-    )
+    add_option(output, "--csv", "FILE", "write a table of all stick-slip cycles", type=CSV)
+    add_option(output, "--html", "FILE", "write a report: one page that needs no network", type=PAGE)
+    add_option(output, "--out", "BAG", "write cycles, margins and diagnostics as a bag", type=OutputBag())
     add_flag(output, "--fail-on-stick-slip", "exit with status 1 if a joint sticks and slips, however briefly")
     fleet = parser.add_argument_group("many bags")
-    fleet.add_argument(
-        "--jobs", type=int, metavar="N", default=1, help="number of bags analysed at once (default: %(default)s)"
+    add_option(fleet, "--jobs", "N", "number of bags analysed at once", 1, type=int)
+    add_option(fleet, "--scheduler", "ADDRESS", "address of a Dask cluster that can read the files: tcp://…")
+    folder = OutputFolder()
+    add_option(fleet, "--results", "FOLDER", "cache results in this folder and reuse them next time", type=folder)
+    add_option(
+        fleet, "--reports", "FOLDER", "write a report of each bag; the page of --html links to them", type=folder
     )
-    fleet.add_argument(
-        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster that can read the files: tcp://…"
-    )
-    fleet.add_argument(
-        "--results", type=OutputFolder(), metavar="FOLDER", help="cache results in this folder and reuse them next time"
-    )
-    fleet.add_argument(
-        "--reports",
-        type=OutputFolder(),
-        metavar="FOLDER",
-        help="write a report of each bag; the page of --html links to them",
-    )
-    fleet.add_argument(
-        "--alarm", action="append", default=[], metavar="A",
-        help="condition that raises an alarm, e.g. coulomb=+15%% (since the first bag), 'stick_slip>5%%' or "
-        "'reserve<20%%'; may be repeated",
+    add_repeated(
+        fleet, "--alarm", "A",
+        "condition that raises an alarm, e.g. coulomb=+15%% (since the first bag), 'stick_slip>5%%' or 'reserve<20%%'; "
+        "may be repeated",
     )  # fmt: skip
-    fleet.add_argument(
-        "--table",
-        type=TABLE,
-        metavar="FILE",
-        help="write a table with a row for each joint of each bag (.csv or .parquet)",
-    )
+    rows = "write a table with a row for each joint of each bag (.csv or .parquet)"
+    add_option(fleet, "--table", "FILE", rows, type=TABLE)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -136,15 +110,15 @@ def run(options: argparse.Namespace) -> int:
     finally:
         # Whatever becomes of the files, the answer is not lost.
         if options.json:
-            print(json_text({"bags": answers} | ({"alarms": alarms_json(joints)} if options.alarm else {})))
+            print(json_text({"bags": answers} | ({"alarms": tables.alarms_json(joints)} if options.alarm else {})))
         elif options.brief:
-            print_brief(answers)
+            tables.print_brief(answers)
         elif analysis is not None:
-            print_analysis(analysis)
+            tables.print_analysis(analysis)
         elif len(bags) > 1 or not errors:
-            print_fleet(joints, answers)
+            tables.print_fleet(joints, answers)
         if not options.json:
-            print_alarms(joints)
+            tables.print_alarms(joints)
     for text in unwritten:
         complain(text)
     worst = [joint["worst_status"] for found in answers for joint in found.get("joints", {}).values()]
@@ -254,5 +228,5 @@ def _many(
             reports=pages,
             progress=progress,
             # Where nobody watches a bar, a log has a line a bag.
-            finished=(lambda _: None) if watched else print_finished,
+            finished=(lambda _: None) if watched else tables.print_finished,
         )

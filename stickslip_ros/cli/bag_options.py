@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
-from stickslip_ros.bags.joint_samples import joint_names
+from stickslip_ros.bags.reading import joint_names
 from stickslip_ros.bags.storage.unpacking import OPTION, UnpackLimit
 from stickslip_ros.bags.topics import TopicChoice
-from stickslip_ros.cli.options import add_flag, add_number
+from stickslip_ros.cli.options import add_flag, add_number, add_option, add_repeated, option_of
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.monitoring.advice.limits import LIMIT_OPTIONS
 from stickslip_ros.settings.known_joints import load_joint
@@ -38,37 +38,23 @@ _LIMITS = {
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     """Options read by :func:`analysis_options`."""
     what = parser.add_argument_group("what to analyse")
-    what.add_argument(
-        "--joint",
-        action="append",
-        metavar="NAME",
-        default=[],
-        help="analyse this joint only (with several robots: left/joint1); may be repeated",
-    )
+    add_repeated(what, "--joint", "NAME", "analyse this joint only (with several robots: left/joint1); may be repeated")
     add_number(what, "--start", "S", "begin so many seconds after the first sample", 0.0)
     add_number(what, "--end", "S", "end so many seconds after the first sample", math.inf)
     add_unpack_argument(what)
     known = parser.add_argument_group("what is known of the joints")
-    known.add_argument(
-        "--parameters", type=Path, action="append", metavar="FILE", default=[],
-        help="ROS parameter file: of the monitor (config/monitor.yaml), or with a controller's gains; may be repeated",
-    )  # fmt: skip
-    known.add_argument(
-        "--model", action="append", metavar="[JOINT=]NAME", default=[], help="known joint, or path of a joint file"
-    )
-    known.add_argument(
-        "--gains", action="append", metavar=GAINS_FORM, default=[],
-        help="gains of the controller, used until the bag has others [N·m/rad, N·m·s/rad, N·m/(rad·s)]",
-    )  # fmt: skip
+    file = "ROS parameter file: of the monitor (config/monitor.yaml), or with a controller's gains; may be repeated"
+    add_repeated(known, "--parameters", "FILE", file, type=Path)
+    add_repeated(known, "--model", "[JOINT=]NAME", "known joint, or path of a joint file")
+    units = "[N·m/rad, N·m·s/rad, N·m/(rad·s)]"
+    add_repeated(known, "--gains", GAINS_FORM, f"gains of the controller, used until the bag has others {units}")
     add_flag(known, "--no-learning", "do not estimate friction from the motion (faster)")
     topics = parser.add_argument_group("topics, if the bag has several candidates")
-    topics.add_argument("--states", metavar="TOPIC", help="joint states of one robot (default: of every robot)")
-    topics.add_argument(
-        "--references", action="append", metavar="[ROBOT=]TOPIC",
-        help="commanded motion, or the joint states of a leader; '' for none; may be repeated",
-    )  # fmt: skip
-    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, such as /pd_gains; '' for none")
-    topics.add_argument("--controller", metavar="NODE", help="node whose parameter events have the gains")
+    add_option(topics, "--states", "TOPIC", "joint states of one robot (default: of every robot)")
+    references = "commanded motion, or the joint states of a leader; '' for none; may be repeated"
+    add_option(topics, "--references", "[ROBOT=]TOPIC", references, action="append")
+    add_option(topics, "--gains-topic", "TOPIC", "gains, such as /pd_gains; '' for none")
+    add_option(topics, "--controller", "NODE", "node whose parameter events have the gains")
 
 
 def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,24 +63,13 @@ def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
         "limits of the advised gains (others, and limits of single joints, by --parameters)"
     )
     for name, (_, text) in _LIMITS.items():
-        add_number(limits, f"--{name.replace('_', '-')}", "X", text)
+        add_number(limits, option_of(name), "X", text)
 
 
 def add_unpack_argument(parser: Any) -> None:
-    """The option read by :func:`unpack_limit`."""
+    """The option that an :class:`~stickslip_ros.bags.storage.unpacking.UnpackLimit` is made of."""
     usual = UnpackLimit().largest_unpacked
     add_number(parser, OPTION, "MB", "largest decompressed size of a chunk or message, in MB", usual)
-
-
-def unpack_limit(options: argparse.Namespace) -> UnpackLimit:
-    """What the option says.
-
-    Raises
-    ------
-    InvalidParameterError
-        If it is not positive and finite.
-    """
-    return UnpackLimit(largest_unpacked=options.largest_unpacked)
 
 
 def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = ()) -> AnalysisOptions:
@@ -119,7 +94,9 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
         given[f"model.{joint}"] = name
     for option, texts in (("--gains", options.gains), ("--gains-after", gains_after)):
         for text in texts:
-            given |= _gains(option, text)
+            joint, values = _of_joint(text)
+            numbers = zip(_ORDER, gain_numbers(option, values), strict=False)
+            given |= {f"gains.{joint}.{kind}": number for kind, number in numbers}
     if options.no_learning:
         given["learn"] = False
     for name, (parameter, _) in _LIMITS.items():
@@ -127,30 +104,30 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
         if value is not None:
             if not value > 0 or (name == "slowest_velocity" and value == math.inf):
                 rule = "finite and > 0" if name == "slowest_velocity" else "> 0"
-                raise InvalidParameterError(f"--{name.replace('_', '-')}", rule, value)
+                raise InvalidParameterError(option_of(name), rule, value)
             if options.no_learning and not (options.model or options.parameters):
                 rule = "left out with --no-learning, where no joint is known (--model, --parameters)"
-                raise InvalidParameterError(f"--{name.replace('_', '-')}", rule, value)
+                raise InvalidParameterError(option_of(name), rule, value)
             given[parameter] = value
-    references = options.references
     return AnalysisOptions(
-        topics=TopicChoice(
-            states=options.states,
-            references=None if references is None else tuple(topic for topic in references if topic),
-            gains=options.gains_topic,
-            controller=options.controller,
-        ),
+        topics=topic_choice(options),
         joints=tuple(options.joint),
         start=options.start,
         end=options.end,
         parameters=Parameters.of_files(options.parameters, given),
-        unpacking=unpack_limit(options),
+        unpacking=UnpackLimit(largest_unpacked=options.largest_unpacked),
     )
 
 
-def _gains(option: str, text: str) -> dict[str, float]:
-    joint, values = _of_joint(text)
-    return dict(zip((f"gains.{joint}.{kind}" for kind in _ORDER), gain_numbers(option, values), strict=False))
+def topic_choice(options: argparse.Namespace) -> TopicChoice:
+    """The topics that the options name."""
+    references = options.references
+    return TopicChoice(
+        states=options.states,
+        references=None if references is None else tuple(topic for topic in references if topic),
+        gains=options.gains_topic,
+        controller=options.controller,
+    )
 
 
 def gain_numbers(option: str, text: str) -> list[float]:
@@ -193,7 +170,7 @@ def check_named_joints(options: argparse.Namespace, chosen: AnalysisOptions, bag
         would have no effect.
     """
     typed = {
-        f"--{option.replace('_', '-')} {text}": _of_joint(text)[0]
+        f"{option_of(option)} {text}": _of_joint(text)[0]
         for option in ("gains", "gains_after", "model")
         for text in getattr(options, option, ())
     }

@@ -28,10 +28,9 @@ from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.analysis_tables import COLOURS, status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_json
+from stickslip_ros.cli.options import add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import console_of_tables
+from stickslip_ros.cli.terminal import console_of_tables, progress_bar
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.visible import visible
 
@@ -41,15 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("before", type=Path, metavar="BEFORE", help="bag recorded before the change")
     parser.add_argument("after", type=Path, metavar="AFTER", help="bag recorded after the change")
     add_bag_arguments(parser)
-    parser.add_argument(
-        "--gains-after", action="append", metavar=GAINS_FORM, default=[],
-        help="gains in the second bag, if they differ from --gains and are not recorded; may be repeated",
-    )  # fmt: skip
+    after = "gains in the second bag, if they differ from --gains and are not recorded; may be repeated"
+    add_repeated(parser, "--gains-after", GAINS_FORM, after)
     output = parser.add_argument_group("output")
     add_json(output)
-    output.add_argument(
-        "--html", type=PAGE, metavar="FILE", help="write a page that draws both motions over each other"
-    )
+    add_option(output, "--html", "FILE", "write a page that draws both motions over each other", type=PAGE)
 
 
 def run(options: argparse.Namespace) -> int:

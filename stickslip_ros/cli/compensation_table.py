@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rich.table import Table
 
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, new_table
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.compensation_effect import (
@@ -101,9 +100,8 @@ def print_table(found: CompensationTable, velocity: float) -> None:
         f"Compensation at {velocity:.4g} rad/s, with k_p {float(found.gains.stiffness):.4g} and "
         f"k_v {float(found.gains.damping):.4g}:"
     )
-    table = Table(box=None, padding=(0, 1))
-    for heading in ("", "share", "model predicts", "ρ_c", "error", "swing", "at rest", "turning"):
-        table.add_column(heading, justify="left" if heading in ("", "model predicts") else "right", no_wrap=True)
+    headings = ("", "share", "model predicts", "ρ_c", "error", "swing", "at rest", "turning")
+    table = new_table(headings, ("", "model predicts"), padding=(0, 1))
     for kind, effects in found.effects.items():
         for share, one in effects.items():
             if share == 0 and kind != next(iter(found.effects)):

@@ -20,27 +20,18 @@ from collections.abc import Sequence
 
 import numpy as np
 from rich.markup import escape
-from rich.table import Table as Grid
 
+from stickslip_ros.bags import table_columns as columns
 from stickslip_ros.bags.conversion import write_recording
 from stickslip_ros.bags.simulated import LAST_STAMP
-from stickslip_ros.bags.table import RecordingError, Table, Use, find_recording, load_table
-from stickslip_ros.bags.table_columns import (
-    COUNTS,
-    FIELDS,
-    POSITION,
-    TIME,
-    Named,
-    factor_of,
-    hint,
-    shown_unit,
-    spelled_unit,
-)
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
+from stickslip_ros.bags.table import RecordingError, Table, find_recording, load_table
+from stickslip_ros.bags.table_columns import POSITION, Column, Named
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain, unpack_limit
-from stickslip_ros.cli.options import add_number
-from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_inputs, refuse_to_overwrite
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain
+from stickslip_ros.cli.options import add_number, add_option, add_repeated
+from stickslip_ros.cli.outputs import add_bag_arguments, refuse_inputs, refuse_to_overwrite
+from stickslip_ros.cli.terminal import Terminal, new_table
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -58,40 +49,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known recording"
     )
+    add_bag_arguments(parser)
     parser.add_argument(
-        "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
+        "--names", "--name", metavar="A,B", help="names of the joints, in the table's order (default: from the columns)"
     )
-    add_force_argument(parser)
-    parser.add_argument(
-        "--names",
-        "--name",
-        metavar="A,B",
-        help="names of the joints, in the table's order (default: from the columns)",
-    )
-    parser.add_argument(
-        "--column", action="append", metavar="FIELD=COLUMN[:UNIT]", default=[],
-        help=f"column of a FIELD, which is one of {', '.join(FIELDS)}; * stands for the joint; may be repeated",
-    )  # fmt: skip
+    column = f"column of a FIELD, which is one of {', '.join(columns.FIELDS)}; * stands for the joint; may be repeated"
+    add_repeated(parser, "--column", "FIELD=COLUMN[:UNIT]", column)
     add_number(parser, "--first-stamp", "S", "time stamp of time zero [s] (default: 1, or as recorded)")
     add_number(parser, "--stiffness", "KP", "k_p of the controllers in the recording, to write into the bag [N·m/rad]")
     add_number(parser, "--damping", "KV", "k_v of the controllers [N·m·s/rad] (default: 0)")
     add_number(parser, "--integral", "KI", "k_i of the controllers [N·m/(rad·s)] (default: 0)")
     add_unpack_argument(parser)
-    parser.add_argument(
-        "--compression",
-        choices=sorted(COMPRESSIONS),
-        default="zstd",
-        help="compression of the chunks (default: %(default)s)",
-    )
+    add_option(parser, "--compression", None, "compression of the chunks", "zstd", choices=sorted(COMPRESSIONS))
 
 
 def run(options: argparse.Namespace) -> int:
     """Convert; exit status 0."""
     path = find_recording(options.recording)
     refuse_inputs({"--out": options.out}, [path])
-    refuse_to_overwrite("--out", options.out, force=options.force)
+    refuse_to_overwrite(options)
     gains = _gains(options)
-    table = load_table(path, [_column(text) for text in options.column], unpack_limit(options))
+    table = load_table(
+        path, [_column(text) for text in options.column], UnpackLimit(largest_unpacked=options.largest_unpacked)
+    )
     names = _names(options.names, table)
     first = float(np.nanmin(next(iter(table.batches.values())).time, initial=math.inf))
     # A stamp of zero means that there is none.
@@ -139,10 +119,9 @@ def _show(table: Table, names: list[str]) -> None:
     """Which columns were taken for what."""
     console = Terminal(stderr=True, highlight=False)
     console = console if console.is_terminal else Terminal(stderr=True, highlight=False, width=_WIDTH)
-    fields = [field for field in FIELDS if any(field in uses for uses in table.joints.values())]
-    grid = Grid(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for heading in ("joint", *(field.replace("_", " ") for field in fields)):
-        grid.add_column(heading, no_wrap=True)
+    fields = [field for field in columns.FIELDS if any(field in uses for uses in table.joints.values())]
+    headings = ["joint", *(field.replace("_", " ") for field in fields)]
+    grid = new_table(headings, headings, padding=(0, 2, 0, 0), pad_edge=False)
     for name, uses in zip(names, table.joints.values(), strict=True):
         grid.add_row(escape(name), *(_shown(uses[field]) if field in uses else "-" for field in fields))
     form = f" ({table.form})" if table.form else ""
@@ -165,8 +144,8 @@ def _show(table: Table, names: list[str]) -> None:
         console.print(f"[dim]not used: {escape(listed)}[/]", soft_wrap=True)
 
 
-def _shown(use: Use) -> str:
-    return escape(f"{use.column} [{shown_unit(use.unit)}{'?' if use.assumed else ''}]")
+def _shown(use: Column) -> str:
+    return escape(f"{use.name} [{columns.shown_unit(use.unit)}{'?' if use.assumed else ''}]")
 
 
 def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
@@ -180,8 +159,8 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
         # What is named of a field stands for all of it: the other joints are named too.
         console.print(
             f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
-            f"{escape(uses_of[suspect][1][POSITION].column)} in {'encoder counts' if counts else 'degrees'}? Then: "
-            + escape(_hints(table, COUNTS if counts else "deg"))
+            f"{escape(uses_of[suspect][1][POSITION].name)} in {'encoder counts' if counts else 'degrees'}? Then: "
+            + escape(_hints(table, columns.COUNTS if counts else "deg"))
         )
 
 
@@ -204,8 +183,8 @@ def _hints(table: Table, unit: str) -> str:
     for field in _PLACES:
         of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
         if any(use.assumed for use in of_field.values()):
-            columns = {own: (use.column, unit if use.assumed else use.unit) for own, use in of_field.items()}
-            texts.append(hint(field, columns))
+            named = {own: (use.name, unit if use.assumed else use.unit) for own, use in of_field.items()}
+            texts.append(columns.hint(field, named))
     return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 
 
@@ -214,17 +193,17 @@ def _column(text: str) -> Named:
     name, colon, unit = rest.rpartition(":")
     if not colon:
         name, unit = rest, ""
-    if not equals or field not in FIELDS or not name:
-        wanted = f"FIELD=COLUMN[:UNIT] with a field of {', '.join(FIELDS)}"
+    if not equals or field not in columns.FIELDS or not name:
+        wanted = f"FIELD=COLUMN[:UNIT] with a field of {', '.join(columns.FIELDS)}"
         raise InvalidParameterError("--column", wanted, text)
-    if field == TIME and "*" in name:
+    if field == columns.TIME and "*" in name:
         raise InvalidParameterError("--column", "of one column, where it is of the time", text)
-    spelled = spelled_unit(unit)
+    spelled = columns.spelled_unit(unit)
     try:
-        factor = factor_of(field, spelled) if unit else 1.0
+        factor = columns.factor_of(field, spelled) if unit else 1.0
     except ValueError as error:
         raise InvalidParameterError(f"--column {text}", str(error), unit) from error
     if math.isnan(factor):
-        example = f"{name}:{shown_unit(spelled)}"
+        example = f"{name}:{columns.shown_unit(spelled)}"
         raise InvalidParameterError(f"--column {text}", f"with the counts that make a turn, as in {example}", unit)
     return Named(field=field, column=name, unit=spelled)

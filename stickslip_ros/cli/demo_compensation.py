@@ -38,11 +38,7 @@ class _Scene:
         self.listener = listener
         self._stage = Stage(console, listener, nodes, "rad")
         self._cycles = 0
-
-        def both_heard() -> bool:
-            return listener.status != "" and not math.isnan(listener.now)
-
-        self._wait(both_heard, "the nodes to be heard")
+        self._wait(lambda: listener.status != "" and not math.isnan(listener.now), "the nodes to be heard")
         self.marks: list[tuple[float, str]] = []
 
     def begin(self, values: Mapping[str, object], called: str = "") -> None:

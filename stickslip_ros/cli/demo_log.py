@@ -19,10 +19,6 @@ from stickslip_ros.cli.monitor_client import MonitorClient, margins_of, values_o
 from stickslip_ros.errors import StickSlipError
 
 
-class DemoError(StickSlipError):
-    """The demo could not go on."""
-
-
 @dataclass
 class DemoData:
     """Rows as they came: states (time, position, velocity), references (time, position), margins, cycles."""
@@ -84,12 +80,12 @@ class DemoListener(MonitorClient):
         """Call a service of the monitor; the answer comes once it is done."""
         client = self.node.create_client(Trigger, f"{monitor}/{service}")
         if not client.wait_for_service(5.0):
-            raise DemoError(f"{monitor} offers no service to {purpose}")
+            raise StickSlipError(f"{monitor} offers no service to {purpose}")
         return client.call_async(Trigger.Request())
 
     def set_parameters(self, node: str, values: Mapping[str, object]) -> Future:
         """Set parameters of a node."""
         client = AsyncParameterClient(self.node, node)
         if not client.wait_for_services(5.0):
-            raise DemoError(f"{node} offers no service to set its parameters")
+            raise StickSlipError(f"{node} offers no service to set its parameters")
         return client.set_parameters([Parameter(name, value=value) for name, value in values.items()])

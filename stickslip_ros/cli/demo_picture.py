@@ -40,7 +40,7 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
     ]
     has_velocity = bool(np.isfinite(states[:, 2]).any())
     rows = 1 + has_velocity + bool(reserves)
-    heights = [2.2, 1.3, 1.2][:1] + [1.3] * has_velocity + [1.2] * bool(reserves)
+    heights = [2.2] + [1.3] * has_velocity + [1.2] * bool(reserves)
     figure, axes = pyplot.subplots(
         rows, 1, figsize=(10, 2.3 + 2.1 * rows), sharex=True, height_ratios=heights, squeeze=False, layout="constrained"
     )
@@ -69,8 +69,8 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
         times, values = np.array(reserves).T
         values = np.minimum(values, _MOST_RESERVE)
         panel.axhline(0.0, color=GREY, linewidth=0.8)
-        panel.fill_between(times, values, 0.0, where=values > 0, color=GREEN, alpha=0.25, linewidth=0, step="post")
-        panel.fill_between(times, values, 0.0, where=values <= 0, color=RED, alpha=0.25, linewidth=0, step="post")
+        for where, colour in ((values > 0, GREEN), (values <= 0, RED)):
+            panel.fill_between(times, values, 0.0, where=where, color=colour, alpha=0.25, linewidth=0, step="post")
         panel.step(times, values, where="post", color=BLUE, linewidth=1.4)
         panel.set_ylim(-_MOST_RESERVE, _MOST_RESERVE)
         panel.set_ylabel("damping reserve [%]")

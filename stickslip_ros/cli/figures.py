@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.cli.outputs import OutputFolder
-from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.extinction import energy_margin, work_integral

@@ -17,21 +17,19 @@ import argparse
 import math
 import signal
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from stickslip_ros.analysis.sample_checks import data_problems
-from stickslip_ros.bags.joint_samples import read_joint_with_gains
+from stickslip_ros.bags.reading import read_joint_with_gains
 from stickslip_ros.bags.storage.formats import is_read_as_bag
+from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
-from stickslip_ros.bags.topics import TopicChoice
-from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, unpack_limit
-from stickslip_ros.cli.options import add_flag, add_json, add_number
+from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, topic_choice
+from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of
 from stickslip_ros.cli.outputs import JOINT_FILE
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, new_table, progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.interrupts import Interrupted
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
@@ -42,16 +40,14 @@ from stickslip_ros.output import published as published
 from stickslip_ros.output.as_json import json_text, parameter_json
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import presliding_text
-from stickslip_ros.settings.joint_file import joint_file_text, write_joint_file
-from stickslip_ros.settings.known_joints import KnownJoint, load_joint
+from stickslip_ros.settings.known_joints import joint_file_text, load_joint, write_joint_file
 
 if TYPE_CHECKING:
     from stickslip_ros.monitoring.samples import Batch
 
-_STEP_TIME, _REST, _LARGEST_DISTANCE, _LARGEST_LAG = 15.0, 3.0, 0.5, 0.02
-_OF_EXPERIMENT = {
-    "speeds": None, "step_time": _STEP_TIME, "rest": _REST, "largest_distance": _LARGEST_DISTANCE,
-    "largest_lag": _LARGEST_LAG, "plan": False,
+# Options of an experiment, and their defaults.
+_OF_EXPERIMENT: dict[str, Any] = {
+    "speeds": None, "step_time": 15.0, "rest": 3.0, "largest_distance": 0.5, "largest_lag": 0.02, "plan": False,
 }  # fmt: skip
 
 
@@ -65,52 +61,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "episode), or a known recording",
     )
     topics = parser.add_argument_group("topics, if the bag has several candidates")
-    topics.add_argument("--states", metavar="TOPIC", help="joint states")
-    topics.add_argument("--references", action="append", metavar="TOPIC", help="commanded motion; '' for none")
-    topics.add_argument("--gains-topic", metavar="TOPIC", help="gains, such as /pd_gains; '' for none")
+    add_option(topics, "--states", "TOPIC", "joint states")
+    add_option(topics, "--references", "TOPIC", "commanded motion; '' for none", action="append")
+    add_option(topics, "--gains-topic", "TOPIC", "gains, such as /pd_gains; '' for none")
     add_unpack_argument(parser)
-    parser.add_argument(
-        "--gains", metavar="P[,D[,I]]",
-        help="gains of the controller [N·m/rad, N·m·s/rad, N·m/(rad·s)] (default: as recorded in the bag)",
-    )  # fmt: skip
+    gains = "gains of the controller [N·m/rad, N·m·s/rad, N·m/(rad·s)] (default: as recorded in the bag)"
+    add_option(parser, "--gains", "P[,D[,I]]", gains)
     # The gains one by one, as they were given before --gains.
     parser.add_argument("--stiffness", type=float, help=argparse.SUPPRESS)
     parser.add_argument("--damping", type=float, default=0.0, help=argparse.SUPPRESS)
     parser.add_argument("--integral", type=float, default=0.0, help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--model", metavar="NAME", help="known joint, or path of a joint file, with values right within a factor of two"
-    )
+    model = "known joint, or path of a joint file, with values right within a factor of two"
+    add_option(parser, "--model", "NAME", model)
     experiment = parser.add_argument_group("experiment, instead of a recording")
-    experiment.add_argument("--simulated", metavar="NODE", help="node of a simulated joint, e.g. /simulated_joint")
-    experiment.add_argument("--controller", metavar="NODE", help="node of a joint_trajectory_controller")
-    parser.add_argument(
-        "--joint",
-        metavar="NAME",
-        default="joint1",
-        help="joint to move, or to read from the bag (default: %(default)s)",
-    )
-    experiment.add_argument("--speeds", metavar="V,V", help="speeds to move at, slowest first [rad/s]")
-    add_number(experiment, "--step-time", "S", "time at each speed [s]", _STEP_TIME)
-    add_number(experiment, "--rest", "S", "rest between speeds [s]", _REST)
-    add_number(
-        experiment,
-        "--largest-distance",
-        "X",
-        "refuse an experiment that moves further from the start than this [rad]",
-        _LARGEST_DISTANCE,
-    )
-    add_number(
-        experiment,
-        "--largest-lag",
-        "X",
-        "stop if the joint is further than this from the controller's trajectory [rad]",
-        _LARGEST_LAG,
-    )
+    add_option(experiment, "--simulated", "NODE", "node of a simulated joint, e.g. /simulated_joint")
+    add_option(experiment, "--controller", "NODE", "node of a joint_trajectory_controller")
+    add_option(parser, "--joint", "NAME", "joint to move, or to read from the bag", "joint1")
+    add_option(experiment, "--speeds", "V,V", "speeds to move at, slowest first [rad/s]")
+    for name, metavar, text in (
+        ("step_time", "S", "time at each speed [s]"),
+        ("rest", "S", "rest between speeds [s]"),
+        ("largest_distance", "X", "refuse an experiment that moves further from the start than this [rad]"),
+        ("largest_lag", "X", "stop if the joint is further than this from the controller's trajectory [rad]"),
+    ):
+        add_number(experiment, option_of(name), metavar, text, _OF_EXPERIMENT[name])
     add_flag(experiment, "--plan", "print the steps of the experiment and move nothing")
     parser.add_argument("--name", help="name of the joint in the joint file (default: of the recording or the joint)")
-    parser.add_argument(
-        "--out", type=JOINT_FILE, metavar="FILE", help="write a joint file (.yaml), which --model reads"
-    )
+    add_option(parser, "--out", "FILE", "write a joint file (.yaml), which --model reads", type=JOINT_FILE)
     add_json(parser)
     parser.set_defaults(made_of={"prior": ("--model",)})
 
@@ -123,11 +100,14 @@ def run(options: argparse.Namespace) -> int:
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
         raise StickSlipError("missing: one of RECORDING, --simulated NODE and --controller NODE")
-    if options.recording:
-        _refuse_experiment(options)
+    for name, default in _OF_EXPERIMENT.items():
+        if options.recording and getattr(options, name) != default:
+            rule = "left out with a RECORDING: it is of an experiment"
+            raise InvalidParameterError(option_of(name), rule, getattr(options, name))
     gains = _gains(options)
     if options.recording:
-        path = _find(options.recording)
+        path = Path(options.recording)
+        path = path if is_read_as_bag(path) else find_recording(options.recording)
         batch, gains, references_off = _samples(path, options, gains)
         name, source = path.stem, f"Identified from {path.name}."
     else:
@@ -154,7 +134,8 @@ def run(options: argparse.Namespace) -> int:
             joint, gains = slips.joint(), slips.gains
         else:
             joint = found.joint(prior.joint if prior else None)
-        text = joint_file_text(options.name or name, joint, found, gains, _full(source, prior))
+        source += f" What is not identified is of {prior.name}." if prior else ""
+        text = joint_file_text(options.name or name, joint, found, gains, source)
         write_joint_file(options.out, text)
         if not options.json:
             Terminal(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
@@ -165,15 +146,13 @@ def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tu
     """The samples; the gains: those that are given, else those that a bag has; and by how much the stamps of references
     that are not used for it are off [s], else NaN.
     """
-    limit = unpack_limit(options)
+    limit = UnpackLimit(largest_unpacked=options.largest_unpacked)
     if not is_read_as_bag(path):
         return load_recording(path, options.joint, limit).batch, given, math.nan
-    references = options.references
-    choice = TopicChoice(
-        states=options.states,
-        references=None if references is None else tuple(topic for topic in references if topic),
-        gains=options.gains_topic if given is None else "",
-    )
+    # The controller of an experiment is another one's node.
+    choice = replace(topic_choice(options), controller=None)
+    if given is not None:
+        choice = replace(choice, gains="")
     batch, recorded, off = read_joint_with_gains(path, options.joint, choice, limit)
     if len(recorded) > 1:
         raise RecordingError(
@@ -181,14 +160,6 @@ def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tu
             "or use stickslip analyze, which follows such changes"
         )
     return batch, given or next(iter(recorded), None), off
-
-
-def _find(name: str) -> Path:
-    return Path(name) if is_read_as_bag(Path(name)) else find_recording(name)
-
-
-def _full(source: str, prior: KnownJoint | None) -> str:
-    return f"{source} What is not identified is of {prior.name}." if prior else source
 
 
 def _gains(options: argparse.Namespace) -> Gains | None:
@@ -206,16 +177,6 @@ def _gains(options: argparse.Namespace) -> Gains | None:
         require_finite(name, getattr(options, name))
     require_not_negative("stiffness", options.stiffness)
     return Gains(stiffness=options.stiffness, damping=options.damping, integral=options.integral)
-
-
-def _refuse_experiment(options: argparse.Namespace) -> None:
-    """Refuse what is said of an experiment where a recording is given."""
-    for name, default in _OF_EXPERIMENT.items():
-        if getattr(options, name) != default:
-            option = f"--{name.replace('_', '-')}"
-            raise InvalidParameterError(
-                option, "left out with a RECORDING: it is of an experiment", getattr(options, name)
-            )
 
 
 def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | None:
@@ -322,15 +283,7 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
             rows.append((one.name.replace("_", " "), *parameters[one.name], unit))
     if per_inertia and slips is not None:
         rows.append(("natural frequency", slips.natural_frequency, "slips", "rad/s"))
-    table = Table(box=None, padding=(0, 1))
-    for heading, justify in (
-        ("", "left"),
-        ("value", "right"),
-        ("± error", "right"),
-        ("", "left"),
-        ("", "left"),
-    ):
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    table = new_table(("", "value", "± error", "", ""), padding=(0, 1))
     for name, estimate, origin, unit in rows:
         sure = "[green]identified[/]" if estimate.identified else "[yellow]not identified[/]"
         note = f"{sure} [dim]from {origin}[/]"

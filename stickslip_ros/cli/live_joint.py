@@ -5,40 +5,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from stickslip_ros.model.extinction_map import ExtinctionMap, extinction_map, map_axes
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.as_json import margin_json
+from stickslip_ros.output.stability_map import MapSubject, map_of
 
 _MAP_POINTS = 400
 _LEAST_SAMPLES = 8
 _SMOOTHED = 5  # samples on either side, where a velocity has to be derived
 
 
-@dataclass(frozen=True, kw_only=True)
-class Subject:
-    """A joint at a speed [rad/s] with gains: what is asked of it depends on nothing else."""
-
-    joint: Joint
-    gains: Gains
-    velocity: float
-
-
-def what_if(subject: Subject) -> dict[str, Any]:
+def what_if(subject: MapSubject) -> dict[str, Any]:
     """The margin of Eq. (43) and the exact verdict, as `stickslip margin --json` has them; a tenth of a second."""
     return margin_json(subject.joint, subject.gains, subject.velocity)
 
 
-def joint_map(subject: Subject) -> ExtinctionMap:
+def joint_map(subject: MapSubject) -> ExtinctionMap:
     """The map about a joint's operating point; a second."""
-    stiffness = float(subject.gains.stiffness)
-    axes = map_axes(subject.joint, velocity=subject.velocity, stiffnesses=[stiffness], points=_MAP_POINTS)
-    return extinction_map(subject.joint, *axes)
+    return map_of(subject, _MAP_POINTS)
 
 
 def phase_loop(samples: FloatArray, references: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -59,7 +60,7 @@ class LiveListener:
     def __init__(self) -> None:
         self.snapshot = Snapshot()
         self._listener = WatchListener()
-        self._looked_at: dict[str, int] = {}
+        self._looked_at: Counter[str] = Counter()  # by how many pages
         self._lock = threading.Lock()
         self._motions: dict[str, tuple[JointStateTopic, JointStateTopic]] = {}
         self._samples: dict[str, FloatArray] = {}
@@ -79,20 +80,18 @@ class LiveListener:
     def look_at(self, joint: str) -> None:
         """Somebody looks at a joint: its motion is kept from now on."""
         with self._lock:
-            self._looked_at[joint] = self._looked_at.get(joint, 0) + 1
+            self._looked_at[joint] += 1
 
     def look_away(self, joint: str) -> None:
         """Somebody does no more."""
         with self._lock:
-            self._looked_at[joint] = self._looked_at.get(joint, 1) - 1
-            if self._looked_at[joint] <= 0:
-                del self._looked_at[joint]
+            self._looked_at[joint] -= 1
 
     def _run(self) -> None:
         while not self._ending.is_set():
             self._listener.listen(_LISTENED)
             with self._lock:
-                looked_at = set(self._looked_at)
+                looked_at = set(+self._looked_at)
             self._follow(looked_at)
             self.snapshot = Snapshot(
                 joints=tuple(self._listener.joints()),

@@ -12,39 +12,29 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from bokeh import models
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
-from bokeh.models import (
-    ColumnDataSource,
-    CustomJS,
-    CustomJSTickFormatter,
-    Div,
-    InlineStyleSheet,
-    Range1d,
-    Select,
-    Slider,
-)
 
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
-from stickslip_ros.cli.live_joint import Subject, cycle_duration, joint_map, phase_loop, what_if
+from stickslip_ros.cli.live_joint import cycle_duration, joint_map, phase_loop, what_if
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
-from stickslip_ros.cli.watch_view import JointView
+from stickslip_ros.cli.watch_view import MARKS, JointView, worst_first
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.output.published import published_joint
+from stickslip_ros.output.stability_map import MapSubject
 from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 
 _EVERY = 500  # [ms]
 _SILENT = 3.0  # [s] from when on it is said
 _MOST_POINTS = 1500  # of a curve
 _SHOWN = 10.0  # [s] of motion
-_WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
 _CLASSES = {Level.ERROR: "bad", Level.WARN: "warn", Level.STALE: "none", Level.OK: "good"}
-_MARKS = {Level.ERROR: "■", Level.WARN: "▲", Level.STALE: "○", Level.OK: "●"}
 _MOVED = 1e-3  # relative change of what a map depends on
 _DECADES = 1.0  # of the slider on either side of the present stiffness
 _ADVISED = "#116329"
@@ -63,30 +53,30 @@ class LivePage:
         self._document, self._listener, self._work = document, listener, work
         self._joint = ""
         self._shown: dict[str, str] = {}
-        self._map_of: Subject | None = None
-        self._pending_map: tuple[Subject, Future[ExtinctionMap]] | None = None
-        self._pending_if: tuple[Subject, Future[dict[str, Any]]] | None = None
+        self._map_of: MapSubject | None = None
+        self._pending_map: tuple[MapSubject, Future[ExtinctionMap]] | None = None
+        self._pending_if: tuple[MapSubject, Future[dict[str, Any]]] | None = None
         self._present: Gains | None = None
-        self._sheet = sheet = InlineStyleSheet(css=_text("live.css"))
+        self._sheet = sheet = models.InlineStyleSheet(css=_text("live.css"))
 
-        def words() -> Div:
-            return Div(text="", sizing_mode="stretch_width", stylesheets=[sheet])
+        def words() -> models.Div:
+            return models.Div(text="", sizing_mode="stretch_width", stylesheets=[sheet])
 
         self._header, self._table, self._advice, self._answer = words(), words(), words(), words()
         self._table.name, self._answer.name = "table", "answer"
-        self._choice = Select(title="joint", options=[], name="joint", width=260, stylesheets=[sheet])
+        self._choice = models.Select(title="joint", options=[], name="joint", width=260, stylesheets=[sheet])
         self._choice.on_change("value", lambda _, __, name: self._choose(name))
-        self._motion = ColumnDataSource({key: [0.0] for key in ("time", "position", "reference")})
-        self._loop = ColumnDataSource({key: [0.0] for key in ("error", "velocity")})
-        self._cells = ColumnDataSource({key: [] for key in ("left", "right", "bottom", "top", "colour")})
-        self._points = ColumnDataSource({"speed": [], "stiffness": [], "colour": []})
-        self._speeds, self._stiffnesses = Range1d(1e-4, 1.0), Range1d(1.0, 1e5)
-        three_digits = CustomJSTickFormatter(code="return (10 ** tick).toPrecision(3)")
-        self._stiffness = Slider(
+        self._motion = models.ColumnDataSource({key: [0.0] for key in ("time", "position", "reference")})
+        self._loop = models.ColumnDataSource({key: [0.0] for key in ("error", "velocity")})
+        self._cells = models.ColumnDataSource({key: [] for key in ("left", "right", "bottom", "top", "colour")})
+        self._points = models.ColumnDataSource({"speed": [], "stiffness": [], "colour": []})
+        self._speeds, self._stiffnesses = models.Range1d(1e-4, 1.0), models.Range1d(1.0, 1e5)
+        three_digits = models.CustomJSTickFormatter(code="return (10 ** tick).toPrecision(3)")
+        self._stiffness = models.Slider(
             start=0, end=1, value=0, step=0.01, title="try a stiffness k_p [N·m/rad]", name="stiffness",
             format=three_digits, sizing_mode="stretch_width",
         )  # fmt: skip
-        self._damping = Slider(
+        self._damping = models.Slider(
             start=0, end=1, value=0, step=0.01, title="try a damping k_v [N·m·s/rad]", name="damping",
             sizing_mode="stretch_width",
         )  # fmt: skip
@@ -94,7 +84,7 @@ class LivePage:
             slider.on_change("value_throttled", lambda _, __, ___: self._slide())
         document.title = "stick-slip, live"
         document.add_root(self._layout())
-        document.js_on_event(DocumentReady, CustomJS(code=_text("live.js")))
+        document.js_on_event(DocumentReady, models.CustomJS(code=_text("live.js")))
         document.add_periodic_callback(self.update, _EVERY)
         self.update()
 
@@ -108,7 +98,7 @@ class LivePage:
         motion.line("time", "reference", source=self._motion, color=ORANGE, line_width=1.5, legend_label="reference")
         motion.line("time", "position", source=self._motion, color=BLUE, line_width=2, legend_label="position")
         motion.legend.location = "top_left"
-        motion.x_range = Range1d(-_SHOWN, 0.0)
+        motion.x_range = models.Range1d(-_SHOWN, 0.0)
         loop = new_figure("position less reference [mrad]", "velocity [rad/s]", height=280)
         loop.line("error", "velocity", source=self._loop, color=BLUE, line_width=2)
         where = new_figure("commanded speed [rad/s]", "stiffness [N·m/rad]", height=280, log=True)
@@ -120,7 +110,9 @@ class LivePage:
         where.x_range, where.y_range = self._speeds, self._stiffnesses
 
         def titled(text: str, figure: Any) -> Any:
-            return column(Div(text=f"<b>{text}</b>"), figure, sizing_mode="stretch_width", styles={"flex": "1 1 22rem"})
+            return column(
+                models.Div(text=f"<b>{text}</b>"), figure, sizing_mode="stretch_width", styles={"flex": "1 1 22rem"}
+            )
 
         plots = row(
             titled("Motion of the last seconds", motion),
@@ -129,7 +121,7 @@ class LivePage:
             sizing_mode="stretch_width", styles={"flex-wrap": "wrap"},
         )  # fmt: skip
         return column(
-            Div(text="<h1>Stick-slip, live</h1>", stylesheets=[self._sheet]),
+            models.Div(text="<h1>Stick-slip, live</h1>", stylesheets=[self._sheet]),
             self._header, self._table, self._choice, self._advice, plots,
             self._stiffness, self._damping, self._answer, sizing_mode="stretch_width",
         )  # fmt: skip
@@ -137,7 +129,7 @@ class LivePage:
     def update(self) -> None:
         """Send what has changed."""
         now = self._listener.snapshot
-        ordered = sorted(now.joints, key=lambda one: (_WORST_FIRST.index(one.level), one.name))
+        ordered = worst_first(now.joints)
         names = [one.name for one in ordered]
         if sorted(self._choice.options) != sorted(names):
             self._choice.options = names
@@ -149,7 +141,7 @@ class LivePage:
         if chosen is not None:
             self._show(chosen, now)
 
-    def _write(self, place: Div, text: str) -> None:
+    def _write(self, place: models.Div, text: str) -> None:
         if self._shown.get(place.id) != text:
             self._shown[place.id] = text
             place.text = text
@@ -179,7 +171,7 @@ class LivePage:
                 self._answer, "<p>What other gains would do is worked out once friction and gains are known.</p>"
             )
             return
-        subject = Subject(joint=model, gains=gains, velocity=speed)
+        subject = MapSubject(joint=model, gains=gains, velocity=speed)
         self._show_map(subject, _gains(numbers, "recommended "))
         if self._present != gains:
             self._present = gains
@@ -203,7 +195,7 @@ class LivePage:
         kept = slice(None, None, max(1, math.ceil(len(error) / _MOST_POINTS)))
         self._loop.data = {"error": 1e3 * error[kept], "velocity": velocity[kept]}
 
-    def _show_map(self, subject: Subject, advised: Gains | None) -> None:
+    def _show_map(self, subject: MapSubject, advised: Gains | None) -> None:
         points = [(subject.gains, BLUE)] + ([(advised, _ADVISED)] if advised is not None else [])
         self._points.data = {
             "speed": [subject.velocity] * len(points),
@@ -222,7 +214,7 @@ class LivePage:
         if due and self._pending_map is None and float(subject.gains.stiffness) > 0.0:
             self._pending_map = (subject, self._work.submit(joint_map, subject))
 
-    def _set_sliders(self, subject: Subject) -> None:
+    def _set_sliders(self, subject: MapSubject) -> None:
         """At the present gains; a decade of stiffness either way, and damping up to twice the critical one of a joint
         without friction.
         """
@@ -240,7 +232,7 @@ class LivePage:
         if model is None or present is None or not speed > 0.0:
             return
         gains = Gains(stiffness=_digits(10.0**self._stiffness.value), damping=_digits(self._damping.value))
-        wanted = Subject(joint=model, gains=gains, velocity=speed)
+        wanted = MapSubject(joint=model, gains=gains, velocity=speed)
         if self._pending_if is not None and self._pending_if[1].done():
             requested, answer = self._pending_if
             self._pending_if = None
@@ -283,7 +275,7 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
         reserve = "–" if math.isnan(one.reserve) else f"{100.0 * min(one.reserve, 10.0):+.0f}"
         rows.append(
             f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
-            f"<td class='{_CLASSES[one.level]}'>{_MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
+            f"<td class='{_CLASSES[one.level]}'>{MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
             f"<td class='number'>{_number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
             f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
             f"<td class='number'>{_number_text(1e3 * one.slip)}</td></tr>"
@@ -306,7 +298,7 @@ def advice_text(joint: JointView, values: Mapping[str, str]) -> str:
     return f"<p class='{_CLASSES[joint.level]} todo'><b>{name}</b>: {message}{more}</p>"
 
 
-def _answer(subject: Subject, found: Mapping[str, Any]) -> str:
+def _answer(subject: MapSubject, found: Mapping[str, Any]) -> str:
     """What gains would do, in words."""
     exact = found["exact"]
     outcome = exact.get("outcome")
@@ -334,10 +326,10 @@ def _thinned(rows: FloatArray) -> FloatArray:
     return rows[:: max(1, math.ceil(len(rows) / _MOST_POINTS))]
 
 
-def _similar(one: Subject, other: Subject) -> bool:
+def _similar(one: MapSubject, other: MapSubject) -> bool:
     """Whether the maps of both look the same."""
 
-    def numbers(subject: Subject) -> list[float]:
+    def numbers(subject: MapSubject) -> list[float]:
         return [*map(float, subject.joint.numbers.values()), float(subject.gains.damping)]
 
     same = all(

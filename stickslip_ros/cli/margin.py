@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from rich.table import Table
 
-from stickslip_ros.cli.options import add_flag, add_json, add_number
+from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
 from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
-from stickslip_ros.cli.without_effect import Need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
@@ -47,7 +46,6 @@ _FRICTION = [
     *sorted(FRICTION_PARAMETERS, key=lambda one: (one.name == "coulomb", one.name == "viscous")),
     *PRESLIDING_PARAMETERS,
 ]
-_DEFAULTS = {"presliding_stiffness": math.inf}  # of what may be left out; 0 otherwise
 _NOTES = {"coulomb": "; it matters for hunting, reversals, compensation and two masses only"}
 _CONTACT = "how a contact of finite presliding stiffness yields (default: the joint's, or elasto_plastic)"
 _SPRING = {
@@ -56,7 +54,12 @@ _SPRING = {
     "spring_damping": f"damping ratio of the load on that spring (default: {Transmission.spring_damping})",
 }
 _LAW = "how Stribeck friction falls with speed (default: the joint's, or the paper's hess_soom)"
-_REQUIRED = ("stribeck", "stribeck_velocity")
+_REQUIRED = ("inertia", "stiffness", "velocity", "stribeck", "stribeck_velocity")
+# Of what may be left out where no model is given.
+_DEFAULTS: Mapping[str, Any] = {
+    **dict.fromkeys(("damping", "integral", *(one.name for one in _FRICTION)), 0.0),
+    "presliding_stiffness": math.inf, "law": PAPERS_LAW, "contact": ELASTO_PLASTIC,
+}  # fmt: skip
 _WORTH_TELLING = 1e3  # a factor on a gain or the speed that somebody might set
 _FASTEST = 1e4  # [rad/s]
 
@@ -85,11 +88,8 @@ def conditions_from(options: argparse.Namespace) -> OperatingConditions:
 
 def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = True) -> None:
     """Options that name a joint, its gains and, if wanted, its speed; read by :func:`joint_from`."""
-    parser.add_argument(
-        "--model",
-        metavar="NAME",
-        help="known joint (config/joints), or path of a joint file; other options override its values",
-    )
+    model = "known joint (config/joints), or path of a joint file; other options override its values"
+    add_option(parser, "--model", "NAME", model)
     add_number(parser, "--inertia", "M", f"inertia [{unit_of(Joint, 'inertia')}]")
     add_number(parser, "--stiffness", "KP", f"k_p [{unit_of(Gains, 'stiffness')}]")
     add_number(parser, "--damping", "KV", f"k_v [{unit_of(Gains, 'damping')}] (default: 0)")
@@ -100,12 +100,11 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
         parser.set_defaults(velocity=0.0)
     for one in _FRICTION:
         text = f"{one.help} [{one.unit}]{_NOTES.get(one.name, '')}"
-        add_number(parser, f"--{one.name.replace('_', '-')}", "X", text)
+        add_number(parser, option_of(one.name), "X", text)
     parser.add_argument("--law", choices=list(LAWS), help=_LAW)
     parser.add_argument("--contact", choices=list(CONTACTS), help=_CONTACT)
     for name, text in _SPRING.items():
-        unit = unit_of(Transmission, name)
-        add_number(parser, f"--{name.replace('_', '-')}", "X", f"{text} [{unit}]")
+        add_number(parser, option_of(name), "X", f"{text} [{unit_of(Transmission, name)}]")
     parser.add_argument(
         "--encoder", choices=SIDES, help=f"side of that spring that is measured (default: {Transmission.encoder})"
     )
@@ -141,46 +140,36 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     StickSlipError
         If something is missing or cannot be; the text names the option.
     """
-    known: KnownJoint | None = load_joint(options.model) if options.model else None
-    if known is None:
-        missing = [name for name in ("inertia", "stiffness", "velocity", *_REQUIRED) if getattr(options, name) is None]
+    known = load_joint(options.model) if options.model else None
+    if known is not None:
+        usual: Mapping[str, Any] = {
+            **vars(known),
+            **vars(known.joint),
+            **vars(known.joint.friction),
+            **vars(known.gains),
+        }
+    else:
+        usual = _DEFAULTS
+        missing = [name for name in _REQUIRED if getattr(options, name) is None]
         if missing:
-            needed = ", ".join(f"--{name.replace('_', '-')}" for name in missing)
-            raise StickSlipError(f"missing: {needed}, or a --model that has them")
+            raise StickSlipError(f"missing: {', '.join(map(option_of, missing))}, or a --model that has them")
 
-    def value(name: str, fallback: Any) -> float:
+    def value(name: str) -> float:
         given = getattr(options, name)
         if given is None:
-            given = fallback
-        if given is None:
-            raise InvalidParameterError(f"--{name.replace('_', '-')}", "given, or a --model that has it", None)
+            return float(usual[name])
         # Only what is infinite by default may be.
-        if not math.isfinite(given) and given != _DEFAULTS.get(name) and given is not fallback:
-            raise InvalidParameterError(f"--{name.replace('_', '-')}", "a finite number", given)
+        if not math.isfinite(given) and given != _DEFAULTS.get(name):
+            raise InvalidParameterError(option_of(name), "a finite number", given)
         return float(given)
 
-    friction = {
-        name: value(
-            name,
-            getattr(known.joint.friction, name) if known else (None if name in _REQUIRED else _DEFAULTS.get(name, 0.0)),
-        )
-        for name in (one.name for one in _FRICTION)
-    }
-    law = options.law or (known.joint.friction.law if known else PAPERS_LAW)
-    contact = options.contact or (known.joint.friction.contact if known else ELASTO_PLASTIC)
-    joint = Joint(
-        inertia=value("inertia", known.joint.inertia if known else None),
-        friction=Friction(**friction, law=law, contact=contact),
-        transmission=_transmission(options, known),
-    )
-    gains = Gains(
-        stiffness=value("stiffness", known.gains.stiffness if known else None),
-        damping=value("damping", known.gains.damping if known else 0.0),
-        integral=value("integral", known.gains.integral if known else 0.0),
-    )
+    friction: dict[str, Any] = {one.name: value(one.name) for one in _FRICTION}
+    friction |= {name: getattr(options, name) or usual[name] for name in ("law", "contact")}
+    joint = Joint(inertia=value("inertia"), friction=Friction(**friction), transmission=_transmission(options, known))
+    gains = Gains(**{name: value(name) for name in ("stiffness", "damping", "integral")})
     # With another sign it drives the joint away from where it ought to be, however slowly.
     require_not_negative("integral", gains.integral)
-    velocity = value("velocity", known.velocity if known else None)
+    velocity = value("velocity")
     if abs(velocity) > _FASTEST:
         raise InvalidParameterError("--velocity", f"at most {_FASTEST:g} rad/s", velocity)
     return joint, gains, velocity
@@ -189,14 +178,16 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
 def _transmission(options: argparse.Namespace, known: KnownJoint | None) -> Transmission | None:
     before = None if known is None else known.joint.transmission
     values = {name: getattr(options, name) for name in (*_SPRING, "encoder") if getattr(options, name) is not None}
-    needed = () if before is not None else ("resonance", "antiresonance")
-    both = Need(
-        options=tuple(values),
-        met=all(name in values for name in needed),
-        text="--resonance and --antiresonance, or a --model that has them",
-    )
-    refuse_without_effect(options, [both])
+    met = before is not None or {"resonance", "antiresonance"} <= set(values)
+    needs = "--resonance and --antiresonance, or a --model that has them"
+    refuse_without_effect(options, *values, met=met, needs=needs)
     return Transmission.given({**({} if before is None else vars(before)), **values})
+
+
+def refuse_of_a_rigid_contact(options: argparse.Namespace, friction: Friction) -> None:
+    """Refuse what a rigid contact has not: it has no damping, and does not yield."""
+    needs = "a finite --presliding-stiffness, or a --model that has one"
+    refuse_without_effect(options, "contact", "presliding_damping", met=not friction.rigid, needs=needs)
 
 
 def _hunting(joint: Joint, gains: Gains, conditions: OperatingConditions) -> dict[str, Any]:

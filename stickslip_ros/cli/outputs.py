@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 
-from stickslip_ros.cli.options import add_flag
+from stickslip_ros.cli.options import add_flag, add_option
 from stickslip_ros.errors import InvalidParameterError, optional_packages, reason
 from stickslip_ros.files import check_writable
 
@@ -97,21 +97,23 @@ DRAWING = OutputFile((".png", ".svg", ".pdf"))
 JOINT_FILE = OutputFile((".yaml", ".yml"), new=True)
 
 
-def add_force_argument(parser: argparse.ArgumentParser) -> None:
-    """The option read by :func:`refuse_to_overwrite`."""
+def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
+    """The bag that a command writes, and the option read by :func:`refuse_to_overwrite`."""
+    add_option(parser, "--out", "BAG", "a file that ends in .mcap, or a new folder", type=OutputBag(), required=True)
     add_flag(parser, "--force", "overwrite an existing file")
 
 
-def refuse_to_overwrite(option: str, path: Path, *, force: bool) -> None:
-    """Refuse a file that is there, unless that is wanted.
+def refuse_to_overwrite(options: argparse.Namespace) -> None:
+    """Refuse a bag that is there, unless that is wanted.
 
     Raises
     ------
     InvalidParameterError
         If it is there; the text names the option.
     """
-    if path.exists() and not force:
-        raise InvalidParameterError(option, "a new file, or --force given to write over it", f"{path} is there already")
+    if options.out.exists() and not options.force:
+        rule = "a new file, or --force given to write over it"
+        raise InvalidParameterError("--out", rule, f"{options.out} is there already")
 
 
 def refuse_inputs(outputs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:

@@ -13,10 +13,9 @@ import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-from rich.table import Table
 
 from stickslip_ros.cli.bag_options import SLOWEST, gain_numbers
 from stickslip_ros.cli.compensation_table import (
@@ -25,12 +24,11 @@ from stickslip_ros.cli.compensation_table import (
     print_table,
     write_feedforward,
 )
-from stickslip_ros.cli.margin import add_joint_arguments, joint_from, percent_text
-from stickslip_ros.cli.options import add_flag, add_json, add_number
+from stickslip_ros.cli.margin import add_joint_arguments, joint_from, percent_text, refuse_of_a_rigid_contact
+from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import Terminal, new_table
 from stickslip_ros.cli.trajectory import read_trajectory, write_trajectory
-from stickslip_ros.cli.without_effect import Need, contact_need, refuse_without_effect
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.compensation import USUAL_FILTER
@@ -68,13 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=defaults.condition.value,
         help="exact: by the friction model (the default); paper: by Eq. (43), which holds for the paper's friction law",
     )
-    add_number(
-        wanted,
-        "--wanted-reserve",
-        "R",
-        "damping reserve to reach: damping in excess of that at which stick-slip ends, as a share of the latter",
-        defaults.wanted_margin,
-    )
+    reserve = "damping reserve to reach: damping in excess of that at which stick-slip ends, as a share of the latter"
+    add_number(wanted, "--wanted-reserve", "R", reserve, defaults.wanted_margin)
     wanted.add_argument(
         "--steady-sliding", action=argparse.BooleanOptionalAction, default=defaults.steady_sliding,
         help="the speed must not oscillate about the commanded one either (the default)",
@@ -82,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(wanted, "--slowest-velocity", "V", SLOWEST)
     bounds = parser.add_argument_group("limits of the advised gains")
     for one in LIMIT_OPTIONS:
-        add_number(bounds, f"--{one.name.replace('_', '-')}", "X", f"{one.help} [{one.unit}]", one.default)
+        add_number(bounds, option_of(one.name), "X", f"{one.help} [{one.unit}]", one.default)
     usual = f" (default: {defaults.samples_per_period:g})"
     add_number(bounds, "--sample-rate", "F", "sample rate of the controller [Hz]")
     add_number(bounds, "--samples-per-period", "N", f"least samples in a period of the crossover frequency{usual}")
@@ -91,29 +84,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(beyond, "--controller-period", "S", "period of a sampled controller [s]", 0.0)
     add_flag(beyond, "--control-delay", "the effort takes effect one controller period late")
     add_flag(parser, "--factors", "advise factors on the gains; for gains that are known per inertia only")
-    parser.add_argument(
-        "--what-if", metavar="P[,D[,I]]", help="show the margin with these gains beside the present one"
-    )
+    add_option(parser, "--what-if", "P[,D[,I]]", "show the margin with these gains beside the present one")
     add_flag(parser, "--compensation", "also show the effect of friction compensation at the advised gains")
-    parser.add_argument(
-        "--compensation-out", type=COMPENSATION, metavar="FILE", help="write the feed-forward over speed (.csv, .yaml)"
-    )
-    parser.add_argument(
-        "--trajectory", type=Path, metavar="FILE",
-        help="table (CSV, Parquet) of time, position and, if it has one, velocity; for --trajectory-out",
-    )  # fmt: skip
-    parser.add_argument(
-        "--trajectory-out", type=TRAJECTORY, metavar="FILE.yaml",
-        help="write the --trajectory with the feed-forward as its effort, for joint_trajectory_controller",
-    )  # fmt: skip
-    parser.add_argument(
-        "--trajectory-joint", metavar="NAME", help="the joint's name in the controller (default: its name in the table)"
-    )
+    over_speed = "write the feed-forward over speed (.csv, .yaml)"
+    add_option(parser, "--compensation-out", "FILE", over_speed, type=COMPENSATION)
+    table = "table (CSV, Parquet) of time, position and, if it has one, velocity; for --trajectory-out"
+    add_option(parser, "--trajectory", "FILE", table, type=Path)
+    effort = "write the --trajectory with the feed-forward as its effort, for joint_trajectory_controller"
+    add_option(parser, "--trajectory-out", "FILE.yaml", effort, type=TRAJECTORY)
+    name = "the joint's name in the controller (default: its name in the table)"
+    add_option(parser, "--trajectory-joint", "NAME", name)
     add_number(parser, "--feedforward", "C", "share of the friction that the feed-forward compensates (default: 1)")
     usual = f" (default: {USUAL_FILTER:g})"
     add_number(parser, "--speed-filter", "S", f"time constant of the filter on the speed for compensation [s]{usual}")
     add_json(parser)
-    made_of = by_field(lambda one: f"--{one.name.replace('_', '-')}")
+    made_of = by_field(lambda one: option_of(one.name))
     parser.set_defaults(run=run, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
 
 
@@ -123,9 +108,7 @@ def run(options: argparse.Namespace) -> int:
     limits = _limits(options)
     if options.sample_rate is not None:
         require_positive("sample_rate", options.sample_rate)
-    if options.tracking_error is not None:
-        require_not_negative("tracking_error", options.tracking_error)
-    for name in ("speed_filter", "feedforward"):
+    for name in ("tracking_error", "speed_filter", "feedforward"):
         if getattr(options, name) is not None:
             require_not_negative(name, getattr(options, name))
     loop = ObservedLoop(
@@ -185,29 +168,18 @@ def run(options: argparse.Namespace) -> int:
 
 def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None:
     """What has no effect, or would be guessed."""
-    refuse_without_effect(
-        options,
-        [
-            contact_need(joint.friction),
-            Need(options=("speed_filter",), met=options.compensation, text="--compensation"),
-            Need(options=("tracking_error",), met=options.effort < math.inf, text="--effort"),
-            Need(
-                options=("sample_rate",), met=options.controller_period == 0,
-                text="no --controller-period, for which it stands",
-            ),
-            Need(
-                options=("samples_per_period",), met=bool(options.controller_period or options.sample_rate),
-                text="--controller-period or --sample-rate",
-            ),
-            Need(options=("trajectory",), met=options.trajectory_out is not None, text="--trajectory-out"),
-            Need(
-                options=("trajectory_out", "trajectory_joint", "feedforward"), met=options.trajectory is not None,
-                text="--trajectory",
-            ),
-        ],
-    )  # fmt: skip
-    if options.effort < math.inf and options.tracking_error is None:
-        raise StickSlipError("--effort has no effect here: it needs --tracking-error")
+    refuse_of_a_rigid_contact(options, joint.friction)
+    refuse = partial(refuse_without_effect, options)
+    refuse("speed_filter", met=options.compensation, needs="--compensation")
+    refuse("tracking_error", met=options.effort < math.inf, needs="--effort")
+    refuse("sample_rate", met=options.controller_period == 0, needs="no --controller-period, for which it stands")
+    sampled = bool(options.controller_period or options.sample_rate)
+    refuse("samples_per_period", met=sampled, needs="--controller-period or --sample-rate")
+    refuse("trajectory", met=options.trajectory_out is not None, needs="--trajectory-out")
+    given = options.trajectory is not None
+    refuse("trajectory_out", "trajectory_joint", "feedforward", met=given, needs="--trajectory")
+    met = options.effort == math.inf or options.tracking_error is not None
+    refuse("effort", met=met, needs="--tracking-error")
     written = [name for name in ("compensation_out", "trajectory_out") if getattr(options, name) is not None]
     if (options.compensation or written) and not joint.friction.coulomb > 0:
         raise StickSlipError(
@@ -215,8 +187,9 @@ def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None
             "--model that has it"
         )
     if written and factors:
-        option = f"--{written[0].replace('_', '-')}"
-        raise StickSlipError(f"{option} needs torques: where gains are known per inertia only, friction is too")
+        raise StickSlipError(
+            f"{option_of(written[0])} needs torques: where gains are known per inertia only, friction is too"
+        )
 
 
 def _compensation(
@@ -279,9 +252,8 @@ def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -
     speed = f" at {advice.velocity:.4g} rad/s" if first.found else ""
     console.print(f"By {name}{speed}: [{colour}]{first.reason}[/].")
     if first.found and not advice.keep:
-        table = Table(box=None, padding=(0, 1, 0, 0))
-        for heading in ("", "stiffness", "damping", "reserve", "bandwidth", "error", "noise", "model predicts"):
-            table.add_column(heading, justify="left" if heading in ("", "model predicts") else "right", no_wrap=True)
+        headings = ("", "stiffness", "damping", "reserve", "bandwidth", "error", "noise", "model predicts")
+        table = new_table(headings, ("", "model predicts"), padding=(0, 1, 0, 0))
         if advice.present is not None:
             table.add_row("[dim]present", *_variant_row(advice.present, advice))
         for variant in advice.variants:
@@ -353,9 +325,7 @@ def _print_what_if(result: dict[str, Any]) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     now, then = result["present_margin"], result["margin"]
     console.print(f"What if p = {result['stiffness']:.4g} and d = {result['damping']:.4g}:")
-    table = Table(box=None, padding=(0, 1))
-    for heading in ("", "now", "then"):
-        table.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
+    table = new_table(("", "now", "then"), padding=(0, 1))
     exact = [one["exact"] for one in (now, then)]
     outcomes = [OUTCOME_WORDS.get(one["outcome"], "no answer") for one in exact]
     table.add_row("model predicts", *outcomes)

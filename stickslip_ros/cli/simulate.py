@@ -19,11 +19,9 @@ import numpy as np
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.options import add_flag, add_number
-from stickslip_ros.cli.outputs import OutputBag, add_force_argument, refuse_to_overwrite
-from stickslip_ros.cli.progress import progress_bar
-from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.cli.without_effect import Need, refuse_without_effect
+from stickslip_ros.cli.options import add_flag, add_number, add_option, refuse_without_effect
+from stickslip_ros.cli.outputs import add_bag_arguments, refuse_to_overwrite
+from stickslip_ros.cli.terminal import Terminal, progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
@@ -37,20 +35,10 @@ _COMPENSATIONS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
-        "--out", type=OutputBag(), required=True, metavar="BAG", help="a file that ends in .mcap, or a new folder"
-    )
-    add_force_argument(parser)
-    parser.add_argument(
-        "--model",
-        metavar="NAME",
-        default="puma560_joint1",
-        help="known joint, or path of a joint file (default: %(default)s)",
-    )
-    parser.add_argument("--names", metavar="A,B", default="joint1", help="names of the joints (default: %(default)s)")
-    parser.add_argument(
-        "--velocity", metavar="V[,V]", help="speeds, one after the other [rad/s] (default: of the known joint)"
-    )
+    add_bag_arguments(parser)
+    add_option(parser, "--model", "NAME", "known joint, or path of a joint file", "puma560_joint1")
+    add_option(parser, "--names", "A,B", "names of the joints", "joint1")
+    add_option(parser, "--velocity", "V[,V]", "speeds, one after the other [rad/s] (default: of the known joint)")
     add_number(parser, "--stiffness", "KP", "k_p [N·m/rad] (default: of the known joint)")
     add_number(parser, "--damping", "KV", "k_v [N·m·s/rad] (default: of the known joint)")
     add_number(parser, "--load", "T", "constant torque [N·m]", 0.0)
@@ -62,18 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--position-noise", "X", "standard deviation of the positions [rad]", 0.0)
     add_number(parser, "--velocity-noise", "X", "standard deviation of the velocities [rad/s]", 0.0)
     add_number(parser, "--jitter", "S", "standard deviation of the time stamps [s]", 0.0)
-    parser.add_argument(
-        "--seed", type=int, metavar="N",
-        help="seed of the noise and of the first position within an encoder count (default: 1, and on a count)",
-    )  # fmt: skip
+    seed = "seed of the noise and of the first position within an encoder count (default: 1, and on a count)"
+    add_option(parser, "--seed", "N", seed, type=int)
     add_number(parser, "--first-stamp", "S", "time stamp of the first sample [s] (default: now)")
     add_flag(parser, "--no-gains", "do not record the gains")
-    parser.add_argument(
-        "--compression",
-        choices=sorted(COMPRESSIONS),
-        default="zstd",
-        help="compression of the chunks (default: %(default)s)",
-    )
+    add_option(parser, "--compression", None, "compression of the chunks", "zstd", choices=sorted(COMPRESSIONS))
     parser.set_defaults(
         made_of={"velocities": ("--velocity",), "encoder_resolution": ("--resolution",), "start": ("--first-stamp",)}
     )
@@ -81,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate and write."""
-    refuse_to_overwrite("--out", options.out, force=options.force)
+    refuse_to_overwrite(options)
     known = load_joint(options.model)
     velocities = _velocities(options.velocity) if options.velocity is not None else (known.velocity,)
     names = [name.strip() for name in options.names.split(",")]
@@ -93,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     )
     resolution = known.encoder_resolution if options.resolution is None else options.resolution
     random = bool(resolution or options.position_noise or options.velocity_noise or options.jitter)
-    refuse_without_effect(options, [Need(options=("seed",), met=random, text="noise, --jitter or --resolution")])
+    refuse_without_effect(options, "seed", met=random, needs="noise, --jitter or --resolution")
     if options.seed is not None and options.seed < 0:
         raise InvalidParameterError("seed", ">= 0", options.seed)
     phases = np.zeros(len(names)) if options.seed is None else np.random.default_rng(options.seed).random(len(names))

@@ -13,8 +13,9 @@ import argparse
 import os
 
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
+from stickslip_ros.cli.options import add_option
 from stickslip_ros.cli.outputs import PICTURE
-from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.output.plotting import save
 from stickslip_ros.output.stability_map import MapSubject, map_figure, map_of
@@ -25,16 +26,8 @@ _LEAST_POINTS = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_joint_arguments(parser)
-    parser.add_argument(
-        "--points", type=int, default=4000, metavar="N", help="number of points to integrate (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--out",
-        type=PICTURE,
-        default="extinction_map.png",
-        metavar="FILE.png",
-        help="picture to write (default: %(default)s)",
-    )
+    add_option(parser, "--points", "N", "number of points to integrate", 4000, type=int)
+    add_option(parser, "--out", "FILE.png", "picture to write", "extinction_map.png", type=PICTURE)
 
 
 def run(options: argparse.Namespace) -> int:

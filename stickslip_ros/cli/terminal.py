@@ -6,13 +6,18 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.markup import escape
 from rich.measure import Measurement
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.table import Table
 
+from stickslip_ros.interrupts import check
 from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n"  # by which tables and paragraphs are made
@@ -46,6 +51,14 @@ def console_of_tables() -> Console:
     return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
 
 
+def new_table(headings: Iterable[str], left: Container[str] = ("",), **more: Any) -> Table:
+    """An empty table without lines; ``left``: headings of the columns of words, as all others are of numbers."""
+    table = Table(box=None, **more)
+    for heading in headings:
+        table.add_column(escape(heading), justify="left" if heading in left else "right", no_wrap=True)
+    return table
+
+
 def width_of(console: Console, table: Table) -> int:
     """Columns that a table takes where nothing of it is cut or wrapped."""
     return Measurement.get(console, console.options.update(width=_ENDLESS), table).maximum
@@ -66,6 +79,24 @@ def fitting(
             break
         kept.remove(heading)
     return kept
+
+
+@contextmanager
+def progress_bar(text: str) -> Iterator[Callable[[float, float], None]]:
+    """A bar that is told what is done and of how much, and ends long work on Ctrl-C, whenever it comes. It is on
+    stderr, so that stdout stays the answer's; nothing is drawn where that is no terminal.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    console = Terminal(stderr=True)
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with bar as progress:
+        task = progress.add_task(text, total=None)
+
+        def advance(done: float, total: float) -> None:
+            check()
+            progress.update(task, completed=done, total=total)
+
+        yield advance
 
 
 def complain(text: str) -> None:

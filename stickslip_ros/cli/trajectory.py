@@ -16,17 +16,16 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
-from stickslip_ros.bags.table import Table, Use, load_table
-from stickslip_ros.bags.table_columns import POSITION, TIME, UNITS, USUAL_UNIT
+from stickslip_ros.bags.table import Table, load_table
+from stickslip_ros.bags.table_columns import POSITION, TIME, UNITS, USUAL_UNIT, Column
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.friction import Friction
+from stickslip_ros.monitoring.samples import FloatArray
 
-FloatArray = NDArray[np.float64]
 _LEAST_POINTS = 3
 _SINCE_1970 = 1e8  # [s]: so late a stamp is a date, and its unit is told by its size
 _QUICKEST = 1e-3  # [s] in which the effort goes from one side to the other
@@ -83,20 +82,20 @@ def read_trajectory(path: Path, name: str | None = None) -> GivenTrajectory:
     )
 
 
-def _refuse_guessed_time(path: Path, uses: tuple[Use, ...], times: FloatArray) -> None:
+def _refuse_guessed_time(path: Path, uses: tuple[Column, ...], times: FloatArray) -> None:
     """Whole seconds look like milliseconds: what steps by one or more may be either."""
     for use in uses:
         if use.assumed and use.unit != "s" and not (times > _SINCE_1970).all():
-            others = ", ".join(f"{use.column}_{unit}" for unit in UNITS[TIME])
+            others = ", ".join(f"{use.name}_{unit}" for unit in UNITS[TIME])
             raise StickSlipError(
-                f"trajectory {path}: the unit of its column {use.column!r} is not known; name it in the heading, "
+                f"trajectory {path}: the unit of its column {use.name!r} is not known; name it in the heading, "
                 f"as one of {others}"
             )
 
 
 def _tell_units(path: Path, table: Table, name: str) -> None:
     uses = [*table.time, table.joints[name][POSITION]]
-    taken = [f"{use.column!r} in {use.unit or USUAL_UNIT[POSITION]}" for use in uses if use.assumed]
+    taken = [f"{use.name!r} in {use.unit or USUAL_UNIT[POSITION]}" for use in uses if use.assumed]
     if taken:
         Terminal(stderr=True, highlight=False, soft_wrap=True).print(
             f"{path}: took {' and '.join(taken)}; a heading such as time_ms or position_deg says another unit.",

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import time
 
+from stickslip_ros.cli.options import add_option
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.compilation import NOT_KEPT, cache_folder
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
@@ -23,9 +24,7 @@ from stickslip_ros.warm_up import compile_ahead, is_warm
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
-        "--jobs", type=int, metavar="N", help="number of parts compiled at once (default: one for each core)"
-    )
+    add_option(parser, "--jobs", "N", "number of parts compiled at once (default: one for each core)", type=int)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -24,7 +24,7 @@ from rich.console import RenderableType
 from rich.live import Live
 from rich.status import Status
 
-from stickslip_ros.cli.options import add_flag, add_number
+from stickslip_ros.cli.options import add_flag, add_number, add_option
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, optional_packages
@@ -45,9 +45,7 @@ _OF_TERMINAL = {"once": False, "seconds": 10.0, "patience": 30.0}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_flag(parser, "--browser", "serve a live page instead, with sliders to try other gains")
-    parser.add_argument(
-        "--port", type=int, metavar="N", default=_OF_PAGE["port"], help="port of the page (default: %(default)s)"
-    )
+    add_option(parser, "--port", "N", "port of the page", _OF_PAGE["port"], type=int)
     parser.add_argument(
         "--address",
         metavar="IP",

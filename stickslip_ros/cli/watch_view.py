@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -24,7 +24,7 @@ _LEAST_WIDTH, _MOST_WIDTH = 12, 60  # of a sparkline
 _LONGEST_NAME = 28
 _INDENT = 2  # columns before the lines of a message
 _STYLES = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "bold red", Level.STALE: "dim"}
-_MARKS = {Level.OK: "●", Level.WARN: "▲", Level.ERROR: "■", Level.STALE: "○"}
+MARKS = {Level.OK: "●", Level.WARN: "▲", Level.ERROR: "■", Level.STALE: "○"}
 _WORST_FIRST = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
 _FRAME = 7  # lines of the view that are no joint's
 _STATUS, _SPEED, _OUTCOME, _RESERVE = "status", "speed", "model\npredicts", "reserve\n[%]"
@@ -60,6 +60,11 @@ class JointView:
     history: FloatArray
 
 
+def worst_first(joints: Iterable[JointView]) -> list[JointView]:
+    """The joints in the order in which they are shown."""
+    return sorted(joints, key=lambda joint: (_WORST_FIRST.index(joint.level), joint.name))
+
+
 def sparkline(history: FloatArray, duration: float, width: int, *, commanded: float = 0.0) -> str:
     """The speed over the last seconds, each character the mean over its share; blank where nothing is known.
 
@@ -84,7 +89,7 @@ def view(
     joints: Sequence[JointView], header: str, console: Console, *, duration: float, height: int | None = None
 ) -> RenderableType:
     """The view as wide as the console, worst joints first; with a height [lines] what fits in, else all of it."""
-    ordered = sorted(joints, key=lambda joint: (_WORST_FIRST.index(joint.level), joint.name))
+    ordered = worst_first(joints)
     messages = [_message(joint, console) for joint in ordered if joint.level is not Level.OK]
     if height is not None:
         room = max(6, height - _FRAME)
@@ -122,7 +127,7 @@ def _cells(joint: JointView, duration: float, line: int) -> dict[str, Renderable
     speeds = sparkline(joint.history, duration, line, commanded=_known(abs(joint.velocity)))
     return {
         "joint": Text(joint.name),
-        _STATUS: Text(f"{_MARKS[joint.level]} {joint.status}", style=_STYLES[joint.level]),
+        _STATUS: Text(f"{MARKS[joint.level]} {joint.status}", style=_STYLES[joint.level]),
         _SPEED: Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
         _COMMANDED: _number(joint.velocity),
         _OUTCOME: Text(joint.outcome or "-", style=_OUTCOMES.get(joint.outcome, "")),

@@ -78,17 +78,6 @@ class Block:
         begin = int(self.offset[number])
         return self.buffer[begin : begin + int(self.length[number])].tobytes()
 
-    def none(self) -> Block:
-        """A block of no messages."""
-        return Block(
-            buffer=self.buffer,
-            channels=self.channels,
-            channel=self.channel[:0],
-            offset=self.offset[:0],
-            length=self.length[:0],
-            log_time=self.log_time[:0],
-        )
-
     @staticmethod
     def of_messages(messages: Iterable[tuple[int, int, bytes]], channels: dict[int, Channel]) -> Block:
         """A block of (channel number, log time [ns], message)."""
@@ -104,8 +93,8 @@ class Block:
         )
 
 
-def batches(messages: Iterable[tuple[int, int, bytes]]) -> Iterator[list[tuple[int, int, bytes]]]:
-    """Messages (channel number, log time [ns], data) in lists, each for one block.
+def blocks_of(messages: Iterable[tuple[int, int, bytes]], channels: dict[int, Channel]) -> Iterator[Block]:
+    """Messages (channel number, log time [ns], data) in blocks.
 
     Where reading them ends in an error, those that came before it are given first.
     """
@@ -116,14 +105,14 @@ def batches(messages: Iterable[tuple[int, int, bytes]]) -> Iterator[list[tuple[i
             batch.append(one)
             size += len(one[2])
             if len(batch) >= _MESSAGES or size >= _BYTES:
-                yield batch
+                yield Block.of_messages(batch, channels)
                 batch, size = [], 0
     except Exception:
         if batch:
-            yield batch
+            yield Block.of_messages(batch, channels)
         raise
     if batch:
-        yield batch
+        yield Block.of_messages(batch, channels)
 
 
 class Storage(Protocol):

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,14 +155,8 @@ def _draw(panel: Panel, axis: Axes) -> None:
     scales = [(axis.xaxis, axis.get_xlim()), (axis.yaxis, axis.get_ylim())]
     if panel.right is not None:
         label, factor = panel.right
-
-        def to_right(left: Any) -> Any:
-            return left * factor
-
-        def to_left(right: Any) -> Any:
-            return right / factor
-
-        second = axis.secondary_yaxis("right", functions=(to_right, to_left))
+        scale = (lambda left: np.multiply(left, factor), lambda right: np.divide(right, factor))
+        second = axis.secondary_yaxis("right", functions=scale)
         second.set_ylabel(label)
         scales.append((second.yaxis, axis.get_ylim()))
     if panel.logarithmic:

@@ -15,12 +15,10 @@ from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
-from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import (
     FRICTION_PARAMETERS,
-    INERTIA,
     PRESLIDING_PARAMETERS,
     Friction,
     Gains,
@@ -44,8 +42,7 @@ class Known:
     trial: ExactVerdict
 
 
-@dataclass(frozen=True, kw_only=True)
-class MarginField:
+class MarginField(NamedTuple):
     """A field of `~/margins`. Others rely on ``place``: a new field has the next one. ``unknown`` : stands for None."""
 
     place: int
@@ -129,16 +126,12 @@ _STIFFNESS, _DAMPING, _INTEGRAL = (in_ascii(unit_of(Gains, name)) for name in ("
 _TORQUE = in_ascii(unit_of(Friction, "coulomb"))
 
 
-def _field(place: int, name: str, unknown: float = math.nan) -> MarginField:
-    return MarginField(place=place, name=name, unknown=unknown)
-
-
 def _on_trial(section: Section, of: Callable[[Known], Any], places: Mapping[str, int]) -> Section:
     """The section about the gains on trial: in `~/margins` those of its fields that are given places."""
 
     def row_of(row: Published) -> Published:
         name = row.margins.name if row.margins is not None else ""
-        margins = _field(places[name], f"trial_{name}") if name in places else None
+        margins = MarginField(places[name], f"trial_{name}") if name in places else None
         return replace(row, diagnostics=row.diagnostics and f"trial {row.diagnostics}", margins=margins)
 
     return Section(of, tuple(map(row_of, section.rows)))
@@ -164,7 +157,7 @@ def _row(
         diagnostics=name if diagnostics is None else diagnostics,
         json=name if json is None else json,
         fleet=fleet,
-        margins=None if place is None else _field(place, margins or name),
+        margins=None if place is None else MarginField(place, margins or name),
     )
 
 
@@ -188,7 +181,7 @@ MARGIN = Section(
     lambda known: known.assessment.margin,
     (
         Published(value=lambda margin: bool(margin.applicable), diagnostics="margin applicable", json="applicable",
-                  margins=_field(1, "applicable", unknown=0.0)),
+                  margins=MarginField(1, "applicable", unknown=0.0)),
         _row("reason", diagnostics=""),
         _row("smooth", value=lambda margin: bool(margin.smooth) if margin.applicable else None, diagnostics=""),
         _row("energy_margin", _ENERGY, 2, fleet="energy_margin"),
@@ -395,51 +388,36 @@ def _as_number(value: Any, field: MarginField) -> float:
 
 
 # The joint that a monitor believes in, as keys of its diagnostics: a listener can compute with it.
-_BELIEVED = "believed "
-_DELAY = f"{_BELIEVED}actuation_delay [s]"
-_SPRING = {
-    one.name: f"{_BELIEVED}{one.name} [{one.metadata['unit']}]" if one.metadata else f"{_BELIEVED}{one.name}"
-    for one in fields(Transmission)
+_UNITS = {one.name: one.metadata.get("unit") for owner in (Joint, Friction, Transmission) for one in fields(owner)}
+_PRESLIDING = tuple(one.name for one in PRESLIDING_PARAMETERS)
+_BELIEVED = (
+    "inertia", *(one.name for one in FRICTION_PARAMETERS), *_PRESLIDING, "actuation_delay",
+    *(one.name for one in fields(Transmission)), "law", "contact",
+)  # fmt: skip
+_KEYS = {
+    name: f"believed {name} [{in_ascii(unit)}]" if (unit := _UNITS[name]) else f"believed {name}" for name in _BELIEVED
 }
-_LAW, _CONTACT = f"{_BELIEVED}law", f"{_BELIEVED}contact"
 
 
 def joint_values(joint: Joint) -> list[tuple[str, object]]:
     """Keys and values of a joint that is known with its inertia; SI units."""
-    friction = joint.friction
-    values: list[tuple[str, object]] = [(_key(INERTIA.name, INERTIA.unit), float(joint.inertia))]
-    parameters = FRICTION_PARAMETERS if friction.rigid else (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)
-    values += [(_key(one.name, one.unit), float(getattr(friction, one.name))) for one in parameters]
-    if joint.actuation_delay:
-        values.append((_DELAY, float(joint.actuation_delay)))
-    if joint.transmission is not None:
-        values += [(key, getattr(joint.transmission, name)) for name, key in _SPRING.items()]
-    return [*values, (_LAW, friction.law), *([] if friction.rigid else [(_CONTACT, friction.contact)])]
+    values = vars(joint) | vars(joint.friction) | ({} if joint.transmission is None else vars(joint.transmission))
+    left_out = {*_PRESLIDING, "contact"} if joint.friction.rigid else set()
+    left_out |= set() if joint.actuation_delay else {"actuation_delay"}
+    known = {key: values[name] for name, key in _KEYS.items() if name in values and name not in left_out}
+    return [(key, value if isinstance(value, str) else float(value)) for key, value in known.items()]
 
 
 def published_joint(values: Mapping[str, str]) -> Joint | None:
     """The joint that diagnostics tell of; None if they tell of none, or of one that cannot be."""
-    inertia = values.get(_key(INERTIA.name, INERTIA.unit))
-    if inertia is None:
-        return None
-    texts = {
-        one.name: values[key]
-        for one in (*FRICTION_PARAMETERS, *PRESLIDING_PARAMETERS)
-        if (key := _key(one.name, one.unit)) in values
-    }
-    words = {name: values[key] for name, key in (("law", _LAW), ("contact", _CONTACT)) if key in values}
+    texts = {name: values[key] for name, key in _KEYS.items() if key in values}
     try:
-        numbers = {name: float(text) for name, text in texts.items()}
-        friction = Friction(**numbers, **words)  # type: ignore[arg-type]
+        known: dict[str, Any] = {name: float(text) if _UNITS[name] else text for name, text in texts.items()}
         return Joint(
-            inertia=float(inertia),
-            friction=friction,
-            transmission=Transmission.given({name: values.get(key) for name, key in _SPRING.items()}),
-            actuation_delay=float(values.get(_DELAY, 0.0)),
+            inertia=known["inertia"],
+            friction=Friction(**{one.name: known[one.name] for one in fields(Friction) if one.name in known}),
+            transmission=Transmission.given(known),
+            actuation_delay=known.get("actuation_delay", 0.0),
         )
-    except (InvalidParameterError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError):
         return None
-
-
-def _key(name: str, unit: str) -> str:
-    return f"{_BELIEVED}{name} [{in_ascii(unit)}]"

@@ -29,7 +29,7 @@ class MapSubject:
     per_inertia : whether joint and gains are known but for the inertia, which then is 1.
     """
 
-    name: str
+    name: str = "joint"
     joint: Joint
     gains: Gains
     velocity: float

@@ -12,22 +12,9 @@ from stickslip_ros.model.friction import Friction
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.detection import status as reasons
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
-from stickslip_ros.monitoring.detection.status import (
-    Finding,
-    Hunting,
-    NoSamples,
-    Reversing,
-    SampledTooSlowly,
-    SpeedFalls,
-    StopsAndGoes,
-    Stuck,
-    ThinReserve,
-    TooCoarse,
-    TooFewCounts,
-    TooFewSamples,
-    TooShort,
-)
+from stickslip_ros.monitoring.detection.status import Finding
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
@@ -168,27 +155,27 @@ def reason_text(finding: Finding) -> str:
     match finding.reason:
         case None:
             return ""
-        case NoSamples(left_out=left_out):
+        case reasons.NoSamples(left_out=left_out):
             return "; ".join(left_out) or "no samples yet"
-        case TooFewSamples():
+        case reasons.TooFewSamples():
             return "too few samples"
-        case Hunting():
+        case reasons.Hunting():
             return HUNTING
-        case Stuck(duration=duration, travel=travel):
+        case reasons.Stuck(duration=duration, travel=travel):
             return f"stuck for {duration:.1f} s while the reference moved by {travel:.3g} rad"
-        case Reversing(record=record):
+        case reasons.Reversing(record=record):
             return "reversing" if record is None else f"reversing: {reversals_text(record)}"
-        case TooShort(moving=moving, needed=needed):
+        case reasons.TooShort(moving=moving, needed=needed):
             return f"only {moving:.2f} s of motion, {needed:.2f} s are needed"
-        case StopsAndGoes():
+        case reasons.StopsAndGoes():
             return "stops and goes; publish the reference to tell commanded stops from sticking"
-        case TooCoarse(counts=counts):
+        case reasons.TooCoarse(counts=counts):
             return f"the encoder is too coarse: {counts:.0f} counts a slip"
-        case TooFewCounts():
+        case reasons.TooFewCounts():
             return "the joint has moved by too few counts of its encoder"
-        case SampledTooSlowly(rate=rate, needed=needed):
+        case reasons.SampledTooSlowly(rate=rate, needed=needed):
             return f"sampled too slowly: {rate:.3g} Hz; at least {needed:.3g} Hz are needed"
-        case SpeedFalls(share=share, at_most=at_most):
+        case reasons.SpeedFalls(share=share, at_most=at_most):
             return f"the speed falls {'below' if at_most else 'to'} {100 * share:.0f} % of its mean"
-        case ThinReserve(reserve=reserve, exactly=exactly):
+        case reasons.ThinReserve(reserve=reserve, exactly=exactly):
             return f"damping reserve {100 * reserve:.0f} %{'' if exactly else ' by Eq. (43)'}"

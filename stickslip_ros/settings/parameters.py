@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, TypeVar
@@ -105,9 +104,13 @@ def settings_of(name: str, get: Getter, typed: Callable[[str], str] = str) -> Jo
     StickSlipError
         If they make no joint; the text names the parameter and the value, as they were typed.
     """
-    values = ParameterValues(get, typed)
-    with values.refused_as_typed(_made_of(name)):
-        return _settings(name, values)
+    try:
+        return _settings(name, _Values(get))
+    except InvalidParameterError as error:
+        made_of = _made_of(name)
+        parameters = made_of.get(error.name, (error.name,))
+        values = [get(one) for one in parameters] if error.name in made_of else ()
+        raise error.as_typed([typed(one) for one in parameters], values) from error
 
 
 def _made_of(name: str) -> dict[str, tuple[str, ...]]:
@@ -124,7 +127,7 @@ def _made_of(name: str) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _settings(name: str, values: ParameterValues) -> JointSettings:
+def _settings(name: str, values: _Values) -> JointSettings:
     value = values.number
     scale, effort_scale = value(f"gain_scale.{name}"), value(f"effort_scale.{name}")
     require_positive(f"gain_scale.{name}", scale)
@@ -133,7 +136,7 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
     limits = AdviceLimits(
         wanted_margin=value("wanted_margin"),
         confidence=value("confidence"),
-        condition=choice(Criterion, "condition", values["condition"]),
+        condition=choice(Criterion, "condition", values.get("condition")),
         steady_sliding=values.flag("steady_sliding"),
         slowest_velocity=values.number_if_set(f"slowest_velocity.{name}"),
         samples_per_period=value("samples_per_period"),
@@ -152,7 +155,7 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
         learn=values.flag("learn"),
         memory=value("memory"),
         limits=limits,
-        variant=choice(Kind, "variant", values["variant"]),
+        variant=choice(Kind, "variant", values.get("variant")),
         conditions=conditions,
         trial=_gains("trial", name, RECOMMENDED, scale, values),
     )
@@ -166,8 +169,8 @@ def _settings(name: str, values: ParameterValues) -> JointSettings:
     )
 
 
-def _joint(name: str, values: ParameterValues) -> Joint | None:
-    model = str(values[f"model.{name}"])
+def _joint(name: str, values: _Values) -> Joint | None:
+    model = str(values.get(f"model.{name}"))
     known = _known_joint(f"model.{name}", model) if model else None
     inertia = values.number_if_set(f"inertia.{name}")
     friction = {key: values.number_if_set(f"friction.{name}.{key}") for key in _FRICTION}
@@ -207,7 +210,7 @@ def choice(words: type[Choice], name: str, word: object) -> Choice:
         raise InvalidParameterError(name, f"one of {', '.join(one.value for one in words)}", word) from error
 
 
-def _gains(group: str, name: str, keys: Iterable[str], scale: float, values: ParameterValues) -> Gains | None:
+def _gains(group: str, name: str, keys: Iterable[str], scale: float, values: _Values) -> Gains | None:
     """Gains in SI units; those that are not set are 0, but without a stiffness there are none."""
     given = {key: values.number_if_set(f"{group}.{name}.{key}") for key in keys}
     for key, number in given.items():
@@ -226,20 +229,11 @@ def _scaled(gains: Gains, scale: float) -> Gains:
     return Gains(**{name: float(value) * scale for name, value in vars(gains).items()})
 
 
-class ParameterValues:
-    """See the module.
+@dataclass(frozen=True)
+class _Values:
+    """The values of parameters, which ``get`` gives by name, each of its kind."""
 
-    Parameters
-    ----------
-    get : gives the value of a parameter by its name.
-    typed : the name that a parameter was given by, where that is another one.
-    """
-
-    def __init__(self, get: Callable[[str], Any], typed: Callable[[str], str] = str) -> None:
-        self._get, self._typed = get, typed
-
-    def __getitem__(self, name: str) -> Any:
-        return self._get(name)
+    get: Getter
 
     def number(self, name: str) -> float:
         """A number, which may be infinite or NaN.
@@ -249,7 +243,7 @@ class ParameterValues:
         InvalidParameterError
             If it is none.
         """
-        found = self._get(name)
+        found = self.get(name)
         if isinstance(found, bool) or not isinstance(found, (int, float)):
             raise InvalidParameterError(name, "a number", found)
         try:
@@ -278,22 +272,7 @@ class ParameterValues:
         InvalidParameterError
             If it is neither: the text "false" would count as true.
         """
-        found = self._get(name)
+        found = self.get(name)
         if not isinstance(found, bool):
             raise InvalidParameterError(name, "true or false", found)
         return found
-
-    @contextmanager
-    def refused_as_typed(self, names: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
-        """Let what is refused inside have the names and values that the user gave.
-
-        Parameters
-        ----------
-        names : of fields, to those of the parameters that each is made of; a parameter's own name needs no entry.
-        """
-        try:
-            yield
-        except InvalidParameterError as error:
-            parameters = names.get(error.name, (error.name,))
-            values = [self._get(name) for name in parameters] if error.name in names else ()
-            raise error.as_typed([self._typed(name) for name in parameters], values) from error

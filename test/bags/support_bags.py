@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.analysis.analysis import AnalysisOptions
-from stickslip_ros.bags.joint_samples import read_joint_with_gains
+from stickslip_ros.bags.reading import read_joint_with_gains
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.topics import TopicChoice
 from stickslip_ros.monitoring.samples import Batch

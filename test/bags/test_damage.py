@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
+import zlib
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -122,6 +123,23 @@ def test_a_damaged_index_costs_nothing(whole: Path, tmp_path: Path) -> None:
     assert not error
     assert joints == intact
     assert any("index" in warning for warning in warnings)
+
+
+def test_an_index_that_names_a_place_beyond_any_file(tmp_path: Path) -> None:
+    """With a checksum that is right: it once cost the whole bag."""
+    path = simulated_bag(tmp_path / "a.mcap", duration=2.0)
+    intact = outcome(path)[0]
+    content = bytearray(path.read_bytes())
+    end = len(content) - 8 - 20  # of the last record's content, before the magic bytes
+    at = begin = int.from_bytes(content[end : end + 8], "little")
+    while content[at] != 0x08:  # the index of a chunk
+        at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+    content[at + 9 + 16 : at + 9 + 24] = (2**63).to_bytes(8, "little")
+    content[end + 16 : end + 20] = zlib.crc32(content[begin : end + 16]).to_bytes(4, "little")
+    path.write_bytes(content)
+    joints, warnings, error = outcome(path)
+    assert (joints, error) == (intact, "")
+    assert warnings == ["a.mcap: its index is damaged; read from the start as far as it goes"]
 
 
 def test_a_bag_that_was_not_closed(whole: Path, tmp_path: Path) -> None:

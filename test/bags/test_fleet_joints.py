@@ -18,10 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support_bags import sticking
 
-from stickslip_ros.analysis.alarm import QUANTITIES, parse_alarm
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
-from stickslip_ros.analysis.fleet_joints import fleet_joints
+from stickslip_ros.analysis.fleet_joints import QUANTITIES, fleet_joints, parse_alarm
 from stickslip_ros.analysis.report.fleet_page import sparkline, write_fleet_page
 from stickslip_ros.analysis.trend import DAY, MONTH, Measured, trend
 from stickslip_ros.bags.simulated import write_simulation

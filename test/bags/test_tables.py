@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -225,6 +227,17 @@ def test_lists_and_structures_of_parquet(tmp_path: Path) -> None:
     pyarrow.parquet.write_table(ragged, tmp_path / "b.parquet")
     with pytest.raises(RecordingError, match="column 'position' must have as many values in every row"):
         load_table(tmp_path / "b.parquet")
+
+
+@pytest.mark.slow
+def test_lists_inside_of_structures_of_parquet(tmp_path: Path) -> None:
+    """In a process that has loaded nothing else: it once ended in a traceback, as a part of pyarrow was not loaded."""
+    message = [{"stamp": 0.1 * number, "position": row} for number, row in enumerate(POSITIONS[:, :2].tolist())]
+    pyarrow.parquet.write_table(pa.table({"msg": message}), tmp_path / "a.parquet")
+    command = [sys.executable, "-m", "stickslip_ros.cli.main", "convert", "a.parquet", "--out", "a.mcap"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "40 samples of msg_0, msg_1" in done.stderr
 
 
 def test_tables_in_an_archive_have_the_joints_names(tmp_path: Path) -> None:

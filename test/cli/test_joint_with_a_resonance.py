@@ -19,8 +19,7 @@ from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.identification import Identification
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.output.published import joint_values, published_joint
-from stickslip_ros.settings.joint_file import joint_file_text
-from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.known_joints import joint_file_text, load_joint
 from stickslip_ros.settings.parameter_file import Parameters
 
 pytestmark = pytest.mark.slow

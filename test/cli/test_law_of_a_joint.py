@@ -22,8 +22,7 @@ from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.outcome import outcomes
 from stickslip_ros.monitoring.identification import Identification
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.settings.joint_file import joint_file_text
-from stickslip_ros.settings.known_joints import KnownJoint, load_joint
+from stickslip_ros.settings.known_joints import KnownJoint, joint_file_text, load_joint
 
 pytestmark = pytest.mark.slow
 

@@ -20,7 +20,7 @@ import pyarrow.parquet
 import pytest
 from conftest import nightly
 
-from stickslip_ros.bags.writing import BagWriter
+from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
 from stickslip_ros.cli.main import build_parser, main
 
 pytestmark = pytest.mark.slow
@@ -223,10 +223,10 @@ def _write_bag(path: Path, *, with_events: bool = True) -> None:
             position = slip * (steps + np.clip(part / 0.2, 0.0, 1.0) ** 2 * (3.0 - 2.0 * np.clip(part / 0.2, 0.0, 1.0)))
             values = np.full((len(times), 3, 1), np.nan)
             values[:, 0, 0] = position
-            streams.append(writer.joint_states(f"/{arm}/joint_states", ("joint1",), times, values))
+            streams.append(serialized_joint_states(f"/{arm}/joint_states", ("joint1",), times, values))
             wanted = values.copy()
             wanted[:, 0, 0], wanted[:, 1, 0] = 0.02 * times, 0.02
-            streams.append(writer.joint_states(f"/{arm}/joint_references", ("joint1",), times, wanted))
+            streams.append(serialized_joint_states(f"/{arm}/joint_references", ("joint1",), times, wanted))
         writer.write(gains, *streams)
 
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 LOST = """
 import os, signal
-from stickslip_ros.cli.progress import progress_bar
+from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.interrupts import take_signals
 
 class Finalized:

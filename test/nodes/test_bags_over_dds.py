@@ -18,7 +18,7 @@ from support_ros import Probe, probe
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
-from stickslip_ros.bags.writing import BagWriter
+from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES
@@ -206,7 +206,7 @@ def test_a_bag_of_several_robots_is_played_one_at_a_time(ros_domain: int, tmp_pa
     times = 1.0 + 0.01 * np.arange(100)
     with BagWriter(path, dict.fromkeys(topics, JOINT_STATE)) as writer:
         values = np.stack([0.1 * times, *[np.full(100, np.nan)] * 2], axis=1)[:, :, None]
-        writer.write(*(writer.joint_states(topic, ("joint1",), times, values) for topic in topics))
+        writer.write(*(serialized_joint_states(topic, ("joint1",), times, values) for topic in topics))
     with NodeProcess("replay", {"recording": path}) as replay:
         assert replay.wait(60.0) == 2
         listed = "/left/joint_states (100 messages), /right/joint_states (100 messages)"

@@ -22,7 +22,7 @@ from bokeh.document import Document
 from conftest import begun
 from nodes.forked_nodes import NodeProcess
 
-from stickslip_ros.cli.live_joint import Subject, cycle_duration, phase_loop, what_if
+from stickslip_ros.cli.live_joint import cycle_duration, phase_loop, what_if
 from stickslip_ros.cli.live_listener import Snapshot
 from stickslip_ros.cli.live_page import LivePage, advice_text, joint_table
 from stickslip_ros.cli.main import main
@@ -30,6 +30,7 @@ from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.output.diagnosis import Level, value_text
 from stickslip_ros.output.published import joint_values, published_joint
+from stickslip_ros.output.stability_map import MapSubject as Subject
 from stickslip_ros.settings.known_joints import load_joint
 
 _COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch", "--browser"]

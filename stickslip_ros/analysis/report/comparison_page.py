@@ -6,44 +6,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stickslip_ros.analysis import comparison_words
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis
 from stickslip_ros.analysis.comparison import Comparison, JointComparison
-from stickslip_ros.analysis.comparison_words import (
-    VERDICT_COLOURS,
-    Row,
-    not_compared,
-    rows,
-    sentence,
-    verdict_text,
-)
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import JUDGED
 from stickslip_ros.analysis.report.page import Plot, write_page
-from stickslip_ros.bags.joint_samples import read_windows
+from stickslip_ros.bags.reading import read_windows
 from stickslip_ros.monitoring.samples import FloatArray
 
 _PERIODS = 6.0  # that are drawn
 _SECONDS = 10.0  # that are drawn of joints that never stuck
 _MOST_POINTS = 4000  # of a curve
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Section:
-    """What the page says of one joint."""
-
-    joint: JointComparison
-    verdict: str
-    sentence: str
-    colour: str
-    rows: list[Row]
-    not_compared: list[str]
-    plots: list[Plot]
 
 
 def write_comparison_page(path: Path, comparison: Comparison, options: Sequence[AnalysisOptions]) -> None:
@@ -60,40 +39,28 @@ def write_comparison_page(path: Path, comparison: Comparison, options: Sequence[
     OSError
         If it cannot be written.
     """
+    bags = (comparison.before, comparison.after)
     lengths = {joint.name: _length(joint) for joint in comparison.joints}
-    befores = {joint.name: joint.before for joint in comparison.joints}
-    afters = {joint.name: joint.after for joint in comparison.joints}
-    motions = [
-        _motions(comparison.before, befores, lengths, options[0]),
-        _motions(comparison.after, afters, lengths, options[1]),
-    ]
-    sections = [_section(joint, *(found.get(joint.name) for found in motions)) for joint in comparison.joints]
-    names = [Path(analysis.path).name for analysis in (comparison.before, comparison.after)]
+    motions = [_motions(bag, lengths, chosen) for bag, chosen in zip(bags, options, strict=True)]
+    overlays = {
+        joint.name: _overlay(joint, *(found[joint.name] for found in motions))
+        for joint in comparison.joints
+        if all(joint.name in found for found in motions)
+    }
     write_page(
         path,
         "comparison.html",
-        [plot for section in sections for plot in section.plots],
+        list(overlays.values()),
         title="Before and after: did it help?",
-        names=names,
-        sections=sections,
+        names=[Path(bag.path).name for bag in bags],
+        joints=comparison.joints,
+        overlays=overlays,
+        words=comparison_words,
         missing=[
             *(f"{name} is in the recording {side} only" for name, side in comparison.alone.items()),
             *(f"before: {text}" for text in comparison.before.warnings),
             *(f"after: {text}" for text in comparison.after.warnings),
         ],
-    )
-
-
-def _section(joint: JointComparison, before: FloatArray | None, after: FloatArray | None) -> _Section:
-    plot = _overlay(joint, before, after) if before is not None and after is not None else None
-    return _Section(
-        joint=joint,
-        verdict=verdict_text(joint),
-        sentence=sentence(joint),
-        colour=VERDICT_COLOURS.get(joint.verdict, ""),
-        rows=rows(joint),
-        not_compared=not_compared(joint),
-        plots=[] if plot is None else [plot],
     )
 
 
@@ -103,21 +70,16 @@ def _length(joint: JointComparison) -> float:
     return _PERIODS * float(np.median(periods)) if periods else _SECONDS
 
 
-def _motions(
-    analysis: BagAnalysis, joints: dict[str, JointAnalysis], lengths: dict[str, float], options: AnalysisOptions
-) -> dict[str, FloatArray]:
+def _motions(analysis: BagAnalysis, lengths: dict[str, float], options: AnalysisOptions) -> dict[str, FloatArray]:
     """Times and positions of each joint from the beginning of the plot; forward motion is up."""
-    windows = {name: (begin, begin + lengths[name]) for name, joint in joints.items()
-               if math.isfinite(begin := _begin(joint, lengths[name]))}  # fmt: skip
+    windows = {name: (begin, begin + length) for name, length in lengths.items()
+               if math.isfinite(begin := _begin(analysis.joints[name], length))}  # fmt: skip
     found = read_windows(Path(analysis.path), windows, options.topics, options.unpacking)
     motions = {}
     for name, motion in found.items():
         if len(motion) > 1:
-            motion = motion[:: max(1, math.ceil(len(motion) / _MOST_POINTS))]
-            way = float(motion[-1, 1] - motion[0, 1])
-            motions[name] = np.stack(
-                [motion[:, 0] - motion[0, 0], np.copysign(1.0, way) * (motion[:, 1] - motion[0, 1])]
-            )
+            time, way = (motion[:: max(1, math.ceil(len(motion) / _MOST_POINTS))] - motion[0]).T
+            motions[name] = np.stack([time, np.copysign(1.0, way[-1]) * way])
     return motions
 
 

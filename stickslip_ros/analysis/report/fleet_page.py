@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_joints import FleetJoint, History
+from stickslip_ros.analysis.fleet_joints import FleetJoint
 from stickslip_ros.analysis.fleet_table import Row
 from stickslip_ros.analysis.judgement import NOT_JUDGED
 from stickslip_ros.analysis.report.page import Plot, number_text, percent_text, write_page
@@ -44,24 +44,6 @@ class _Cell:
     text: str
     sort: float
     spark: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Line:
-    """A joint's row in the table; an index says which of the page's data are its own."""
-
-    index: int
-    joint: FleetJoint
-    status: Status
-    share: _Cell
-    coulomb: _Cell
-    change: _Cell
-    change_is_sure: bool
-    reserve: _Cell
-    stiffness: str
-    damping: str
-    date: _Cell
-    report: str
 
 
 def write_fleet_page(
@@ -98,59 +80,45 @@ def write_fleet_page(
         own_script="fleet.js",
         title=f"Stick-slip in {counted(len(answers), 'recording')}",
         robots=len({joint.robot for joint in joints}),
-        lines=[_line(index, joint, links) for index, joint in enumerate(joints)],
+        lines=[_line(joint) for joint in joints],
+        links=links,
         statuses=[status for status in Status if any(joint.status is status for joint in joints)],
         sticking=sum(joint.stuck_in > 0 for joint in joints),
         unjudged=sum(joint.worst in NOT_JUDGED for joint in joints),
         ringing=sum(bool(joint.alarms) for joint in joints) if with_alarms else None,
-        linked=bool(links),
         failed=sum("error" in found for found in answers),
         errors=[found["error"] for found in answers if "error" in found],
         data=Markup(_script_text([_data(joint, links, dated=dated) for joint in joints])),
     )
 
 
-def _line(index: int, joint: FleetJoint, links: Mapping[str, str]) -> _Line:
-    coulomb, reserve = joint.histories["coulomb"], joint.histories["reserve"]
-    share = joint.histories["stick_slip"]
-    latest = share.latest
-    change, sure = _change(coulomb)
+def _line(joint: FleetJoint) -> dict[str, Any]:
+    """A joint's row in the table."""
+    line = joint.histories["coulomb"].trend
+    change = line.relative if line is not None and math.isfinite(line.relative) else math.nan
     recorded = joint.latest["recorded"] if joint.dated else None
-    advised = next((row for row in reversed(joint.rows) if row["advised_stiffness"] is not None), None)
-    return _Line(
-        index=index,
-        joint=joint,
-        status=joint.status,
-        share=_Cell(
-            text=percent_text(latest).removesuffix(" %"),
-            sort=latest,
-            spark=_spark(joint, share, low=0.0, high=1.0),
-        ),
-        coulomb=_Cell(text=number_text(coulomb.latest), sort=coulomb.latest, spark=_spark(joint, coulomb)),
-        change=change,
-        change_is_sure=sure,
-        reserve=_Cell(
-            text=number_text(100.0 * reserve.latest, "+.0f"), sort=reserve.latest, spark=_spark(joint, reserve)
-        ),
-        stiffness=_whole(None if advised is None else advised["advised_stiffness"]),
-        damping=_whole(None if advised is None else advised["advised_damping"]),
-        date=_Cell(
-            text=_NOTHING if recorded is None else _date(recorded), sort=math.nan if recorded is None else recorded
-        ),
-        report=links.get(joint.latest["bag"], ""),
-    )
+    advised = next((row for row in reversed(joint.rows) if row["advised_stiffness"] is not None), {})
+    return {
+        "joint": joint,
+        "share": _cell(joint, "stick_slip", lambda share: percent_text(share).removesuffix(" %"), low=0.0, high=1.0),
+        "coulomb": _cell(joint, "coulomb", number_text),
+        "change": _Cell(text=number_text(100.0 * change, "+.1f"), sort=change),
+        "change_is_sure": line is not None and line.significant and not math.isnan(change),
+        "reserve": _cell(joint, "reserve", lambda reserve: number_text(100.0 * reserve, "+.0f")),
+        "stiffness": _whole(advised.get("advised_stiffness")),
+        "damping": _whole(advised.get("advised_damping")),
+        "date": _Cell(text=_date(recorded), sort=math.nan if recorded is None else recorded),
+    }
 
 
-def _change(history: History) -> tuple[_Cell, bool]:
-    line = history.trend
-    if line is None or not math.isfinite(line.relative):
-        return _Cell(text=_NOTHING, sort=math.nan), False
-    return _Cell(text=number_text(100.0 * line.relative, "+.1f"), sort=line.relative), line.significant
-
-
-def _spark(joint: FleetJoint, history: History, low: float = math.nan, high: float = math.nan) -> str:
-    where = [_where(joint, point.recording) for point in history.points]
-    return sparkline(where, [point.measured.value for point in history.points], low=low, high=high)
+def _cell(
+    joint: FleetJoint, name: str, text: Callable[[float], str], low: float = math.nan, high: float = math.nan
+) -> _Cell:
+    """The latest value of a quantity, and its history."""
+    history = joint.histories[name]
+    where = [_where(joint, recording) for recording in history.points]
+    spark = sparkline(where, [point.value for point in history.points.values()], low=low, high=high)
+    return _Cell(text=text(history.latest), sort=history.latest, spark=spark)
 
 
 def _where(joint: FleetJoint, recording: int) -> float:
@@ -163,11 +131,10 @@ def _data(joint: FleetJoint, links: Mapping[str, str], *, dated: bool) -> dict[s
     histories = {}
     for name, (_, scale) in _PLOTS.items():
         points = joint.histories[name].points
-        measured = [point.measured for point in points]
         histories[name] = {
-            "at": [1000.0 * _where(joint, one.recording) if dated else one.recording + 1 for one in points],
-            "value": [_rounded(scale * one.value) for one in measured],
-            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in measured],
+            "at": [1000.0 * _where(joint, recording) if dated else recording + 1 for recording in points],
+            "value": [_rounded(scale * one.value) for one in points.values()],
+            "error": [_rounded(scale * one.error) if math.isfinite(one.error) else 0.0 for one in points.values()],
         }
     return {
         "title": visible(f"{joint.robot} {joint.name}".strip()),
@@ -178,10 +145,9 @@ def _data(joint: FleetJoint, links: Mapping[str, str], *, dated: bool) -> dict[s
 
 def _recording(row: Row, links: Mapping[str, str]) -> list[str]:
     """The cells of a recording in the table of the joint that is chosen; the last is a link, or nothing."""
-    recorded = row["recorded"]
     return [
         visible(Path(row["bag"]).name),
-        _date(recorded) if recorded is not None and recorded > 0 else _NOTHING,
+        _date(row["recorded"]),
         row["status"],
         row["worst_status"],
         percent_text(row["stick_slip_share"]),
@@ -207,7 +173,9 @@ def _rounded(value: float) -> float:
     return float(f"{value:.5g}")
 
 
-def _date(recorded: float) -> str:
+def _date(recorded: float | None) -> str:
+    if recorded is None or not recorded > 0:
+        return _NOTHING
     try:
         return datetime.fromtimestamp(recorded, timezone.utc).strftime("%Y-%m-%d")
     except (OverflowError, OSError, ValueError):

@@ -78,7 +78,6 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
         "counted": counted,
         "words": status_words,
         "anchor": _anchor,
-        "file_name": _file_name,
         "percent": percent_text,
         "outcome": _outcome,
         "svg": Markup,
@@ -116,10 +115,6 @@ def percent_text(share: float | None) -> str:
 def _anchor(name: str) -> str:
     """What a section of any name is linked to by."""
     return "joint-" + "".join(one if one.isalnum() else f"-{ord(one):x}-" for one in name)
-
-
-def _file_name(path: str) -> str:
-    return Path(path).name
 
 
 def _visible(value: Any) -> Any:

@@ -23,7 +23,7 @@ from scipy.ndimage import distance_transform_edt
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.report.page import Plot
 from stickslip_ros.model.extinction_map import ExtinctionMap
-from stickslip_ros.model.friction import Friction, Gains, steady_friction
+from stickslip_ros.model.friction import Gains, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.stability_map import MapSubject, map_of, subject_of
@@ -256,13 +256,16 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
         captions.append(f"the effort in {len(speed)} stretches of sliding{less}")
     if curve is not None:
         speeds = np.linspace(0.0, fastest, _CURVE)
+        above = np.maximum(speeds, 1e-12 * max(fastest, 1e-300))  # at rest friction has no one value
         if estimate is not None and estimate.usable:
-            low, high = _band(joint, speeds)
+            draws = replace(estimate.draws()[0].friction, coulomb=float(curve.coulomb))
+            low, high = np.percentile(np.asarray(steady_friction(draws, above[:, None])), _BAND, axis=1)
             plot.varea(_small(speeds), _small(low), _small(high), color=ORANGE, alpha=0.3, legend_label="5 % to 95 %")
             captions.append("the curve fitted to the slips with the band that 90 % of its errors span")
         else:
             captions.append("the curve configured")
-        plot.line(_small(speeds), _small(_steady(curve, speeds)), color=ORANGE, line_width=2, legend_label="curve used")
+        usual = np.asarray(steady_friction(curve, above), dtype=float)
+        plot.line(_small(speeds), _small(usual), color=ORANGE, line_width=2, legend_label="curve used")
     if math.isfinite(joint.velocity):
         plot.add_layout(
             Span(location=joint.velocity, dimension="height", line_color=RED, line_dash="dotted", line_width=1.5)
@@ -275,24 +278,6 @@ def friction_plot(joint: JointAnalysis) -> Plot | None:
         f"{caption[:1].upper()}{caption[1:]}. The dotted line is at {joint.velocity:.3g} rad/s. "
         "Friction that falls with speed is what feeds stick-slip.",
     )
-
-
-def _steady(friction: Friction, speeds: FloatArray) -> FloatArray:
-    above = np.maximum(speeds, 1e-12 * max(float(speeds[-1]), 1e-300))
-    return np.asarray(steady_friction(friction, above), dtype=float)
-
-
-def _band(joint: JointAnalysis, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
-    estimate = joint.assessment.estimate
-    assert estimate is not None
-    draws, _ = estimate.draws()
-    friction = draws.friction
-    above = np.maximum(speeds, 1e-12 * float(speeds[-1]))[:, None]
-    middle = joint.assessment.joint
-    coulomb = float(middle.friction.coulomb) if middle is not None else 0.0
-    values = np.asarray(steady_friction(replace(friction, coulomb=coulomb), above))
-    low, high = np.percentile(values, _BAND, axis=1)
-    return low, high
 
 
 def map_plot(joint: JointAnalysis) -> Plot | None:

@@ -5,15 +5,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import NOT_JUDGED, SEVERITY
-from stickslip_ros.analysis.report.page import Plot, write_page
+from stickslip_ros.analysis.report.page import write_page
 from stickslip_ros.analysis.trend import YEAR_2001
 from stickslip_ros.errors import optional_packages
 from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
@@ -26,34 +26,6 @@ _MOST_SECTIONS = 12
 _FEW_JOINTS = 2
 _CYCLES_LISTED = 25
 _COMPENSATED = 3  # sections that say what compensation buys, which takes a second each
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """A parameter, with its error where it was learnt."""
-
-    meaning: str
-    value: float
-    unit: str
-    source: str
-    error: float = math.nan
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Section:
-    """What the page says of one joint."""
-
-    joint: JointAnalysis
-    finding: str
-    advice: str
-    rests_on: str
-    depends_on: str
-    compensation: tuple[CompensatedGains, ...]
-    compensation_words: str
-    reversals: str
-    presliding: str
-    plots: list[Plot]
-    parameters: list[_Row]
 
 
 @optional_packages("a page")
@@ -73,17 +45,16 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         shown = [joint for joint in joints if math.isfinite(joint.velocity)]
     shown = sorted(shown, key=_goodness)[:_MOST_SECTIONS]
     sections = [_section(joint, with_compensation=number < _COMPENSATED) for number, joint in enumerate(shown)]
+    plots = [plot for section in sections for plot in section["plots"]]
     start = min((joint.start for joint in joints if math.isfinite(joint.start)), default=math.nan)
     end = max((joint.end for joint in joints if math.isfinite(joint.end)), default=math.nan)
     read = [text for name, topics in analysis.robots.items() for text in words.topics_read(name, topics)]
     write_page(
         path,
         "report.html",
-        [plot for section in sections for plot in section.plots],
+        plots,
         title=f"Stick-slip in {Path(analysis.path).name}",
-        when=datetime.fromtimestamp(start, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC, ")
-        if start > YEAR_2001
-        else "",
+        when=f"{datetime.fromtimestamp(start, timezone.utc):%Y-%m-%d %H:%M:%S UTC, }" if start > YEAR_2001 else "",
         duration=end - start,
         read="; ".join(read),
         warnings=analysis.warnings,
@@ -94,6 +65,7 @@ def write_report(path: Path, analysis: BagAnalysis) -> None:
         sections=sections,
         stick_slip=Status.STICK_SLIP,
         cycles_listed=_CYCLES_LISTED,
+        words=words,
     )
 
 
@@ -103,7 +75,8 @@ def _goodness(joint: JointAnalysis) -> tuple[float, int, int]:
     return (-share if math.isfinite(share) else 0.0, SEVERITY.index(joint.worst), SEVERITY.index(joint.status))
 
 
-def _section(joint: JointAnalysis, *, with_compensation: bool) -> _Section:
+def _section(joint: JointAnalysis, *, with_compensation: bool) -> dict[str, Any]:
+    """What the page has of one joint, beside what it is in words."""
     from stickslip_ros.analysis.report.dry_friction_plots import DRY_FRICTION_PLOTS
     from stickslip_ros.analysis.report.plots import PLOTS
 
@@ -111,24 +84,19 @@ def _section(joint: JointAnalysis, *, with_compensation: bool) -> _Section:
     question = compensation_question(joint.assessment, joint.velocity, joint.settings.options.conditions)
     if with_compensation and question is not None:
         compensation = compensation_advice(question, with_limits=False)
-    return _Section(
-        joint=joint,
-        compensation=compensation,
-        compensation_words=compensation_words(compensation) if compensation else "",
-        reversals=words.reversals(joint),
-        presliding=words.presliding(joint),
-        finding=words.finding(joint),
-        advice=words.advice(joint),
-        rests_on=words.rests_on(joint),
-        depends_on=words.depends_on(joint),
-        plots=[plot for make in (*PLOTS, *DRY_FRICTION_PLOTS) if (plot := make(joint)) is not None],
-        parameters=_parameters(joint),
-    )
+    return {
+        "joint": joint,
+        "compensation": compensation,
+        "compensation_words": compensation_words(compensation) if compensation else "",
+        "plots": [plot for make in (*PLOTS, *DRY_FRICTION_PLOTS) if (plot := make(joint)) is not None],
+        "parameters": _parameters(joint),
+    }
 
 
-def _parameters(joint: JointAnalysis) -> list[_Row]:
+def _parameters(joint: JointAnalysis) -> list[dict[str, Any]]:
+    """The rows of parameters, each with its error where it was learnt."""
     state = joint.assessment
-    rows = []
+    rows: list[dict[str, Any]] = []
     estimate = state.estimate
     per_inertia = estimate.normalised if estimate is not None and estimate.usable else state.per_inertia
     for parameter in JOINT_PARAMETERS:
@@ -145,9 +113,10 @@ def _parameters(joint: JointAnalysis) -> list[_Row]:
         elif state.joint is not None:
             value = float(state.joint.inertia if name == "inertia" else getattr(state.joint.friction, name))
         if math.isfinite(value):
-            rows.append(_Row(meaning=label, value=value, unit=unit, source=source, error=error))
+            rows.append({"meaning": label, "value": value, "unit": unit, "source": source, "error": error})
     if state.gains is not None:
         for meaning, name in (("stiffness k_p", "stiffness"), ("damping k_v", "damping")):
-            value, unit = float(getattr(state.gains, name)), unit_of(Gains, name)
-            rows.append(_Row(meaning=meaning, value=value, unit=unit, source="of the controller"))
+            value, source = float(getattr(state.gains, name)), "of the controller"
+            unit = unit_of(Gains, name)
+            rows.append({"meaning": meaning, "value": value, "unit": unit, "source": source, "error": math.nan})
     return rows

@@ -8,7 +8,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +22,10 @@ from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.table_files import SUFFIXES as TABLES
 from stickslip_ros.errors import needs, optional_packages, reason
-from stickslip_ros.messages.blocks import Block, Channel, Storage
+from stickslip_ros.messages.blocks import Block, Channel, Storage, blocks_of
 from stickslip_ros.messages.content import MessageError
 from stickslip_ros.regular_files import read_yaml
 
-_LARGE = 16_000_000  # bytes of messages, from which on a block is given
 _ANY = " or ".join((", ".join(one.suffix for one in FORMATS[:-1]), FORMATS[-1].suffix))
 
 
@@ -89,8 +87,7 @@ class Bag:
             allowance = Allowance(self._limit, file.stat().st_size)
             with optional_packages(f"bag {self.path}: its compression"):
                 for block in storage.blocks(raw, progress):
-                    for part in self._decompressed(block, raw, allowance) if self._per_message else (block,):
-                        yield self._as_ros2(part)
+                    yield from self._as_ros2(block, raw, allowance)
 
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
         try:
@@ -155,48 +152,30 @@ class Bag:
             return None
         return metadata
 
-    def _as_ros2(self, block: Block) -> Block:
-        """The block, its messages of other encodings made those of ROS 2."""
-        made = {
-            number: self._transcoded[channel]
-            for number, channel in block.channels.items()
-            if channel in self._transcoded
-        }
-        if not any(transcode for _, transcode in made.values()):
-            return block
-        messages: list[tuple[int, int, bytes]] = []
+    def _as_ros2(self, block: Block, wanted: set[Channel], allowance: Allowance) -> Iterator[Block]:
+        """A block whose messages are whole and those of ROS 2; else its wanted messages made so, in as many blocks as
+        their size then takes.
+        """
+        made = {number: self._transcoded[channel] for number, channel in block.channels.items() if channel in wanted}
+        if not self._per_message and not any(transcode for _, transcode in made.values()):
+            yield block
+            return
         broken: Counter[str] = Counter()
-        for number in range(len(block)):
-            channel, transcode = made.get(int(block.channel[number]), (None, None))
-            if channel is None:
-                continue
-            try:
-                data = block.message(number) if transcode is None else transcode(block.message(number))
-            except MessageError as error:
-                broken[f"{channel.topic}: {error}"] += 1
-                continue
-            messages.append((int(block.channel[number]), int(block.log_time[number]), data))
-        self.warnings += [f"{count} messages left out: {reason}" for reason, count in broken.items()]
-        channels = {number: channel for number, (channel, _) in made.items()}
-        return Block.of_messages(messages, channels) if messages else replace(block.none(), channels=channels)
 
-    def _decompressed(self, block: Block, wanted: set[Channel], allowance: Allowance) -> Iterator[Block]:
-        """The wanted messages of a block, decompressed: in several blocks where they become large."""
-        messages: list[tuple[int, int, bytes]] = []
-        broken: Counter[str] = Counter()
-        size = 0
-        of_wanted = np.isin(block.channel, [number for number, channel in block.channels.items() if channel in wanted])
-        for number in np.flatnonzero(of_wanted).tolist():
-            try:
-                data = allowance.zstd(block.message(number))
-            except ValueError as error:
-                broken[str(error)] += 1
-                continue
-            messages.append((int(block.channel[number]), int(block.log_time[number]), data))
-            size += len(data)
-            if size > _LARGE:
-                yield Block.of_messages(messages, block.channels)
-                messages, size = [], 0
-        if messages:
-            yield Block.of_messages(messages, block.channels)
-        self.warnings += [f"{count} messages could not be decompressed: {reason}" for reason, count in broken.items()]
+        def messages() -> Iterator[tuple[int, int, bytes]]:
+            for number in np.flatnonzero(np.isin(block.channel, list(made))).tolist():
+                channel, transcode = made[int(block.channel[number])]
+                data = block.message(number)
+                try:
+                    data = allowance.zstd(data) if self._per_message else data
+                    data = transcode(data) if transcode is not None else data
+                except MessageError as error:
+                    broken[f"left out: {channel.topic}: {error}"] += 1
+                except ValueError as error:
+                    broken[f"could not be decompressed: {error}"] += 1
+                else:
+                    yield int(block.channel[number]), int(block.log_time[number]), data
+
+        channels = {number: channel for number, (channel, _) in made.items()}
+        yield from blocks_of(messages(), channels)
+        self.warnings += [f"{count} messages {what}" for what, count in broken.items()]

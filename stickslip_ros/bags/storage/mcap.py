@@ -18,16 +18,9 @@ from typing import IO
 import numpy as np
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
+from stickslip_ros.bags.storage import mcap_records as records
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.mcap_records import (
-    ChannelRecord,
-    Chunk,
-    ChunkIndex,
-    Opcode,
-    Schema,
-    footer,
-    messages_by_channel,
-)
+from stickslip_ros.bags.storage.mcap_records import Opcode
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
@@ -47,7 +40,7 @@ _DAMAGE = (ValueError, EOFError, OverflowError, MemoryError)
 class _Summary:
     channels: dict[int, Channel]
     counts: dict[int, int]
-    chunks: list[ChunkIndex]
+    chunks: list[records.ChunkIndex]
 
 
 class McapStorage:
@@ -66,7 +59,7 @@ class McapStorage:
         self._known = np.zeros(_MOST_CHANNELS, dtype=np.bool_)
         self._wanted: set[Channel] | None = None
         self._yielded: dict[int, Channel] = {}
-        self._schemas: dict[int, Schema] = {}
+        self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding and definition of each
         self._unknown = 0
 
     def channels(self) -> dict[Channel, int]:
@@ -122,46 +115,39 @@ class McapStorage:
 
     def _read_summary(self) -> _Summary | None:
         """The summary section, if it is there and sound."""
-        size = self._file.size
-        tail = _FOOTER + len(MAGIC)
+        size, tail = self._file.size, _FOOTER + len(MAGIC)
+        if size < len(MAGIC) + tail:
+            return None
         with self._file.open() as file:
-            if size < len(MAGIC) + tail:
-                return None
             file.seek(size - tail)
             end = file.read(tail)
             if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
                 self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
                 return None
-            begin, expected = footer(end[9:])
+            begin, expected = records.footer(end[9:])
             if begin == 0:
                 return None
-            if not len(MAGIC) <= begin <= size - tail:
-                self._warn_of_index()
-                return None
-            file.seek(begin)
-            content = file.read(size - tail - begin)
-            # Without a checksum the index may say anything; the data speak for themselves.
-            if expected == 0:
-                return None
-            if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
-                self._warn_of_index()
-                return None
             try:
-                summary = self._parse_summary(content)
-            except _DAMAGE:
-                self._warn_of_index()
-                return None
-            for chunk in summary.chunks:
-                file.seek(chunk.begin)
-                if file.read(1) != bytes([Opcode.CHUNK]):
-                    self._warn_of_index()
+                if not len(MAGIC) <= begin <= size - tail:
+                    raise ValueError("it is elsewhere")
+                file.seek(begin)
+                content = file.read(size - tail - begin)
+                # Without a checksum the index may say anything; the data speak for themselves.
+                if expected == 0:
                     return None
+                if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
+                    raise ValueError("its checksum is wrong")
+                summary = self._parse_summary(content)
+                for chunk in summary.chunks:
+                    file.seek(chunk.begin)
+                    if file.read(1) != bytes([Opcode.CHUNK]):
+                        raise ValueError("there is no chunk where it names one")
+            except _DAMAGE:
+                self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
+                return None
             # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
             listed = [chunk.channels for chunk in summary.chunks]
             return summary if listed and all(some and some <= set(summary.channels) for some in listed) else None
-
-    def _warn_of_index(self) -> None:
-        self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
 
     def _parse_summary(self, content: bytes) -> _Summary:
         buffer = np.frombuffer(content, dtype=np.uint8)
@@ -169,9 +155,9 @@ class McapStorage:
         for table in _tables(buffer):
             for opcode, offset, length, _, _ in table.tolist():
                 if opcode == Opcode.CHUNK_INDEX:
-                    chunks.append(ChunkIndex.read(_content(buffer, offset, length)))
+                    chunks.append(records.ChunkIndex.read(_content(buffer, offset, length)))
                 elif opcode == Opcode.STATISTICS:
-                    counts = messages_by_channel(_content(buffer, offset, length))
+                    counts = records.messages_by_channel(_content(buffer, offset, length))
                 else:
                     self._note(opcode, buffer, offset, length)
         return _Summary(
@@ -285,15 +271,14 @@ class McapStorage:
 
     def _chunk(self, content: bytes, offset: int) -> Iterator[Block]:
         try:
-            chunk = Chunk.read(content)
-            records = _decompressed(chunk, self._file.allowance)
+            unpacked = _unpacked(content, self._file.allowance)
         except ImportError:
             raise
         except Exception as error:
             # Whatever the libraries of compressions raise for bytes that make no sense.
             self._warn(self._lost(offset, " ".join(str(error).split()) or type(error).__name__))
             return
-        buffer = np.frombuffer(records, dtype=np.uint8)
+        buffer = np.frombuffer(unpacked, dtype=np.uint8)
         tables, at, _, sound = _walk(buffer)
         for table in tables:
             yield from self._records(buffer, table[table[:, kernel.OPCODE] != Opcode.CHUNK], offset)
@@ -302,28 +287,27 @@ class McapStorage:
 
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            return
+        fields = records.Fields(_content(buffer, offset, length))
+        number = fields.number(2)
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_content(buffer, offset, length))
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            record = ChannelRecord.read(_content(buffer, offset, length))
-            schema_of = self._schemas.get(record.schema_id)
-            channel = Channel(
-                topic=record.topic,
-                type=schema_of.name if schema_of else "",
-                encoding=record.message_encoding,
-                schema_encoding=schema_of.encoding if schema_of else "",
-                schema=schema_of.data.decode("utf-8", errors="replace") if schema_of else "",
-            )
-            self._channels[record.id] = channel
-            self._known[record.id] = True
-            # Blocks that were given before keep what they were given with.
-            if self._wanted is None or channel in self._wanted:
-                if self._yielded.get(record.id, channel) != channel:
-                    self._yielded = dict(self._yielded)
-                self._yielded[record.id] = channel
-            elif record.id in self._yielded:
-                self._yielded = {number: one for number, one in self._yielded.items() if number != record.id}
+            name, encoding = fields.text(), fields.text()
+            definition = fields.data(fields.number(4)).decode("utf-8", errors="replace")
+            self._schemas[number] = name, encoding, definition
+            return
+        kind, schema_encoding, schema = self._schemas.get(fields.number(2), ("", "", ""))
+        topic, encoding = fields.text(), fields.text()
+        channel = Channel(topic=topic, type=kind, encoding=encoding, schema_encoding=schema_encoding, schema=schema)
+        self._channels[number] = channel
+        self._known[number] = True
+        # Blocks that were given before keep what they were given with.
+        if self._wanted is None or channel in self._wanted:
+            if self._yielded.get(number, channel) != channel:
+                self._yielded = dict(self._yielded)
+            self._yielded[number] = channel
+        elif number in self._yielded:
+            self._yielded = {other: one for other, one in self._yielded.items() if other != number}
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
         known = self._known[table[:, kernel.CHANNEL]]
@@ -372,25 +356,24 @@ def _tables(buffer: Bytes) -> list[Integers]:
     return tables
 
 
-def _decompressed(chunk: Chunk, allowance: Allowance) -> bytes:
-    """The records of a chunk.
+def _unpacked(content: bytes, allowance: Allowance) -> bytes:
+    """The records that a chunk holds.
 
     Raises
     ------
     ValueError
         If they are not what their length and checksum say.
     """
-    size = chunk.uncompressed_size
-    if chunk.compression == "":
-        records = chunk.data
-    elif chunk.compression == "zstd":
-        records = allowance.zstd(chunk.data)
-    elif chunk.compression == "lz4":
-        records = allowance.lz4(chunk.data)
-    else:
-        raise ValueError(f"its compression {chunk.compression[:32]!r} is none of zstd, lz4")
-    if len(records) != size:
-        raise ValueError(f"it holds {len(records)} bytes instead of {size}")
-    if chunk.uncompressed_crc and zlib.crc32(records) != chunk.uncompressed_crc:
+    fields = records.Fields(content)
+    fields.data(16)  # first and last time
+    size, checksum, compression = fields.number(8), fields.number(4), fields.text()
+    data = fields.data(fields.number(8))
+    unpackers: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": allowance.zstd, "lz4": allowance.lz4}
+    if compression not in unpackers:
+        raise ValueError(f"its compression {compression[:32]!r} is none of zstd, lz4")
+    unpacked = unpackers[compression](data)
+    if len(unpacked) != size:
+        raise ValueError(f"it holds {len(unpacked)} bytes instead of {size}")
+    if checksum and zlib.crc32(unpacked) != checksum:
         raise ValueError("its checksum is wrong")
-    return records
+    return unpacked

@@ -25,7 +25,7 @@ class Opcode(IntEnum):
     DATA_END = 0x0F
 
 
-class _Fields:
+class Fields:
     """The fields of a record, in their order.
 
     Raises
@@ -38,66 +38,24 @@ class _Fields:
         self._content, self._at = content, 0
 
     def data(self, size: int) -> bytes:
+        """The next bytes."""
         begin, self._at = self._at, self._at + size
         if self._at > len(self._content):
             raise ValueError("it ends in the midst of a field")
         return self._content[begin : self._at]
 
     def number(self, size: int) -> int:
+        """An integer of so many bytes."""
         return int.from_bytes(self.data(size), "little")
 
     def text(self) -> str:
+        """A text, after its length."""
         return self.data(self.number(4)).decode()
 
     def by_channel(self) -> dict[int, int]:
+        """A number for each channel."""
         table = np.frombuffer(self.data(self.number(4)), dtype=_BY_CHANNEL)
         return dict(zip(table["channel"].tolist(), table["value"].tolist(), strict=True))
-
-
-class Schema(NamedTuple):
-    """The definition of a type of messages."""
-
-    id: int
-    name: str
-    encoding: str
-    data: bytes
-
-    @staticmethod
-    def read(content: bytes) -> Schema:
-        """The record; ValueError if it is damaged, as of all of them."""
-        fields = _Fields(content)
-        return Schema(fields.number(2), fields.text(), fields.text(), fields.data(fields.number(4)))
-
-
-class ChannelRecord(NamedTuple):
-    """A channel: a topic as one publisher had it."""
-
-    id: int
-    schema_id: int
-    topic: str
-    message_encoding: str
-
-    @staticmethod
-    def read(content: bytes) -> ChannelRecord:
-        """The record."""
-        fields = _Fields(content)
-        return ChannelRecord(fields.number(2), fields.number(2), fields.text(), fields.text())
-
-
-class Chunk(NamedTuple):
-    """Records, compressed together."""
-
-    uncompressed_size: int
-    uncompressed_crc: int
-    compression: str
-    data: bytes
-
-    @staticmethod
-    def read(content: bytes) -> Chunk:
-        """The record."""
-        fields = _Fields(content)
-        fields.data(16)  # first and last time
-        return Chunk(fields.number(8), fields.number(4), fields.text(), fields.data(fields.number(8)))
 
 
 class ChunkIndex(NamedTuple):
@@ -109,21 +67,21 @@ class ChunkIndex(NamedTuple):
 
     @staticmethod
     def read(content: bytes) -> ChunkIndex:
-        """The record."""
-        fields = _Fields(content)
+        """The record; ValueError if it is damaged, as of all of them."""
+        fields = Fields(content)
         fields.data(16)  # first and last time
         return ChunkIndex(fields.number(8), fields.number(8), frozenset(fields.by_channel()))
 
 
 def footer(content: bytes) -> tuple[int, int]:
     """Where the summary begins [bytes], and its checksum; 0 where there is none."""
-    fields = _Fields(content)
+    fields = Fields(content)
     summary, _, checksum = fields.number(8), fields.number(8), fields.number(4)
     return summary, checksum
 
 
 def messages_by_channel(content: bytes) -> dict[int, int]:
     """Numbers of messages, of a record of statistics."""
-    fields = _Fields(content)
+    fields = Fields(content)
     fields.data(42)  # totals, first and last time
     return fields.by_channel()

@@ -9,7 +9,7 @@ from typing import Any
 
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.errors import reason
-from stickslip_ros.messages.blocks import Block, Channel, Warn, batches
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of
 
 _COMPRESSIONS = ("bz2", "lz4")
 
@@ -62,18 +62,18 @@ class Ros1Storage:
         channels = {one.id: _channel(one) for one in chosen}
         total = max(sum(one.msgcount for one in chosen), 1)
         taken, reported = 0, 0
-        for batch in self._batches(chosen):
-            yield Block.of_messages(batch, channels)
-            taken += len(batch)
+        for block in self._read(chosen, channels):
+            yield block
+            taken += len(block)
             read = self._file.size * min(taken, total) // total
             progress(read - reported)
             reported = read
         progress(self._file.size - reported)
 
-    def _batches(self, connections: list[Any]) -> Iterator[list[tuple[int, int, bytes]]]:
+    def _read(self, connections: list[Any], channels: dict[int, Channel]) -> Iterator[Block]:
         try:
-            read = self._reader.messages(connections) if connections else ()
-            yield from batches((connection.id, time, bytes(data)) for connection, time, data in read)
+            found = self._reader.messages(connections) if connections else ()
+            yield from blocks_of(((one.id, time, bytes(data)) for one, time, data in found), channels)
         except Exception as error:
             # As above.
             self._warn(f"{self._file.name}: damaged; the rest of it is lost: {reason(error)}")

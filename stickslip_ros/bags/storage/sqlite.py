@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn, batches, counts_by_channel
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel
 
 _ENCODINGS = ("ros2msg", "ros2idl")
 _COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
@@ -46,7 +46,7 @@ class SqliteStorage:
             If this is no such file.
         """
         try:
-            with closing(self._open()) as database:
+            with self._open() as database:
                 schemas = _definitions(database)
                 self._channels = {
                     int(number): _channel(str(topic), str(kind), str(encoding), schemas)
@@ -71,27 +71,25 @@ class SqliteStorage:
         if not numbers:
             return
         try:
-            with closing(self._open()) as database:
-                for batch in batches(self._messages(database, set(numbers))):
-                    yield Block.of_messages(batch, numbers)
-                    taken += len(batch)
+            with self._open() as database:
+                for block in blocks_of(self._messages(database, set(numbers)), numbers):
+                    yield block
+                    taken += len(block)
                     progress(size * min(taken, total) // total - reported)
                     reported = size * min(taken, total) // total
         except _DAMAGE as error:
             self._warn(f"{self._name}: reading stopped after {taken} messages: {' '.join(str(error).split())}")
         progress(size - reported)
 
-    def _open(self) -> sqlite3.Connection:
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
         # What is written meanwhile does not count, and no journal is looked for beside the file.
-        database = sqlite3.connect(f"file:{quote(str(self._path.resolve()))}?mode=ro&immutable=1", uri=True)
-        try:
-            database.text_factory = _text
+        address = f"file:{quote(str(self._path.resolve()))}?mode=ro&immutable=1"
+        with closing(sqlite3.connect(address, uri=True)) as database:
+            database.text_factory = lambda value: value.decode("utf-8", errors="replace")
             for table, columns in _COLUMNS.items():
                 _check_table(database, table, columns)
-        except BaseException:
-            database.close()
-            raise
-        return database
+            yield database
 
     def _messages(self, database: sqlite3.Connection, numbers: set[int]) -> Iterator[tuple[int, int, bytes]]:
         left_out = 0
@@ -112,10 +110,6 @@ class SqliteStorage:
                 left_out += 1
         if left_out:
             self._warn(f"{self._name}: {left_out} messages are no bytes, or more than can be")
-
-
-def _text(value: bytes) -> str:
-    return value.decode("utf-8", errors="replace")
 
 
 def _check_table(database: sqlite3.Connection, table: str, columns: tuple[str, ...]) -> None:

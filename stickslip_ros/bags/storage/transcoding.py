@@ -26,18 +26,18 @@ def transcoded(channel: Channel) -> tuple[Channel, Transcode | None]:
     encoding that is not known.
     """
     kind = _of_ros2(channel.type)
-    if channel.encoding not in _STORES or kind not in READ_TYPES:
+    if channel.encoding not in _ENCODINGS or kind not in READ_TYPES:
         return channel, None
-    store = _STORES[channel.encoding](kind, channel.schema)
+    types, to_cdr = _ENCODINGS[channel.encoding]
+    store = types(kind, channel.schema)
     if store is None or kind not in store.fielddefs:
         return channel, None
     schema = store.generate_msgdef(kind, ros_version=2)[0]
     found = replace(channel, type=kind, encoding="cdr", schema_encoding="ros2msg", schema=schema)
-    to_cdr = _ros1_to_cdr if channel.encoding == "ros1" else _json_to_cdr
 
     def transcode(message: bytes) -> bytes:
         try:
-            return to_cdr(store, kind, message)
+            return bytes(to_cdr(store, kind, message))
         except Exception as error:
             # What damaged bytes make generated code raise cannot be listed.
             raise MessageError(f"it is no {kind} in {channel.encoding}") from error
@@ -49,14 +49,6 @@ def _of_ros2(kind: str) -> str:
     """sensor_msgs/JointState, sensor_msgs.msg.JointState: as ROS 2 writes a type."""
     parts = kind.replace(".", "/").split("/")
     return "/".join((parts[0], "msg", parts[-1])) if len(parts) in (2, 3) else kind
-
-
-def _ros1_to_cdr(store: Any, kind: str, message: bytes) -> bytes:
-    return bytes(store.ros1_to_cdr(message, kind))
-
-
-def _json_to_cdr(store: Any, kind: str, message: bytes) -> bytes:
-    return bytes(store.serialize_cdr(_made(store, kind, json.loads(message)), kind))
 
 
 def _made(store: Any, kind: str, values: Any) -> Any:
@@ -94,8 +86,15 @@ def _number(name: str, value: Any) -> Any:
     return bool(value) if name == "bool" else int(value or 0)
 
 
-# JSON's schemas do not say which integers and floats are meant: the types are ROS 2's own.
-_STORES: dict[str, Callable[[str, str], Any]] = {
-    "ros1": lambda kind, schema: types_of(kind, "ros1msg", schema),
-    "json": lambda _, __: types_of_ros(),
+# Of each encoding the types, and what makes a message one of ROS 2. JSON's schemas do not say which integers and floats
+# are meant: the types are ROS 2's own.
+_ENCODINGS: dict[str, tuple[Callable[[str, str], Any], Callable[[Any, str, bytes], Any]]] = {
+    "ros1": (
+        lambda kind, schema: types_of(kind, "ros1msg", schema),
+        lambda store, kind, message: store.ros1_to_cdr(message, kind),
+    ),
+    "json": (
+        lambda _, __: types_of_ros(),
+        lambda store, kind, message: store.serialize_cdr(_made(store, kind, json.loads(message)), kind),
+    ),
 }

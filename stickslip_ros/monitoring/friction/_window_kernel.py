@@ -41,7 +41,7 @@ INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
 # Columns of a slip's start.
 POSITION, BREAKAWAY, LEVEL = range(3)
 # Columns of what is found of a slip: the force on the joint at breakaway in the slip's direction, when and where
-# it ends, the factor by which the Stribeck friction is less there than at breakaway, and whether it went on after a stop.
+# it ends, the factor by which the Stribeck friction is less there than at breakaway, and whether it went on again.
 HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION, WENT_ON = range(5)
 FOUND_COLUMNS = WENT_ON + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
