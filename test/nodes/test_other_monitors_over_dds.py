@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Two monitors on one graph: said of those that run, and not of those that were killed; no ramp beside another one."""
+"""Two monitors on one graph: said of those that run, and not of those that were killed; no ramp beside another one.
+
+Those of monitors that run are nightly: in some starts Fast DDS never brings one of two monitors what the other publishes.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,7 @@ def own(one: Probe) -> str:
     return one.diagnostics["stickslip_monitor"][1]
 
 
+@pytest.mark.nightly
 def test_two_monitors_of_one_name(ros_domain: int) -> None:
     """Both say so, once in the log, and refuse to ramp; until one of them has ended."""
     with monitor() as first, probe() as one:
@@ -54,6 +58,7 @@ def test_what_a_killed_monitor_leaves_is_no_monitor(ros_domain: int) -> None:
             assert "another monitor" not in one.answer("apply_recommendation").message
 
 
+@pytest.mark.nightly
 def test_monitors_of_the_same_joint_or_name(ros_domain: int) -> None:
     """Joints in common and the name are said each; a monitor of other joints and another name is nobody's trouble."""
     others = {"second": ("b, a", "second"), "third": ("c", "stickslip_monitor"), "fourth": ("d", "fourth")}
