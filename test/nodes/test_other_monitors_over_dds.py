@@ -2,7 +2,7 @@
 # Copyright 2026 The stickslip_ros developers
 """Two monitors on one graph: said of those that run, and not of those that were killed; no ramp beside another one.
 
-Those of monitors that run are nightly: in some starts Fast DDS never brings one of two monitors what the other publishes.
+By night: monitors that run, as in some starts Fast DDS never brings one of two what the other publishes.
 """
 
 from __future__ import annotations
