@@ -51,8 +51,8 @@ COARSE, FINE, GROWTH = range(3)
 
 _MOST_SLIPS = 64  # slips in a window, 1: with more, ever shorter ones, the joint rests as far as can be seen
 _MOST_STEPS = 1e5  # steps of a window, 1: at most
-# Time beyond its window in which a slip may end, of the time in the window, 1: encoders do not show its last part.
-_BEYOND = 0.5
+# Time in which a slip may end, of the time until the end of its window, 1: encoders do not show the last part.
+_LONGEST = 1.5
 _ABSURD = 1e50  # way, rad: no further motion is followed
 _MOST_SWEEPS = 16  # fixed-point iterations of a step's friction, 1
 _NO_STEP = 1e-9  # lag, of a step: a shorter one takes no step of its own
@@ -160,7 +160,7 @@ def _slide(
     acceleration = (surplus - (plant[VISCOUS] + drag * creep) * creep) / plant[INERTIA]
     cursor, past = node, 0
     index, elapsed = 0, 0.0
-    longest = (1.0 + _BEYOND) * (times[last] - begin)
+    longest = _LONGEST * (times[last] - begin)
     while elapsed < longest and index < spans.shape[0] and abs(way) < _ABSURD:
         if index < before_fall:
             size, which = lag / before_fall, 0
@@ -303,7 +303,7 @@ def simulate_windows(
             if smallest > steps[variant, FINE]:
                 smallest *= 0.5
         for n in range(directions.shape[0]):
-            needed = (1.0 + _BEYOND) * (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest
+            needed = _LONGEST * (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest
             if room < needed < _MOST_STEPS:
                 room = needed
     spans, polynomials = np.empty((int(room) + 3, 2)), np.empty((int(room) + 3, POINTS))

@@ -117,7 +117,7 @@ def _array(data: Any, where: str) -> Any:
     return array
 
 
-class NewerVersionError(StickSlipError, ValueError):
+class NewerVersionError(StickSlipError):
     """A sound file of a version that a later release writes."""
 
 

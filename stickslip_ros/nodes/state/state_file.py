@@ -15,7 +15,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state.plain_data import USER_ONLY, NewerVersionError, from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.plain_data import USER_ONLY, from_plain, sealed, to_plain, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT = "stickslip_ros state"
@@ -62,8 +62,6 @@ def read_state(path: Path) -> dict[str, JointMemory]:
         if version < _VERSION:
             joints = {name: as_of_now(data, version) for name, data in joints.items()}
         return {name: from_plain(JointMemory, data) for name, data in joints.items()}
-    except NewerVersionError:
-        raise
     except (ValueError, RecursionError, AttributeError) as error:
         raise StateFileError(str(error)) from error
 
