@@ -18,7 +18,7 @@ import pytest
 import yaml
 from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.package import parse_package
-from conftest import ROOT
+from conftest import LIMIT, ROOT
 
 import stickslip_ros
 from stickslip_ros.errors import JointFileError, UnknownJointError
@@ -159,7 +159,7 @@ def test_the_command_line_starts_without_ros() -> None:
         "import sys; sys.modules['rclpy'] = None; from stickslip_ros.cli.main import main; "
         "sys.exit(main(['margin', '--model', 'puma560_joint1', '--json']))"
     )
-    assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, timeout=LIMIT).returncode == 0
 
 
 @pytest.mark.slow
@@ -173,7 +173,7 @@ def test_what_only_bags_need_is_loaded_for_bags() -> None:
         "assert main(['margin', '--model', 'puma560_joint1', '--json']) == 0\n"
         "sys.exit(main(['simulate', '--out', 'x.mcap']))"
     )
-    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=LIMIT)
     assert done.returncode == 2
     assert "writing it needs the package" in done.stderr
 
@@ -263,7 +263,7 @@ def test_known_joints_name_their_sources(path: Path) -> None:
 def test_the_forms_for_contributors_are_sound() -> None:
     """Issue 8: pre-commit takes its configuration; every issue form says what it is, and what it asks for."""
     command = [sys.executable, "-m", "pre_commit", "validate-config", ROOT / ".pre-commit-config.yaml"]
-    subprocess.run(command, check=True, timeout=60)
+    subprocess.run(command, check=True, timeout=LIMIT)
     forms = [path for path in (ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml") if path.stem != "config"]
     assert len(forms) >= 3
     for path in forms:

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from conftest import LIMIT, ROOT
 from nodes.support_ros import probe
 
 from stickslip_ros import __version__
@@ -50,7 +50,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copytree(path, source / name, ignore=shutil.ignore_patterns("__pycache__"))
         elif path.exists():
             shutil.copy(path, source / name)
-    listed = subprocess.run([COLCON, "list"], cwd=folder, capture_output=True, text=True, timeout=120, check=True)
+    listed = subprocess.run([COLCON, "list"], cwd=folder, capture_output=True, text=True, timeout=LIMIT, check=True)
     assert "(ros.ament_python)" in listed.stdout
     run_colcon(folder, "build")
     return folder / "install" / "stickslip_ros"
@@ -104,7 +104,7 @@ def test_the_command_is_on_the_path_of_a_workspace(workspace: Path) -> None:
     (folder / "python3").symlink_to(sys.executable)
     environment = {**os.environ, "PATH": f"{folder}:/usr/bin:/bin"}
     done = subprocess.run(
-        ["bash", "-c", script], capture_output=True, text=True, timeout=60, check=False, env=environment
+        ["bash", "-c", script], capture_output=True, text=True, timeout=LIMIT, check=False, env=environment
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [str(workspace / "bin" / "stickslip"), __version__]
@@ -129,7 +129,7 @@ def test_the_monitor_starts_from_the_install_space(workspace: Path, ros_domain: 
             # In a new place it compiles first; it is heard meanwhile.
             one.wait(lambda: "joint1" in one.diagnostics, "joint1")
         process.terminate()
-        assert process.wait(10.0) == 0
+        assert process.wait(LIMIT) == 0
     finally:
         process.kill()
         process.communicate()

@@ -34,7 +34,7 @@ from typing import Any
 
 import pytest
 import yaml
-from conftest import ROOT, nightly
+from conftest import LIMIT, ROOT, nightly
 
 from stickslip_ros.cli.main import build_parser, main
 from stickslip_ros.parent_death import die_with_parent
@@ -104,7 +104,7 @@ def background(code: str, folder: Path, environment: dict[str, str]) -> Iterator
             yield
             assert process.poll() is None, (folder / "background.log").read_text()
             process.send_signal(signal.SIGINT)
-            assert process.wait(60.0) == 0, (folder / "background.log").read_text()
+            assert process.wait(LIMIT) == 0, (folder / "background.log").read_text()
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
@@ -205,7 +205,12 @@ def check_commands(code: str, environment: dict[str, str]) -> None:
             build_parser().parse_args(words[1:])
         elif words[:2] == ["ros2", "launch"]:
             done = subprocess.run(
-                words, env={**environment, "CHECK_ONLY": "1"}, timeout=60, check=False, capture_output=True, text=True
+                words,
+                env={**environment, "CHECK_ONLY": "1"},
+                timeout=LIMIT,
+                check=False,
+                capture_output=True,
+                text=True,
             )
             assert done.returncode == 0, done.stderr
         elif words[:3] == ["ros2", "run", "stickslip_ros"]:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import nightly
+from conftest import LIMIT, nightly
 from nodes.support_ros import Probe, play, probe, sticking_motion
 
 import stickslip_ros
@@ -74,7 +74,7 @@ class Monitor:
         begin = time.monotonic()
         self.process.send_signal(signal.SIGINT)
         try:
-            return self.process.wait(30.0), time.monotonic() - begin
+            return self.process.wait(LIMIT), time.monotonic() - begin
         finally:
             # One that hangs must not be in the way of the tests that follow.
             self.process.kill()
@@ -140,7 +140,7 @@ def test_two_started_where_not_all_is_compiled(ros_domain: int, cache: Path, tmp
             assert np.allclose(breakaways(one), expected, atol=1e-6)
             one.wait(refused.done, "an answer")
             assert not refused.result().success
-            assert "joint" in watch.communicate(timeout=60.0)[0]
+            assert "joint" in watch.communicate(timeout=LIMIT)[0]
             assert watch.returncode == 0
             second.wait_for("compiled in", 30.0)
             assert "messages lost" not in one.diagnostics["stickslip_monitor"][1]
@@ -261,8 +261,8 @@ def test_ctrl_c_while_it_compiles(ros_domain: int, tmp_path: Path) -> None:
         monitor.process.kill()
     assert status == 0, monitor.log()
     assert "Traceback" not in monitor.log()
-    # On a busy machine the kernel itself is late; it is a second on any other.
-    assert took < 5.0
+    # It is a second, and on a busy machine some; the compilation takes 20 s and more.
+    assert took < 15.0
     assert compilers(tmp_path / "cache") == []
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from conftest import RECORDINGS, recording
+from conftest import LIMIT, RECORDINGS, recording
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -436,7 +436,7 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
     for duration in (40.0, 320.0):
         path = simulated_bag(tmp_path / f"{duration}.mcap", names=("a", "b", "c"), duration=duration, rate=500.0)
         command = [sys.executable, "-c", code, "analyze", str(path), "--no-learning", "--json"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=True)
         used.append(int(done.stderr.split()[-1]))
     assert used[1] < 300_000
     assert used[1] < used[0] + 20_000

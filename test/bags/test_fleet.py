@@ -18,6 +18,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 from browser import browser
+from conftest import LIMIT
 from distributed import Client, LocalCluster
 from support_bags import sticking
 
@@ -120,12 +121,12 @@ def interrupted(arguments: list[str], results: Path) -> int:
     """Exit status of a command that gets Ctrl-C when it has kept two answers."""
     command = [sys.executable, "-m", "stickslip_ros.cli.main", *arguments]
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + LIMIT
     while len(list(results.glob("*.json"))) < 2 and run.poll() is None:
         assert time.monotonic() < until
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
-    return run.wait(20.0)
+    return run.wait(LIMIT)
 
 
 def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import LIMIT
 from rosbags.convert import convert as convert_bag
 from rosbags.rosbag2 import StoragePlugin
 from support_bags import STORE, simulated_bag
@@ -37,7 +38,7 @@ def without_pip(folder: Path, commands: list[list[str | Path]]) -> list[tuple[in
     """Exit status, output and errors of commands where none of those packages is."""
     words = json.dumps([[str(word) for word in command] for command in commands])
     done = subprocess.run(
-        [sys.executable, "-c", BLOCKED, words], check=False, capture_output=True, text=True, timeout=120, cwd=folder
+        [sys.executable, "-c", BLOCKED, words], check=False, capture_output=True, text=True, timeout=LIMIT, cwd=folder
     )
     assert done.returncode == 0, done.stderr
     return [(status, out, errors) for status, out, errors in json.loads(done.stdout)]

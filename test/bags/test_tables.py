@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from conftest import LIMIT
 from support_bags import read_joint
 
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
@@ -235,7 +236,7 @@ def test_lists_inside_of_structures_of_parquet(tmp_path: Path) -> None:
     message = [{"stamp": 0.1 * number, "position": row} for number, row in enumerate(POSITIONS[:, :2].tolist())]
     pyarrow.parquet.write_table(pa.table({"msg": message}), tmp_path / "a.parquet")
     command = [sys.executable, "-m", "stickslip_ros.cli.main", "convert", "a.parquet", "--out", "a.mcap"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=LIMIT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "40 samples of msg_0, msg_1" in done.stderr
 

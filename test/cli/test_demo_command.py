@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import nightly
+from conftest import LIMIT, nightly
 from matplotlib.image import imread
 
 from stickslip_ros.cli.main import main
@@ -37,7 +37,7 @@ def processes_on(domain: int) -> list[str]:
 def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     """Issue 2: stick-slip, advice, gains set, smooth, a picture, exit status 0, no process left."""
     picture = tmp_path / "demo.png"
-    done = subprocess.run([*COMMAND, "--out", picture], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([*COMMAND, "--out", picture], capture_output=True, text=True, timeout=LIMIT, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     for text in ("Stick-slip: ", "Advice: raise the", "Smooth: no cycle", "joint1: it helped: ", str(picture)):
         assert text in done.stdout
@@ -61,13 +61,13 @@ def test_interrupted_it_leaves_no_process_behind(ros_domain: int, tmp_path: Path
     process = subprocess.Popen(
         [*COMMAND, "--out", tmp_path / "demo.png"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + LIMIT
     while len(processes_on(ros_domain)) < 2:
         assert time.monotonic() < until
         time.sleep(0.05)
     process.send_signal(number)
-    assert process.wait(20.0) != 0
-    until = time.monotonic() + 10.0
+    assert process.wait(LIMIT) != 0
+    until = time.monotonic() + LIMIT
     while processes_on(ros_domain):
         assert time.monotonic() < until, processes_on(ros_domain)
         time.sleep(0.05)
@@ -78,7 +78,7 @@ def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
     picture = tmp_path / "slider.png"
     done = subprocess.run(
         [*COMMAND, "--recording", "slider", "--speed", "8", "--out", picture],
-        capture_output=True, text=True, timeout=90, check=False,
+        capture_output=True, text=True, timeout=LIMIT, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "stick-slip cycles" in done.stdout

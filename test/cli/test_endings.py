@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import begun, nightly
+from conftest import LIMIT, begun, nightly
 
 from stickslip_ros.bags.simulated import recording_size
 from stickslip_ros.cli.main import main
@@ -26,12 +26,12 @@ def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> N
     """Neither a file nor a folder; the exit status is the signal's."""
     command = [sys.executable, "-m", "stickslip_ros.cli.main", "simulate", "--duration", "100000", "--out"]
     with begun([*command, str(tmp_path / name)], stderr=subprocess.PIPE) as process:
-        until = time.monotonic() + 60.0
+        until = time.monotonic() + LIMIT
         while not _written(tmp_path) and time.monotonic() < until:
             time.sleep(0.02)
         assert process.poll() is None
         process.send_signal(number)
-        _, complaint = process.communicate(timeout=20.0)
+        _, complaint = process.communicate(timeout=LIMIT)
     assert process.returncode == 128 + number
     assert b"Traceback" not in complaint
     assert not list(tmp_path.iterdir())
@@ -47,7 +47,7 @@ def test_a_reader_that_has_gone(options: list[str], status: int) -> None:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
-        assert process.wait(60.0) == status
+        assert process.wait(LIMIT) == status
         assert process.stderr.read() == b""
 
 
@@ -89,7 +89,7 @@ def test_work_without_steps_ends_all_the_same(number: signal.Signals, tmp_path: 
         assert process.stdout is not None
         assert process.stdout.readline() == b"begun\n"
         process.send_signal(number)
-        _, complaint = process.communicate(timeout=20.0)
+        _, complaint = process.communicate(timeout=LIMIT)
     assert process.returncode == 128 + number
     assert complaint == b""
     assert not list(tmp_path.iterdir())

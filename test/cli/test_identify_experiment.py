@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import rclpy
-from conftest import ROOT, begun
+from conftest import LIMIT, ROOT, begun
 from nodes.forked_nodes import NodeProcess
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -40,7 +40,7 @@ def positions(seconds: float) -> np.ndarray:
         node = Node("watcher")
         rows: list[list[float]] = []
         node.create_subscription(JointState, "joint_states", lambda message: rows.append(list(message.position)), 100)
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + LIMIT
         while not rows and time.monotonic() < until:
             rclpy.spin_once(node, timeout_sec=0.05)
         until = time.monotonic() + seconds
@@ -106,10 +106,10 @@ def test_a_joint_that_does_not_do_as_told_ends_the_experiment(
 
 
 def test_a_refusal_is_noticed_soon(ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 15: a ladder of 48 s that is ignored ends two seconds after the joint should have moved by 0.02 rad."""
+    """Issue 15: a ladder of minutes that is ignored ends two seconds after the joint should have moved by 0.02 rad."""
     with robot(manner="ignore"):
-        _, took = failed(capsys, [*LADDER[:-4], "--step-time", "15", "--rest", "1", "--on", "elbow"])
-    assert took < 40.0  # some of it to find the controller, and to see the joint stand
+        _, took = failed(capsys, [*LADDER[:-4], "--step-time", "60", "--rest", "1", "--on", "elbow"])
+    assert took < LIMIT  # most of it to find the controller, and to see the joint stand
 
 
 def test_ctrl_c_leaves_no_joint_moving(ros_domain: int) -> None:
@@ -118,13 +118,14 @@ def test_ctrl_c_leaves_no_joint_moving(ros_domain: int) -> None:
         with robot():
             command = [sys.executable, "-m", "stickslip_ros.cli.main", *LADDER[:-4], "--step-time", "15", "--rest", "1"]
             with begun([*command, "--on", "elbow"], stderr=subprocess.PIPE, text=True) as experiment:
-                until = time.monotonic() + 30.0
-                while positions(0.1)[-1, 1] < 0.51:
+                until = time.monotonic() + LIMIT
+                while positions(0.1)[-1, 1] < 0.52:
                     assert time.monotonic() < until, "waited for the joint to move"
                 experiment.send_signal(number)
-                assert experiment.wait(20.0) == 130
+                assert experiment.wait(LIMIT) == 130
             stands = positions(1.0)
             assert np.ptp(stands, axis=0).max() < 1e-3
+            # It is told to stand where it was seen last, which on a busy machine is some time ago.
             assert stands[-1, 1] > 0.51
 
 
@@ -141,7 +142,7 @@ def test_another_trajectory_is_not_judged_as_ours(ros_domain: int) -> None:
                 publisher = node.create_publisher(JointTrajectory, f"{CONTROLLER}/joint_trajectory", 10)
                 heard: list[JointState] = []
                 node.create_subscription(JointState, "joint_states", heard.append, 100)
-                until = time.monotonic() + 30.0
+                until = time.monotonic() + LIMIT
                 # The controller, and the experiment itself.
                 while not heard or heard[-1].position[1] < 0.51 or publisher.get_subscription_count() < 2:
                     assert time.monotonic() < until, "waited for the joint to move"
@@ -149,7 +150,7 @@ def test_another_trajectory_is_not_judged_as_ours(ros_domain: int) -> None:
                 point = JointTrajectoryPoint(positions=[0.0, 0.0, 0.0])
                 point.time_from_start.sec = 20
                 publisher.publish(JointTrajectory(joint_names=list(START), points=[point]))
-                assert experiment.wait(20.0) == 2
+                assert experiment.wait(LIMIT) == 2
             finally:
                 rclpy.try_shutdown()
             assert experiment.stderr is not None

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from bags.support_bags import WITHOUT_LEARNING, simulated_bag
+from conftest import LIMIT
 
 from stickslip_ros.analysis import fleet
 from stickslip_ros.cli.main import main
@@ -40,7 +41,7 @@ with progress_bar("working") as tell:
 
 def test_an_interrupt_in_a_finalizer_is_not_lost() -> None:
     """Issue 6, item 5: an interrupted run ends, also where Python would drop an exception: the next step raises it."""
-    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=LIMIT, check=False)
     assert done.stdout == "went on\n"
     assert done.stderr.rstrip().endswith("Interrupted: 2")
     assert done.returncode != 0

@@ -16,7 +16,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from conftest import begun
+from conftest import LIMIT, begun
 from hypothesis import given
 from hypothesis import strategies as st
 from nodes.forked_nodes import NodeProcess
@@ -122,7 +122,7 @@ def test_options_of_the_terminal_have_no_effect_on_the_page(
 
 def test_without_a_monitor_it_says_what_to_look_at(ros_domain: int) -> None:
     """Issue 8: nobody there: one line with the domain, exit status 2."""
-    done = subprocess.run([*COMMAND, "--patience", "1"], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([*COMMAND, "--patience", "1"], capture_output=True, text=True, timeout=LIMIT, check=False)
     assert done.returncode == 2
     assert f"No monitor found within 1 s in ROS domain {ros_domain}" in done.stderr
 
@@ -137,10 +137,10 @@ def test_watch_over_dds(ros_domain: int) -> None:
         NodeProcess("monitor", {**parameters, "controller": "/simulated_joint"}),
         NodeProcess("monitor", parameters, space),
     ):
-        until = time.monotonic() + 120.0
+        until = time.monotonic() + LIMIT
         while True:
             done = subprocess.run(
-                [*COMMAND, "--once", "--seconds", "5"], capture_output=True, text=True, timeout=120, check=False
+                [*COMMAND, "--once", "--seconds", "5"], capture_output=True, text=True, timeout=LIMIT, check=False
             )
             # What is to be done comes with the advice, some time after the status.
             if "■ stick_slip" in done.stdout and "robot1/joint1" in done.stdout and "stick_slip; " in done.stdout:
@@ -160,7 +160,7 @@ def _live() -> int:
     command = [*COMMAND, "--patience", "60"]
     with begun(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
         os.close(theirs)
-        seen, until = b"", time.monotonic() + 90.0
+        seen, until = b"", time.monotonic() + LIMIT
         while (new := _read(ours)) and seen.count(b"stick_slip") < 4:
             seen += new
             assert time.monotonic() < until, seen.decode(errors="replace")
@@ -168,7 +168,7 @@ def _live() -> int:
         while new := _read(ours):
             seen += new
         os.close(ours)
-        status = process.wait(30.0)
+        status = process.wait(LIMIT)
     assert seen.count(b"stick_slip") >= 4, seen.decode(errors="replace")
     assert b"Traceback" not in seen, seen.decode(errors="replace")
     return status

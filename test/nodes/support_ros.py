@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from conftest import LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -40,7 +41,6 @@ from stickslip_ros.settings.known_joints import load_joint
 NO_DATA = "no data"  # how the status of a joint begins whose data have ended
 STALE = b"\x03"  # level of a joint whose data have ended
 ROOM = 50_000  # messages, that nothing is dropped however long the node waits for a processor
-_LIMIT = 120.0  # [s]: no claim, as what a test waits for comes; a slow machine compiles first, and runs other tests
 _ASK_AGAIN = 3.0  # [s]
 _SETTLED = 0.2  # [s]
 
@@ -100,7 +100,7 @@ class Probe:
         """Whether the monitor said last that the joint's data have ended."""
         return joint in self.diagnostics and self.diagnostics[joint][1].startswith(NO_DATA)
 
-    def wait(self, reached: Callable[[], bool], what: str, limit: float = _LIMIT) -> None:
+    def wait(self, reached: Callable[[], bool], what: str, limit: float = LIMIT) -> None:
         """Spin until the goal is reached; fails after the limit [s]."""
         until = time.monotonic() + limit
         while not reached():
@@ -167,7 +167,7 @@ class Probe:
 
         self.wait(tried, what)
 
-    def set_parameters(self, node: str, values: dict[str, object], limit: float = _LIMIT) -> list[str]:
+    def set_parameters(self, node: str, values: dict[str, object], limit: float = LIMIT) -> list[str]:
         """Set parameters; returns the reasons of refusal, "" for what was taken."""
         client = self._parameters_of(node)
         self.wait(client.services_are_ready, f"the parameter services of {node}")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import pytest
+from conftest import LIMIT
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion
@@ -18,8 +19,6 @@ from stickslip_ros.nodes.worker.process import SlowWork
 from stickslip_ros.nodes.worker.questions import AdviceWorker
 
 pytestmark = pytest.mark.slow
-
-_LIMIT = 60.0  # [s]
 
 
 @pytest.fixture
@@ -32,7 +31,7 @@ def work() -> Iterator[SlowWork]:
 
 def _answered(submit: Callable[[AdviceQuestion], Advice | None], question: AdviceQuestion, work: SlowWork) -> Advice:
     """The advice on a question that was asked, once it is there."""
-    until = time.monotonic() + _LIMIT
+    until = time.monotonic() + LIMIT
     while work.waiting:
         assert time.monotonic() < until
         time.sleep(0.01)

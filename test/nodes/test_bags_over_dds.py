@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import nightly
+from conftest import LIMIT, nightly
 from nodes.forked_nodes import NodeProcess
 from support_ros import Probe, probe
 
@@ -73,7 +73,7 @@ def played(one: Probe, path: Path, joint: str) -> list[str]:
 
     with NodeProcess("replay", {"recording": path, "time_factor": _FACTOR, "linger": 0.3}) as replay:
         one.wait(over, f"the end of {path.name}")
-        assert replay.wait(5.0) == 0, replay.output()
+        assert replay.wait(LIMIT) == 0, replay.output()
     return words
 
 
@@ -208,9 +208,9 @@ def test_a_bag_of_several_robots_is_played_one_at_a_time(ros_domain: int, tmp_pa
         values = np.stack([0.1 * times, *[np.full(100, np.nan)] * 2], axis=1)[:, :, None]
         writer.write(*(serialized_joint_states(topic, ("joint1",), times, values) for topic in topics))
     with NodeProcess("replay", {"recording": path}) as replay:
-        assert replay.wait(60.0) == 2
+        assert replay.wait(LIMIT) == 2
         listed = "/left/joint_states (100 messages), /right/joint_states (100 messages)"
         assert f"{listed}: choose one with the parameter states" in replay.output()
     with NodeProcess("replay", {"recording": path, "states": "/middle"}) as replay:
-        assert replay.wait(60.0) == 2
+        assert replay.wait(LIMIT) == 2
         assert "the parameter states /middle: no such topic" in replay.output()

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import LIMIT
 from nodes.forked_nodes import NodeProcess
 from sensor_msgs.msg import JointState
 from support_ros import probe
@@ -64,5 +65,5 @@ def test_efforts_move_the_joint_only_as_long_as_they_come(ros_domain: int) -> No
 def test_another_command_is_refused(ros_domain: int) -> None:
     """In the words that were typed."""
     with NodeProcess("simulated_joint", {"command": "torque"}) as joint:
-        assert joint.wait(60.0) != 0
+        assert joint.wait(LIMIT) != 0
         assert "'command' must be one of reference, effort: torque" in joint.output()

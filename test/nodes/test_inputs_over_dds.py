@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from conftest import nightly
+from conftest import LIMIT, nightly
 from nodes.forked_nodes import NodeProcess
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
@@ -224,7 +224,7 @@ def test_deleted_parameters_have_an_answer(ros_domain: int) -> None:
 def test_impossible_values_at_the_start(ros_domain: int, module: str, parameters: dict[str, object], text: str) -> None:
     """Issue 15: one line that names the parameter and what would be right, and exit status 2."""
     with NodeProcess(module, parameters) as node:
-        assert node.wait(60.0) == 2
+        assert node.wait(LIMIT) == 2
         assert text in node.output()
         assert "Traceback" not in node.output()
 

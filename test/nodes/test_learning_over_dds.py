@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
+from conftest import LIMIT
 from nodes.forked_nodes import NodeProcess
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -110,7 +111,7 @@ def test_a_controller_is_sent_one_trajectory_and_then_told_to_hold(ros_domain: i
         follower.start()
         steps = speed_ladder([0.1, 0.2], duration=0.2, rest=0.1)
         batch = ladder.run(steps, lambda *_: None)
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + LIMIT
         while len(controller.received) < 2 and time.monotonic() < until:
             time.sleep(0.01)
         executor.shutdown(timeout_sec=5.0)

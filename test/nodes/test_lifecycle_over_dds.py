@@ -9,7 +9,7 @@ import signal
 import time
 
 import pytest
-from conftest import nightly
+from conftest import LIMIT, nightly
 from lifecycle_msgs.msg import Transition
 from support_processes import children, command_line, memory, runs
 from support_ros import play, probe, staircase
@@ -93,7 +93,7 @@ def test_a_signal_ends_it(ros_domain: int, number: signal.Signals, how: str) -> 
         left = children(monitor.pid)
         assert bool(left) == (how == "learning")
         os.kill(monitor.pid, number)
-        assert monitor.wait(10.0) == 0
+        assert monitor.wait(LIMIT) == 0
         assert "Traceback" not in monitor.output()
         one.wait(lambda: not any(map(runs, left)), "the end of the worker")
 

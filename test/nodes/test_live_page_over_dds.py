@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from bags.browser import Page, browser
 from bokeh.document import Document
-from conftest import begun
+from conftest import LIMIT, begun
 from nodes.forked_nodes import NodeProcess
 
 from stickslip_ros.cli.live_joint import cycle_duration, phase_loop, what_if
@@ -64,7 +64,7 @@ def served(port: int) -> Iterator[subprocess.Popen[str]]:
         finally:
             process.terminate()
             try:
-                process.wait(20.0)
+                process.wait(LIMIT)
             except subprocess.TimeoutExpired:
                 process.kill()
                 raise
@@ -169,7 +169,7 @@ def test_answers_are_of_the_joint_that_is_chosen() -> None:
     document = Document()
     with ThreadPoolExecutor(1) as work:
         page = LivePage(document, Listener(), work)  # type: ignore[arg-type]
-        answer, until = document.get_model_by_name("answer"), time.monotonic() + 60.0
+        answer, until = document.get_model_by_name("answer"), time.monotonic() + LIMIT
         while "k_p 630 " not in answer.text:
             assert time.monotonic() < until
             time.sleep(0.05)
@@ -188,7 +188,7 @@ def handshake(port: int, origin: str) -> str:
         "GET /ws HTTP/1.1", f"Host: 127.0.0.1:{port}", f"Origin: {origin}", "Connection: Upgrade", "Upgrade: websocket",
         "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", "Sec-WebSocket-Version: 13", "", "",
     ]  # fmt: skip
-    with socket.create_connection(("127.0.0.1", port), timeout=10.0) as one:
+    with socket.create_connection(("127.0.0.1", port), timeout=LIMIT) as one:
         one.sendall("\r\n".join(lines).encode())
         # What follows the head may be a frame of the socket already, which is no text.
         return one.recv(1000).partition(b"\r\n")[0].decode()
@@ -205,7 +205,7 @@ def test_only_this_machine_unless_asked(ros_domain: int) -> None:
         assert "403" in handshake(port, "http://evil.example")
         assert "403" not in handshake(port, f"http://127.0.0.1:{port}")
         second = subprocess.run(
-            [*_COMMAND, "--port", str(port)], capture_output=True, text=True, timeout=60, check=False
+            [*_COMMAND, "--port", str(port)], capture_output=True, text=True, timeout=LIMIT, check=False
         )
         assert second.returncode == 2
         assert "'--port' must be free" in second.stderr

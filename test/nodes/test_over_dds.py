@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from conftest import nightly, recording
+from conftest import LIMIT, nightly, recording
 from nodes.forked_nodes import NodeProcess
 from support_ros import STALE, Probe, probe, staircase
 
@@ -123,14 +123,14 @@ def test_a_reference_type_that_cannot_be_had(ros_domain: int, value: str, text: 
     if importlib.util.find_spec("control_msgs") and value != "Twist":
         pytest.skip("control_msgs is installed here")
     with NodeProcess("monitor", {**PUMA, "reference_type": value}) as monitor:
-        assert monitor.wait(20.0) == 2
+        assert monitor.wait(LIMIT) == 2
         assert text in monitor.output()
 
 
 def test_an_unknown_model_ends_the_node_with_one_line(ros_domain: int) -> None:
     """Issue 2, bad input: a model that does not exist is refused at start, with those that do."""
     with NodeProcess("monitor", {"joints": "[joint1]", "model.joint1": "puma"}) as monitor:
-        assert monitor.wait(20.0) == 2
+        assert monitor.wait(LIMIT) == 2
         assert "unknown joint 'puma'; known joints: " in monitor.output()
 
 
@@ -166,7 +166,7 @@ def test_a_recording_over_dds_gives_what_it_gives_without_ros(ros_domain: int, n
             one.wait_for_monitor()
             with NodeProcess("replay", {"recording": path, "time_factor": factor, "linger": 2.0}) as replay:
                 one.wait(lambda: not replay.running, "the end of the recording")
-                assert replay.wait(5.0) == 0
+                assert replay.wait(LIMIT) == 0
             one.wait(lambda: len(one.cycles) >= len(expected) or one.diagnostics["joint1"][0] == STALE, "cycles")
             late = float(one.diagnostics["stickslip_monitor"][2]["references too late [1]"])
         # A live monitor judges without references that come 0.2 s too late, as on a machine short of time.

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import nightly
+from conftest import LIMIT, nightly
 from lifecycle_msgs.msg import Transition
 from nodes.forked_nodes import NodeProcess
 from rclpy.task import Future
@@ -47,7 +47,7 @@ def under_way(one: Probe) -> bool:
 
 def ask(one: Probe) -> Future:
     """Ask for the advice to be applied until that is taken up: a joint may stand still for a moment."""
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + LIMIT
     while True:
         asked = one.call("apply_recommendation")
         # Where the advice is being worked out the refusal, too, comes late.

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 from builtin_interfaces.msg import Duration
-from conftest import ROOT
+from conftest import LIMIT, ROOT
 from nodes.forked_nodes import NodeProcess
 from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
@@ -108,7 +108,7 @@ def demo(folder: Path) -> Iterator[Probe]:
     finally:
         os.killpg(process.pid, signal.SIGINT)
         try:
-            process.wait(15.0)
+            process.wait(LIMIT)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
 

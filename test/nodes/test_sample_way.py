@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import LIMIT
 
 _DESIGN = Path(__file__).parents[2] / "docs" / "design.md"
 _MOST = 52  # files, 1: fewer are welcome
@@ -66,7 +67,7 @@ def test_the_way_of_a_sample_is_the_one_that_is_drawn(ros_domain: int) -> None:
     table = _DESIGN.read_text(encoding="utf-8").partition("| step | files |")[2].partition("\n\n")[0]
     drawn = set(re.findall(r"`([\w/]+\.py)`", table))
     assert len(drawn) <= _MOST
-    done = subprocess.run([sys.executable, "-c", _MONITOR], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([sys.executable, "-c", _MONITOR], capture_output=True, text=True, timeout=LIMIT, check=True)
     entered = set(done.stdout.split("\n")[-2].split())
     assert len(entered) > 30, done.stdout
     assert entered <= drawn

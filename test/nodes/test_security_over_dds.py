@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from conftest import LIMIT, ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from lifecycle_msgs.msg import Transition
@@ -54,7 +54,7 @@ def test_it_does_not_run_without_the_security_that_is_asked_for(
             monkeypatch.setenv(f"ROS_SECURITY_{name}", value)
         (tmp_path / "enclaves").mkdir()
         with NodeProcess("monitor", {}) as monitor:
-            assert monitor.wait(60.0) == 2
+            assert monitor.wait(LIMIT) == 2
             assert re.search(r"error: .*([Ss]ecurity|SECURITY|enclave)", monitor.output()), monitor.output()
             assert "Traceback" not in monitor.output()
         assert "stickslip_monitor" not in one.diagnostics
@@ -158,7 +158,7 @@ def test_it_is_there_soon(ros_domain: int) -> None:
         "import sys, stickslip_ros.monitoring.joint_monitor\n"
         "print({'scipy.linalg', 'scipy.optimize'} & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=LIMIT)
     assert done.stdout.strip() == "set()"
     with probe() as one, NodeProcess("monitor", {"joints": "[joint1]"}):
         one.wait(lambda: "joint1" in one.diagnostics, "the first status")

@@ -12,10 +12,10 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import LIMIT
 
 from stickslip_ros.nodes.worker.process import SlowWork
 
-_LIMIT = 20.0  # [s]
 # More than a pipe holds: it is still being written when the process is killed.
 _LARGE = 20_000_000
 
@@ -34,7 +34,7 @@ def test_the_node_ends_while_a_question_is_being_sent(tmp_path: Path) -> None:
     """On Python 3.10 a node that was interrupted then never ended (seen in CI of issue 21)."""
     script = tmp_path / "ends_meanwhile.py"
     script.write_text(_ENDS_MEANWHILE)
-    subprocess.run([sys.executable, str(script)], check=True, timeout=_LIMIT)
+    subprocess.run([sys.executable, str(script)], check=True, timeout=LIMIT)
 
 
 @pytest.mark.slow
@@ -42,7 +42,7 @@ def test_another_process_answers_after_one_was_killed_while_a_question_was_being
     """What a shortage of memory does: the question is lost, and said to be; the next one is answered."""
     said: list[str] = []
     work = SlowWork(said.append)
-    until = time.monotonic() + _LIMIT
+    until = time.monotonic() + LIMIT
     try:
         for _ in range(20):
             assert work.submit(("a", "question"), len, bytes(_LARGE))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from conftest import LIMIT
 from rclpy.waitable import Waitable
 
 from stickslip_ros.nodes.intake.drain import FirstMessage
@@ -52,7 +53,7 @@ print(f"status {run(lambda: Still(), [])}")
 
 def printed(code: str) -> str:
     """What a process prints that has nothing to complain of."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=False)
     assert done.stderr == ""
     return done.stdout
 

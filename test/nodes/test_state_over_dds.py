@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import LIMIT
 from hypothesis import given
 from hypothesis import strategies as st
 from nodes.forked_nodes import NodeProcess
@@ -172,7 +173,7 @@ def test_a_linked_file_is_followed(learnt: JointMonitor, tmp_path: Path) -> None
 def test_a_folder_is_no_file(ros_domain: int, tmp_path: Path) -> None:
     """Issue 7: refused at the start, and left as it is."""
     with NodeProcess("monitor", {"state_file": str(tmp_path)}) as monitor:
-        assert monitor.wait(60.0) == 2
+        assert monitor.wait(LIMIT) == 2
         assert "'state_file' must be the name of a regular file, not of a folder or a device" in monitor.output()
     assert tmp_path.is_dir()
 
