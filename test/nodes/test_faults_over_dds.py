@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -50,7 +51,14 @@ def test_a_network_that_is_cut_and_mended(ros_domain: int) -> None:
     if shutil.which("ip") is None:
         pytest.skip("no iproute2, and no right to install it (tools/install_test_packages.sh)")
     script = Path(__file__).with_name("cut_network.py")
-    done = subprocess.run([sys.executable, str(script)], check=False, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
     if done.returncode == NO_RIGHT:
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stderr
