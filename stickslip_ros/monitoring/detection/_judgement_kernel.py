@@ -244,20 +244,36 @@ def slowest_share(since, detector):
 
 @helper()
 def reference_slowest_share(since, motion):
-    """Slowest motion of the reference since a time over its mean there, 0 to 1; 1 if there is too little to tell."""
-    slowest, way, duration = np.inf, 0.0, 0.0
-    for n in range(motion.entries - 1, max(1, motion.entries - PAST + 2), -1):
-        entry, before = n % PAST, (n - 2) % PAST
+    """Slowest motion of the reference since a time over its mean there, 0 to 1; 1 if there is too little to tell.
+
+    A reference that comes in steps goes on evenly from one change to the next.
+    """
+    slowest, way, duration, longest = np.inf, 0.0, 0.0, 0.0
+    newest, last, last_but_one = -1, -1, -1  # slices in which it changed
+    for n in range(motion.entries - 1, max(0, motion.entries - PAST), -1):
+        entry, before = n % PAST, (n - 1) % PAST
         # The joint answers a little later.
         if motion.past[before, TIME] < since - 0.5 * (motion.now - since):
             break
-        step = abs(motion.past[entry, WAY] - motion.past[before, WAY])
-        elapsed = motion.past[entry, TIME] - motion.past[before, TIME]
-        if not (np.isfinite(step) and elapsed > 0.0):
+        change = motion.past[entry, WAY] - motion.past[before, WAY]
+        if not np.isfinite(change):
             return 1.0
-        slowest = min(slowest, step / elapsed)
+        if change == 0.0:
+            continue
+        newest = max(newest, n)
+        later = last_but_one if last == n + 1 else last
+        last, last_but_one = n, last
+        if later < 0:
+            continue
+        step = abs(motion.past[later % PAST, WAY] - motion.past[entry, WAY])
+        elapsed = motion.past[later % PAST, TIME] - motion.past[entry, TIME]
+        slowest, longest = min(slowest, step / elapsed), max(longest, elapsed)
         way, duration = way + step, duration + elapsed
-    return min(slowest * duration / way, 1.0) if way > 0.0 else 1.0
+    if newest < 0 or way == 0.0:
+        return 1.0
+    if motion.now - motion.past[newest % PAST, TIME] > 2.0 * longest:
+        return 0.0
+    return min(slowest * duration / way, 1.0)
 
 
 @helper()

@@ -16,6 +16,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from statistics import median
 
 from stickslip_ros.monitoring.detection._swing_kernel import STANDS
@@ -102,7 +103,7 @@ class CycleDetector:
     def __init__(self) -> None:
         self.last_rest: Rest | None = None
         self._rest_before: Rest | None = None
-        self._small: Rest | None = None  # ends a motion so small beside the one before that it may be creep
+        self._crept: list[Rest] = []  # after motions so small beside the one before that they may be creep
         self._early: Cycle | None = None
         self._closed: Rest | None = None
         self._distance = 0.0  # of the motion before the last rest
@@ -117,7 +118,9 @@ class CycleDetector:
     def record(self, recent: Sequence[Cycle]) -> CycleRecord:
         """What the recent cycles, oldest first, and the last rests tell of the time after them."""
         rest, before = self.last_rest, self._rest_before
-        last_breakaway = rest.breakaway if rest is not None else math.nan
+        # Where it may only have crept since, it has left the last of these rests.
+        left = self._crept[-1] if self._crept else rest
+        last_breakaway = left.breakaway if left is not None else math.nan
         stop_before = before.breakaway if before is not None and before.direction_before else math.nan
         if not recent:
             return CycleRecord(last_breakaway=last_breakaway, stop_before=stop_before)
@@ -143,7 +146,7 @@ class CycleDetector:
     @property
     def may_detect_at_arrest(self) -> bool:
         """Whether :meth:`detect_at_arrest` may return a cycle before the next rest is complete."""
-        return self._early is None and self._closed is None and self._small is None and bool(self._train)
+        return self._early is None and self._closed is None and not self._crept and bool(self._train)
 
     def detect_at_arrest(self, rest: Rest) -> Cycle | None:
         """The cycle that ends in a rest which has only begun, if that is certain already, once.
@@ -167,7 +170,7 @@ class CycleDetector:
             return None
         # The rest that has just begun will be like the last one.
         certain = (
-            _keeps_up(cycle.slip_distance, before)
+            _keeps_up(cycle.slip_distance, before.reference_advance)
             and _is_driven(before, cycle, before, rest)
             and _is_driven(rest, cycle, before, rest)
         )
@@ -191,22 +194,29 @@ class CycleDetector:
             self._rest_before, self.last_rest = before, rest
             return []
         certain: list[Cycle] = []
-        small, self._small = self._small, None
-        distance = rest.position - before.position
-        if small is not None:
-            if abs(small.position - before.position) < _CREEP_SHARE * abs(rest.position - small.position):
-                before = self.last_rest = before.until(small)
-            else:
-                certain += self._decide(before, small)
-                before = small
-            distance = rest.position - before.position
-        if abs(distance) < _CREEP_SHARE * abs(self._distance) and not _keeps_up(distance, before):
-            self._small = rest
+        crept, self._crept = self._crept, []
+        if crept and self._may_creep(before, rest) and math.isfinite(_advance(before, rest)):
+            # The reference shows that it lags behind: a motion of micrometres at each step of a reference, for one.
+            self._crept = [*crept, rest]
+            return []
+        if crept and abs(crept[-1].position - before.position) < _CREEP_SHARE * abs(rest.position - crept[-1].position):
+            before = self.last_rest = reduce(Rest.until, crept, before)
+            crept = []
+        for one in crept:
+            certain += self._decide(before, one)
+            before = one
+        if self._may_creep(before, rest):
+            self._crept = [rest]
             return self._once(certain)
         certain += self._decide(before, rest)
         if early is not None and early.breakaway not in [cycle.breakaway for cycle in certain]:
             certain.append(early)
         return self._once(certain)
+
+    def _may_creep(self, before: Rest, rest: Rest) -> bool:
+        """Whether the joint moved so little between two rests, beside the motion before, that it may have crept."""
+        distance = rest.position - before.position
+        return abs(distance) < _CREEP_SHARE * abs(self._distance) and not _keeps_up(distance, _advance(before, rest))
 
     def add_swing(self, swing: Swing) -> list[Cycle]:
         """Take a swing about the reference, and return the cycles of hunting that are now certain."""
@@ -253,7 +263,7 @@ class CycleDetector:
     def _with_reference(self, cycle: Cycle, before: Rest, rest: Rest, distance_before: float) -> list[Cycle]:
         if not rest.slip.peak_speed_ratio >= _LEAST_PEAK_SPEED_RATIO or rest.slip.bursts > _MOST_BURSTS:
             return []
-        if _keeps_up(cycle.slip_distance, rest) and _is_driven(rest, cycle, before, rest):
+        if _keeps_up(cycle.slip_distance, rest.reference_advance) and _is_driven(rest, cycle, before, rest):
             return [cycle]
         # The last one, before the reference stops or turns, is like those before it.
         went_on = distance_before * cycle.slip_distance > 0
@@ -356,12 +366,17 @@ def _meanwhile(before: Rest, rest: Rest) -> float:
     return rest.reference - before.reference_left
 
 
-def _keeps_up(distance: float, rest: Rest) -> bool:
-    """Whether a motion is no less than a part of the reference's travel in the rest beside it; not if that is unknown.
+def _advance(before: Rest, rest: Rest) -> float:
+    """How far the reference went on from the beginning of a rest to that of the next one [rad], NaN if unknown."""
+    return rest.reference - before.reference
+
+
+def _keeps_up(distance: float, travel: float) -> bool:
+    """Whether a motion is no less than a part of the reference's travel; not if that is unknown.
 
     A hop that leaves the joint far behind is the start of a motion, or creep, and no step of a staircase.
     """
-    return abs(distance) >= _LEAST_STEP * abs(rest.reference_advance)
+    return abs(distance) >= _LEAST_STEP * abs(travel)
 
 
 def _is_driven(rest: Rest, cycle: Cycle, before: Rest, after: Rest) -> bool:
