@@ -558,3 +558,47 @@ def test_a_commanded_stand_between_two_slow_moves_is_no_stick_slip(rate: float, 
     for begin in begins:
         assert spent(segments, Status.STICK_SLIP, begin, begin + 4.0) > 1.0
         assert spent(segments, Status.STICK_SLIP, begin - 16.0, begin) == 0.0
+
+
+def in_steps(time: np.ndarray, speed: float, rate: float) -> np.ndarray:
+    """A reference that goes on evenly, but comes so many times a second only."""
+    return speed * np.floor(time * rate + 1e-9) / rate
+
+
+@pytest.mark.parametrize("slip", [0.08, 0.4], ids=["a slip within a step", "a slip over several steps"])
+def test_a_joint_that_creeps_at_each_step_of_its_reference_sticks(slip: float) -> None:
+    """Its contact yields by 0.4 % of a slip, ten times a second, which a fine encoder sees; it was `not_judged`."""
+    time, period, distance, count = np.arange(0.0, 14.0, 0.004), 0.7, 0.01, 2e-7
+    number, phase = np.divmod(time - 1.0, period)
+    share = np.clip((phase - (period - slip)) / slip, 0.0, 1.0)
+    way = distance * (np.maximum(number, -1.0) + 0.5 * (1.0 - np.cos(math.pi * share)))
+    since = np.mod(time, 0.1)
+    creep = 4e-5 * (np.floor(time * 10.0 + 1e-9) + 1.0 - np.exp(-since / 0.01))
+    resting = (share == 0.0) | (number < 0.0)
+    positions = rounded(np.where(number < 0.0, 0.0, way) + np.cumsum(np.diff(creep, prepend=0.0) * resting), count)
+    reference = in_steps(time, distance / period, 10.0)
+    cycles, segments, _ = watch(Batch(time=time, position=positions, reference_position=reference))
+    assert len(cycles) >= 14
+    assert np.median([abs(cycle.slip_distance) for cycle in cycles]) == pytest.approx(distance, rel=0.1)
+    assert spent(segments, Status.STICK_SLIP, 5.0, 13.0) > 7.5
+
+
+def test_a_reference_in_steps_does_not_excuse_a_speed_that_falls() -> None:
+    """The joint nearly stops again and again; as the reference stood between its steps this was `smooth`."""
+    time = np.arange(0.0, 14.0, 0.008)
+    positions = rounded(0.002 * (time + 0.95 * np.sin(10.0 * time) / 10.0), 5e-6)
+    reference = in_steps(time, 0.002, 10.0) + 0.001
+    _, segments, _ = watch(Batch(time=time, position=positions, reference_position=reference))
+    assert spent(segments, Status.SMOOTH) < 0.05 * time[-1]
+    # A joint that goes on evenly behind the same reference is smooth.
+    _, segments, _ = watch(Batch(time=time, position=rounded(0.002 * time, 5e-6), reference_position=reference))
+    assert spent(segments, Status.SMOOTH) > 0.8 * time[-1]
+
+
+def test_a_joint_that_stops_every_25_counts_is_not_smooth_in_between() -> None:
+    """How deep a dip seems depends on where the counts fall: statuses changed to and fro, 12 s of 20 `smooth`."""
+    time, count = np.arange(0.0, 20.0, 0.002), 4e-4
+    noise = 0.3 * count * np.random.default_rng(3).standard_normal(len(time))
+    positions = rounded(0.02 * (time + 0.97 * np.sin(4.0 * math.pi * time) / (4.0 * math.pi)) + noise, count)
+    _, segments, _ = watch(Batch(time=time, position=positions))
+    assert spent(segments, Status.SMOOTH) < 2.0

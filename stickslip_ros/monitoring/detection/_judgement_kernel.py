@@ -70,6 +70,10 @@ MOTION = np.dtype(
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
         ("needed", float),  # how long motion without a rest must last before it is called smooth
+        # What the last motion showed that was not even: a code, its number, and when it was seen last.
+        ("uneven", np.int64),
+        ("unevenness", float),
+        ("uneven_at", float),
         # Swings about the reference.
         ("way_began", float),  # of the reference, where it began to go the way that it goes
         ("way_farthest", float),  # and how far it has come
@@ -371,8 +375,12 @@ def _goes_on_sticking(rest, motion):
 
 
 @compiled()
-def judge(rest, motion, detector):
-    """What the motion shows now, with the rest that is open: a code, and two numbers that explain it."""
+def judge(rest, motion, detector, remembers):
+    """What the motion shows now, with the rest that is open: a code, and two numbers that explain it.
+
+    Motion is even if nothing else was seen for as long as motion is judged: how deep a dip seems depends on where the
+    counts fall. ``remembers`` : whether this is the judgement of a slice, which later ones look back on.
+    """
     now = motion.now
     if detector.samples < kernel.BLOCK:
         return TOO_FEW, 0.0, 0.0
@@ -396,13 +404,20 @@ def judge(rest, motion, detector):
         return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
     since = max(now - needed, began + _START * needed)
     dip, dips = slowest_share(since, detector)
+    code, number = MOVES, dip
     if dips >= _AGAIN and dip >= _DIP:
-        return DIPS, min(dip, DIP_AGAIN), 0.0
-    if dip < _DIP:
-        if stops_and_goes:
-            return STOPS_AND_GOES, 0.0, 0.0
-        # Where the reference itself slows down, the joint has to.
-        if dip < _DEEPER * reference_slowest_share(since, motion):
-            return DIPS, dip, 0.0
-    counts = _counts_of_a_step(began, motion, detector)
-    return STEPS_OF_COUNTS if counts > 0.0 else MOVES, counts if counts > 0.0 else dip, 0.0
+        code, number = DIPS, min(dip, DIP_AGAIN)
+    elif dip < _DIP and stops_and_goes:
+        code, number = STOPS_AND_GOES, 0.0
+    # Where the reference itself slows down, the joint has to.
+    elif dip < _DIP and dip < _DEEPER * reference_slowest_share(since, motion):
+        code = DIPS
+    else:
+        counts = _counts_of_a_step(began, motion, detector)
+        if counts > 0.0:
+            code, number = STEPS_OF_COUNTS, counts
+    if code == MOVES and now - motion.uneven_at < motion.needed:
+        return motion.uneven, motion.unevenness, 0.0
+    if remembers and code != MOVES:
+        motion.uneven, motion.unevenness, motion.uneven_at = code, number, now
+    return code, number, 0.0

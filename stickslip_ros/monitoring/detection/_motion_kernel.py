@@ -105,7 +105,7 @@ def close_slice(slices, motion, detector):
     rest = judgement.open_rest(motion.window, detector)
     if np.isfinite(rest):
         motion.rested_at, motion.rest_began = now, rest
-    code, _, _ = judgement.judge(rest, motion, detector)
+    code, _, _ = judgement.judge(rest, motion, detector, True)
     velocity = np.nan
     if code == judgement.MOVES:
         velocity = judgement.reference_velocity(motion.window, motion)

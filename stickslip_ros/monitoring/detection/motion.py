@@ -90,7 +90,7 @@ class MotionRecord:
         # A record, and the array that it lies in.
         self._motions: Any = np.zeros(1, judgement.MOTION)
         self._motion = self._motions[0]
-        for name in ("now", "turned", "rested_at", "last_end", "referenced"):
+        for name in ("now", "turned", "rested_at", "last_end", "referenced", "uneven_at"):
             self._motion[name] = -np.inf
         for name in (
             "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
@@ -187,7 +187,7 @@ class MotionRecord:
     def judge(self) -> tuple[int, float, float]:
         """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
         rest = judgement.open_rest(self._motion["window"], self._detector)
-        code, first, second = judgement.judge(rest, self._motion, self._detector)
+        code, first, second = judgement.judge(rest, self._motion, self._detector, False)
         return int(code), float(first), float(second)
 
     def goes_on(self, samples: Batch, *, largest: float) -> bool:
