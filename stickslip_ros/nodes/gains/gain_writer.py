@@ -12,11 +12,11 @@ import math
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from enum import Enum
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair, gain_name, gain_value, joint_and_kind
-from stickslip_ros.nodes.gains.remote_parameters import PATIENCE
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 
 _REQUEST_AGAIN = 1.4  # time until a question is repeated, s: an answer can be lost, and few controllers are slower
 _OLD = 1.0  # age of gains from which it is reported, s
@@ -64,22 +64,6 @@ class SetByOthersError(StoppedError):
         self.values = dict(values)
 
 
-class Controller(Protocol):
-    """The parameters of a controller, as :class:`RemoteParameters` has them."""
-
-    remote: str
-    listeners: list[Callable[[Mapping[str, Any]], None]]
-
-    def get(self, names: Sequence[str], now: float, then: Callable[[Any], None]) -> None:
-        """Request values, of rcl_interfaces/ParameterValue; None if there is no answer."""
-
-    def set(self, values: Mapping[str, float], now: float, then: Callable[[Any], None]) -> None:
-        """Set all or none; the answer is a SetParametersResult, or None."""
-
-    def poll(self, now: float) -> None:
-        """Drop questions that are overdue."""
-
-
 class GainWriter:
     """Reader and writer of one joint's gains. Methods that wait are scripts of :class:`Step`.
 
@@ -90,14 +74,14 @@ class GainWriter:
 
     Attributes
     ----------
-    last : gains as read or confirmed last, None before any. written : whether any gains were written.
+    last : gains as read or confirmed last, None before any. written : gains sent last, None before any.
     silent : whether the controller did not answer the last question at all.
     """
 
     def __init__(
         self,
         joint: str,
-        controller: Controller,
+        controller: RemoteParameters,
         *,
         clock: Callable[[], float],
         answered: Callable[[], None],
@@ -110,13 +94,13 @@ class GainWriter:
         self._sent_last: dict[str, float] = {}
         self._reading: list[Any] = []
         self._requested_at = -math.inf
-        self._latest: GainPair | None = None
+        self.written: GainPair | None = None
         self._unanswered: GainPair | None = None
         self._unanswered_since = -math.inf
         self._checking = False
         self.last: GainPair | None = None
         self._how_known, self._known_at = "", 0.0
-        self.written = self.silent = False
+        self.silent = False
         controller.listeners.append(self._on_changes)
 
     def close(self) -> None:
@@ -250,7 +234,7 @@ class GainWriter:
             values = {**values, **self._pop_others()}
             theirs = ", ".join(f"{kind} {value:.6g}" for kind, value in values.items())
             # A value that is neither theirs nor ours was set later, by somebody else.
-            ours = self._latest.values() if self._latest is not None else {}
+            ours = self.written.values() if self.written is not None else {}
             wanted = found.changes(found.with_values(values))
             undone = {kind: value for kind, value in wanted.items() if found.values()[kind] == ours.get(kind)}
             if not undone:
@@ -299,8 +283,8 @@ class GainWriter:
         answers: list[Any] = []
         self._changes_due.append(values)
         self._sent_last = values
-        self._latest = self._unanswered = new
-        self._unanswered_since, self.written = self._clock(), True
+        self.written = self._unanswered = new
+        self._unanswered_since = self._clock()
 
         def answered(answer: Any) -> None:
             if self._unanswered is new and answer is not None:
