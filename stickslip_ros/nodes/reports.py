@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from rclpy.lifecycle import LifecycleNode
 
@@ -28,24 +28,8 @@ _STALE_AFTER = 1.0  # time without a sample, s: a joint that has been silent for
 _SCAN_ALL = 0.2  # time between two scans of all joints for changes, s: a person notices no later report
 
 
-@dataclass(frozen=True, kw_only=True)
-class Turn:
-    """Names of joints in one publication.
-
-    Attributes
-    ----------
-    processed : joints that were processed since the last one. reported : joints that are due.
-    assessed : those among them that were assessed anew. later : those that are still to be published.
-    """
-
-    processed: list[str]
-    reported: list[str]
-    assessed: list[str]
-    later: list[str]
-
-
 class Reports:
-    """Reports on the watched joints; :meth:`publish_changes` comes first, then :meth:`publish_rest`."""
+    """Reports on the watched joints."""
 
     def __init__(
         self,
@@ -77,8 +61,10 @@ class Reports:
         for topic in self._on_demand:
             topic.close()
 
-    def publish_changes(self, own: Diagnosis, now: float, period: float) -> Turn:
-        """Publish the node's own status, and those of joints with changes, which do not wait for many others in turn.
+    def publish(self, own: Diagnosis, now: float, period: float, published: Callable[[], None]) -> None:
+        """Publish the node's own status, those of the joints and the tables; begin the studies that are due.
+
+        Joints with changes do not wait for many others in turn: ``published`` is called between the two.
 
         Parameters
         ----------
@@ -90,25 +76,21 @@ class Reports:
         assessed = [name for name in reported if name not in later]
         self._assess(assessed, now)
         self._publish_statuses(own, assessed, assessed)
-        return Turn(processed=processed, reported=reported, assessed=assessed, later=later)
-
-    def publish_rest(self, turn: Turn, now: float, period: float) -> None:
-        """Publish the joints in turn, and the tables; begin the studies that are due."""
-        assessed = turn.assessed
-        if turn.later:
-            again = self._processing.may_wait(turn.later, period)
-            assessed_later = [name for name in turn.later if name not in again or name not in self._findings]
+        published()
+        if later:
+            again = self._processing.may_wait(later, period)
+            assessed_later = [name for name in later if name not in again or name not in self._findings]
             self._assess(assessed_later, now)
-            self._publish_statuses(None, turn.later, assessed_later)
+            self._publish_statuses(None, later, assessed_later)
             assessed = assessed + assessed_later
-        self._publications.publish_tables(self._findings, turn.reported)
+        self._publications.publish_tables(self._findings, reported)
         for topic in self._on_demand:
             topic.attend(self._findings, now)
         advised = {name: self._findings[name].advised for name in assessed if name in self._findings}
         with self._own_change:
             joint_parameters.set_recommended(self._node, advised)
         ended = self._processing.pop_cycles()
-        for name in dict.fromkeys([*turn.processed, *turn.reported]):
+        for name in dict.fromkeys([*processed, *reported]):
             attend_study(self._work, name, self._joints[name].monitor.learner)
         for name in assessed:
             if name in self._findings and self._findings[name].silent_for is not None:

@@ -212,9 +212,7 @@ class Session:
             self._publications.publish_waiting(self._own_status(own), self.joints, self._compiled.state)
             return
         period = self._pace.publish_period
-        turn = self._reports.publish_changes(self._own_status(own), now, period)
-        own.note(behind=behind)
-        self._reports.publish_rest(turn, now, period)
+        self._reports.publish(self._own_status(own), now, period, lambda: own.note(behind=behind))
 
     def _own_status(self, own: SelfDiagnosis) -> Diagnosis:
         """Status of the node itself: what it refused, where its gains come from, and how it keeps up."""
