@@ -21,9 +21,8 @@ from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.gains.ramps import Ramps
-from stickslip_ros.nodes.intake.arrivals import Arrivals
+from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
-from stickslip_ros.nodes.intake.reference_topic import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.scheduling import BatchProcessing
