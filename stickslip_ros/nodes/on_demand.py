@@ -66,7 +66,6 @@ class WhileListened(Generic[Question, Answer]):
         self._question, self._numbers, self._change, self._message = question, numbers, change, message
         self._publisher = quiet_publisher(node, message_type, topic, _LATCHED)
         self._answers: Background[Question, Answer] = Background(work, kind, answer)
-        self._requested_at: dict[str, float] = {}
         self._shown: dict[str, Question] = {}
         self._requested = ""  # the joint whose question is under way
         self._listeners = 0
@@ -93,8 +92,8 @@ class WhileListened(Generic[Question, Answer]):
         for name, one in joints.items():
             question = self._due(name, one, now)
             if question is not None:
-                self._answers.submit(name, question)
-                self._requested_at[name], self._requested = now, name
+                self._answers.submit(name, question, now)
+                self._requested = name
                 return
 
     def _due(self, name: str, one: Findings, now: float) -> Question | None:
@@ -102,7 +101,7 @@ class WhileListened(Generic[Question, Answer]):
         known = self._answers.latest(name)
         if known is None and one.assessment.finding.status not in WORTH_CHANGING:
             return None
-        if one.silent_for is not None or now - self._requested_at.get(name, -math.inf) < _REQUEST_EVERY:
+        if one.silent_for is not None or self._answers.age(name, now) < _REQUEST_EVERY:
             return None
         question = self._question(name, one)
         return None if known is not None and question is not None and self._similar(known[0], question) else question
