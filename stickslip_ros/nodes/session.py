@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from operator import attrgetter
 from pathlib import Path
 from time import monotonic
@@ -73,7 +74,9 @@ class Session:
         self._arrivals: Arrivals | None = None
         self._self: SelfDiagnosis | None = None
         self._compiled = CompiledParts(log)
-        self._closing: list[Callable[[], object]] = [self._work.close, self._compiled.close]
+        self._closing = ExitStack()
+        self._closing.callback(self._work.close)
+        self._closing.callback(self._compiled.close)
         try:
             # A type that is not installed is refused now, rather than when the node is activated.
             reference_message_type(self._reference_type)
@@ -81,24 +84,24 @@ class Session:
             self.joints = WatchedJoints(node, names, bounds, own_change, adviser, self._refuse)
             self._processing = BatchProcessing(self.joints, self._refuse, log)
             self._gains = GainIntake(node, self.joints, self._refuse)
-            self._closing.append(self._gains.close)
+            self._closing.callback(self._gains.close)
             self._publications = Publications(node)
-            self._closing.append(self._publications.close)
+            self._closing.callback(self._publications.close)
             self._feedforward = FrictionFeedforward(node)
-            self._closing.append(self._feedforward.close)
+            self._closing.callback(self._feedforward.close)
             self._others = OtherMonitors(node, self.joints)
-            self._closing.append(self._others.close)
+            self._closing.callback(self._others.close)
             self._ramps = Ramps(node, self.joints, self._gains, self._others, journal)
-            self._closing.append(self._ramps.close)
+            self._closing.callback(self._ramps.close)
             self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self._reports = Reports(
                 node, own_change, self.joints, self._processing,
                 work=self._work, inputs=self._inputs, ramps=self._ramps, feedforward=self._feedforward,
                 publications=self._publications,
             )  # fmt: skip
-            self._closing.append(self._reports.close)
+            self._closing.callback(self._reports.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
-            self._closing.append(lambda: node.destroy_service(reset))
+            self._closing.callback(node.destroy_service, reset)
             self._follow_controllers()
         except BaseException:
             self.close()
@@ -142,8 +145,7 @@ class Session:
 
     def close(self) -> None:
         """Give everything back."""
-        while self._closing:
-            self._closing.pop()()
+        self._closing.close()
 
     def tick(self) -> float:
         """Process the messages that have arrived, and publish what is due; returns the time until the next tick [s]."""
