@@ -9,6 +9,7 @@ stands or is silent; it never exceeds the configured limit. A controller that ad
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,20 +75,20 @@ class FrictionFeedforward:
         if not on and not self._on:
             return
         named = (*on, *(name for name in self._on if name not in on))
-        message = JointState(name=list(named))
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        message.effort = [self._torque(joints.get(name), now) for name in named]
-        self._publisher.publish(message)
+        self._publish({name: self._torque(joints.get(name), now) for name in named})
         self._on = on
 
     def silence(self) -> None:
         """Publish zero torques, and forget the references."""
         if self._on:
-            message = JointState(name=list(self._on), effort=[0.0] * len(self._on))
-            message.header.stamp = self._node.get_clock().now().to_msg()
-            self._publisher.publish(message)
+            self._publish(dict.fromkeys(self._on, 0.0))
         self._on = ()
         self._heard.clear()
+
+    def _publish(self, torques: Mapping[str, float]) -> None:
+        message = JointState(name=list(torques), effort=list(torques.values()))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
 
     def _torque(self, joint: WatchedJoint | None, now: float) -> float:
         """Torque in the units of the joint's effort."""
