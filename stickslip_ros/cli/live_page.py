@@ -18,6 +18,7 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
 
+from stickslip_ros.analysis.report.page import number_text
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
 from stickslip_ros.cli.watch_view import MARKS, JointView, worst_first
@@ -274,9 +275,9 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
         rows.append(
             f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
             f"<td class='{_CLASSES[one.level]}'>{MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
-            f"<td class='number'>{_number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
+            f"<td class='number'>{number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
             f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
-            f"<td class='number'>{_number_text(1e3 * one.slip)}</td></tr>"
+            f"<td class='number'>{number_text(1e3 * one.slip)}</td></tr>"
         )
     heads = "".join(
         f"<th{' class=number' if number else ''}>{head}</th>"
@@ -309,10 +310,6 @@ def _answer(subject: MapSubject, found: Mapping[str, Any]) -> str:
         f" at {subject.velocity:.3g} rad/s the model predicts: the joint <b class='{word}'>{does}</b>{reserve}. "
         "<span class='faint'>Computed in this page's server; nothing is written to the robot.</span></p>"
     )
-
-
-def _number_text(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "–"
 
 
 def _digits(value: float) -> float:
