@@ -96,8 +96,7 @@ class Session:
             self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self._reports = Reports(
                 node, own_change, self.joints, self._processing,
-                work=self._work, inputs=self._inputs, ramps=self._ramps, feedforward=self._feedforward,
-                publications=self._publications,
+                work=self._work, inputs=self._inputs, ramps=self._ramps, publications=self._publications,
             )  # fmt: skip
             self._closing.callback(self._reports.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
@@ -165,7 +164,7 @@ class Session:
         behind = not self._compiled.ready or arrivals.behind(now)
         waits = self._compiled.state or "what came while the node compiled is being looked at"
         self._ramps.tick(now, not_yet=waits if behind else "")
-        self._feedforward.tick(self.joints, now)
+        self._feedforward.tick(self.joints, self._reports.findings, now)
         self._keeper.tick(self.joints, now)
         if due:
             self._publish(own, now, behind=behind)
