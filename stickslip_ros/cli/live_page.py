@@ -21,6 +21,7 @@ from bokeh.layouts import column, row
 from stickslip_ros.analysis.report.page import number_text
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
+from stickslip_ros.cli.monitor_client import number_of
 from stickslip_ros.cli.watch_view import MARKS, JointView, worst_first
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains
@@ -164,7 +165,7 @@ class LivePage:
 
     def _show(self, joint: JointView, now: Snapshot) -> None:
         values = now.values.get(joint.name, {})
-        numbers = {key: number for key, text in values.items() if (number := _number(text)) is not None}
+        numbers = {key: number for key, text in values.items() if math.isfinite(number := number_of(text))}
         self._write(self._advice, advice_text(joint, values))
         self._show_motion(joint.name, now, numbers)
         model, gains, before = published_joint(values), _gains(numbers, ""), self._subject
@@ -243,14 +244,6 @@ class LivePage:
 
 def _text(name: str) -> str:
     return resources.files("stickslip_ros.cli").joinpath("static").joinpath(name).read_text(encoding="utf-8")
-
-
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 def _gains(numbers: Mapping[str, float], before: str) -> Gains | None:
@@ -346,10 +339,9 @@ def _cells(found: ExtinctionMap, damping: float) -> dict[str, Any]:
 
 
 def _edges(values: FloatArray) -> FloatArray:
-    """Half-way between neighbours on a logarithmic axis."""
-    logs = np.log(values)
-    middles = 0.5 * (logs[1:] + logs[:-1])
-    return np.asarray(np.exp(np.concatenate([[2.0 * logs[0] - middles[0]], middles, [2.0 * logs[-1] - middles[-1]]])))
+    """Half-way between neighbours on the geometric axis of a map."""
+    half = np.sqrt(values[1] / values[0])
+    return np.append(values / half, values[-1] * half)
 
 
 def phase_loop(samples: FloatArray, references: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
