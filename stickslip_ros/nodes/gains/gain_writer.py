@@ -91,7 +91,6 @@ class GainWriter:
         self._names = [gain_name(joint, kind) for kind in ("p", "d")]
         self._changes_due: deque[dict[str, float]] = deque(maxlen=_MOST_SENT)
         self._others: list[dict[str, float]] = []
-        self._sent_last: dict[str, float] = {}
         self._reading: list[Any] = []
         self._requested_at = -math.inf
         self.written: GainPair | None = None
@@ -184,8 +183,7 @@ class GainWriter:
         self.check_for_others()
 
     def _write_and_check(self, old: GainPair, new: GainPair) -> Script[None]:
-        sent = old.changes(new)
-        result = yield from self._sent(sent, new)
+        result = yield from self._sent(old.changes(new), new)
         if result.successful:
             self._note(new, "as confirmed, not read back", self._unanswered_since)
         found = yield from self.read()
@@ -193,10 +191,10 @@ class GainWriter:
             return
         # The event of a change comes a little later than the answer.
         until = self._clock() + _EVENT_DELAY
-        while self._clock() < until and not (self._confirmed(sent) or self._others):
+        while self._clock() < until and not (self._confirmed or self._others):
             yield Step.WAIT
         remote = self._controller.remote
-        if result.successful and not self._confirmed(sent):
+        if result.successful and not self._confirmed:
             if found.same(old):
                 raise StoppedError(f"{remote} took no notice of {new}")
             if found.between(old, new):
@@ -206,9 +204,10 @@ class GainWriter:
             raise SetByOthersError(self._pop_others() or found.values())
         raise StoppedError(f"{remote} refused {new}: {result.reason or 'no reason given'}")
 
-    def _confirmed(self, sent: dict[str, float]) -> bool:
-        """Whether the controller has published an event of a write."""
-        return not any(due is sent for due in self._changes_due)
+    @property
+    def _confirmed(self) -> bool:
+        """Whether the controller has published the event of the last write."""
+        return not self._changes_due
 
     def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Script[None]:
         """Restore the gains that the controller accepted last, after it changed the new ones."""
@@ -282,7 +281,6 @@ class GainWriter:
         yield Step.CHECK_PERMISSION
         answers: list[Any] = []
         self._changes_due.append(values)
-        self._sent_last = values
         self.written = self._unanswered = new
         self._unanswered_since = self._clock()
 
@@ -331,7 +329,7 @@ class GainWriter:
             if due == announced:
                 for _ in range(number + 1):
                     self._changes_due.popleft()
-                if self._unanswered is not None and self._confirmed(self._sent_last) and self.last is not None:
+                if self._unanswered is not None and self._confirmed and self.last is not None:
                     # The event is as good as an answer, which may never come.
                     self._note(self._unanswered, "as it made known", self._clock())
                     self._unanswered = None
