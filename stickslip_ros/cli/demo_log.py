@@ -149,7 +149,12 @@ class DemoListener(MonitorClient):
 def two_nodes(
     console: Console, joint: str, parameters: Mapping[str, object], of_joint: Mapping[str, object]
 ) -> Iterator[DemoListener]:
-    """A simulated joint and its monitor, which has the parameters; and who listens to both."""
+    """Processes of a simulated joint and of its monitor, and the listener to both.
+
+    Parameters
+    ----------
+    parameters : of the monitor. of_joint : of the simulated joint.
+    """
     with (
         NodeProcess("simulated_joint", {"joints": f"[{joint}]", **of_joint}) as simulated,
         NodeProcess("monitor", {**parameters, "controller": CONTROLLER}) as monitor,

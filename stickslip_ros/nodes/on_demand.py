@@ -43,8 +43,8 @@ class WhileListened(Generic[Question, Answer]):
     ----------
     kind : name of the kind. answer : answers a question; a function of a module, which another process can import.
     question : makes a question of a joint's name and findings, None where there is none.
-    numbers : values of a question that may change a little, and what of it may not change, for equal answers.
-    change : relative change of a value [1]: a smaller one changes nothing that anybody can see.
+    numbers : values of a question that may differ a little between questions of one answer, and what may not differ.
+    change : largest relative difference of such a value [1].
     message : makes a message of a joint's name, a question and its answer, or its bytes.
     """
 
